@@ -80,6 +80,10 @@ enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
     HG_GI_RAYS, // PROBES in motion; at rest gathered by rays from each pixel
     HG_GI_PROBES,
 };
+enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
+    HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
+    HG_TEMPORAL_NONE,   // one sample per pixel
+};
 enum hg_exposure_mode {
     HG_EXPOSURE_FIXED, // exposure_ev
     HG_EXPOSURE_AUTO,  // metered for the scene and the camera, plus exposure_ev
@@ -92,6 +96,8 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_CLUSTER,
     HG_DEBUG_LOD,
     HG_DEBUG_OVERDRAW,
+    HG_DEBUG_MOTION, // of pictures in motion: what they are made of besides
+    HG_DEBUG_HISTORY,
 };
 
 enum hg_render_mode {
@@ -185,6 +191,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_exposure_mode  enum hg_exposure_mode
 #define HG_VIEW_ENUM_ground         enum hg_ground
 #define HG_VIEW_ENUM_gi             enum hg_view_gi
+#define HG_VIEW_ENUM_temporal       enum hg_view_temporal
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
 #define HG_VIEW_ENUM_denoise        enum hg_view_denoise
@@ -253,10 +260,10 @@ struct hg_frame_info {
     // well; that between steps is not in it, nor are structures of rays and denoising.
     uint64_t spent_ns;
     uint32_t missing_pages, missing_clusters;
-    float mip_bias; // mips left out everywhere because the texture budget is too small; 0 = none
+    float mip_bias;    // mips left out everywhere because the texture budget is too small; 0 = none
     float exposure_ev; // that pixels are shown with; of AUTO the metered one and compensation
     bool metered;      // AUTO: that is the exposure of what is shown now
-    float error_px; // projected error of geometry in this picture, >= that of the parameters
+    float error_px;    // projected error of geometry in this picture, >= that of the parameters
     bool settled;
     enum hg_view_phase phase; // of a real-time picture
     uint32_t shortfall;       // enum hg_view_shortfall of its newest samples

@@ -47,6 +47,7 @@ export const enums = {
     exposure_mode: { FIXED: 0, AUTO: 1 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
+    temporal: { AUTO: 0, NONE: 1 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
@@ -58,7 +59,7 @@ export const enums = {
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
-    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6 },
+    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 
@@ -484,6 +485,7 @@ export const messages = {
             { name: "ground", kind: "enum", values: "ground", since: 1, optional: true },
             { name: "region", kind: "vec4", since: 1, optional: true },
             { name: "gi", kind: "enum", values: "gi", since: 1, optional: true },
+            { name: "temporal", kind: "enum", values: "temporal", since: 1, optional: true },
         ],
     },
     // drop a view

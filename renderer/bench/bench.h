@@ -16,7 +16,9 @@ struct hg_bench_settings {  // zero of each field = default
                             // nothing is streamed or baked any more, at most two minutes
     const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
     uint32_t path_count;
-    uint32_t gi; // enum hg_view_gi; of realtime
+    uint32_t gi;       // enum hg_view_gi; of realtime, temporal
+    uint32_t temporal; // enum hg_view_temporal; of realtime
+    uint32_t samples;  // of the references of temporal; 64
     // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
     bool (*progress)(void *user, uint32_t done, uint32_t total);
     void *progress_user;
@@ -27,6 +29,16 @@ struct hg_bench_settings {  // zero of each field = default
 // (name, ms: medians over the frames in which they ran, frames), triangles_total, triangles_drawn,
 // memory. HG_E_INVAL; errors of hg_view_step.
 enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
+// What pictures in motion are worth, with each value of the parameter temporal: the poses are
+// walked one picture each, every fifth is held against its settled picture, and so is its change
+// since the picture before, after reprojection. Fields are those of realtime; default path: 60
+// poses through the longer axis of the scene at a third of its height. One JSON object: poses,
+// compared; none, auto: {flip: mean FLIP to the settled picture, luma_error: mean difference of
+// luma, 0..1, flicker: mean change of luma after reprojection over that of settled pictures, cpu_ms
+// of a picture}.
+enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
 // Rays of three kinds through each backend, at the first pose of the path: primary (centres of all

@@ -209,8 +209,11 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
     run->cpu_ms = hg_calloc(run->path_count, sizeof *run->cpu_ms);
     if (run->frame_ms == NULL || run->cpu_ms == NULL)
         return hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
-    const struct hg_view_params params = {
-        .width = b->width, .height = b->height, .samples = 1, .gi = (enum hg_view_gi)b->gi};
+    const struct hg_view_params params = {.width = b->width,
+        .height = b->height,
+        .samples = 2, // the picture in motion is not the settled one
+        .gi = (enum hg_view_gi)b->gi,
+        .temporal = (enum hg_view_temporal)b->temporal};
     enum hg_status status = hg_view_create(run->renderer, scene, &run->view, err);
     return status == HG_OK ? hg_view_set_params(run->view, &params, err) : status;
 }

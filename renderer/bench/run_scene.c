@@ -1,8 +1,9 @@
 // run_scene.c - benchmarks of one scene: their options, the scene, the report with what was loaded.
 //
-// Options of `realtime`, `trace` and `path` (all optional): scene (file; default the built-in
-// demo), environment (file; default the demo's), width, height, vfov_deg, rounds, path (list of
-// {eye: [x,y,z], target: [x,y,z]} in metres).
+// Options of `realtime`, `temporal`, `trace` and `path` (all optional): scene (file; default the
+// built-in demo), environment (file; default the demo's), width, height, vfov_deg, rounds, gi,
+// temporal (number of the value), samples, path (list of {eye: [x,y,z], target: [x,y,z]} in
+// metres).
 #include <math.h>
 #include <stdlib.h>
 
@@ -61,10 +62,12 @@ static enum hg_status read_path(struct run *r, const json_t *path, struct hg_err
 
 static enum hg_status read_options(struct run *r, const json_t *options, struct hg_error *err)
 {
-    double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0; // 0: the benchmark's defaults
+    double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0, temporal = 0,
+           samples = 0; // 0: the benchmark's defaults
     const struct hg_bench_number numbers[] = {{"width", 1, 16384, &width},
         {"height", 1, 16384, &height}, {"vfov_deg", 1, 170, &vfov_deg},
-        {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}};
+        {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}, {"temporal", 0, 1, &temporal},
+        {"samples", 1, 65536, &samples}};
     enum hg_status st =
         hg_bench_read_numbers(options, numbers, sizeof numbers / sizeof *numbers, err);
     if (st)
@@ -76,6 +79,8 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
         .vfov_rad = (float)(vfov_deg * M_PI / 180),
         .rounds = (uint32_t)rounds,
         .gi = (uint32_t)gi,
+        .temporal = (uint32_t)temporal,
+        .samples = (uint32_t)samples,
         .progress = r->host->progress,
         .progress_user = r->host->progress_user};
     const json_t *path = json_object_get(options, "path");

@@ -179,6 +179,37 @@ void hg_camera_fill(const struct hg_camera_setup *s, struct hg_gpu_camera *out)
     fill_rays(s, right, up, forward, out);
 }
 
+// Relative to the eye of `from`, so that what is near keeps its digits far from the origin.
+void hg_camera_reproject(const struct hg_camera_setup *from, const struct hg_camera_setup *to,
+    const double moved[16], double out[16])
+{
+    double right[3], up[3], forward[3], view[16], inverse[16], product[16];
+    double between[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    const double here[3] = {0};
+    double eye[3];
+    basis(from, right, up, forward);
+    look(right, up, forward, here, view, inverse);
+    projection(from, view);
+    inverse_projection(view, from->orthographic, product);
+    multiply(inverse, product, out); // clip to place - eye of `from`
+    if (moved != NULL) {
+        memcpy(between, moved, sizeof between);
+        for (int r = 0; r < 3; r++) { // moved(eye + d) - eye
+            between[12 + r] -= from->eye[r];
+            for (int c = 0; c < 3; c++)
+                between[12 + r] += moved[c * 4 + r] * from->eye[c];
+        }
+    }
+    multiply(between, out, product);
+    for (int i = 0; i < 3; i++)
+        eye[i] = to->eye[i] - from->eye[i];
+    basis(to, right, up, forward);
+    look(right, up, forward, eye, view, inverse);
+    multiply(view, product, inverse);
+    projection(to, view);
+    multiply(view, inverse, out);
+}
+
 // Distances along forward of the nearest and the farthest corner of a box.
 static void depth_range(const struct hg_camera_setup *s, const float min[3], const float max[3],
     double *nearest, double *farthest)

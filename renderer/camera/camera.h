@@ -42,6 +42,11 @@ struct hg_camera_setup {
 // Right-handed look-at, reversed depth. All of *out is written.
 void hg_camera_fill(const struct hg_camera_setup *setup, struct hg_gpu_camera *out);
 
+// Clip space of `from` (its jitter included) to that of `to`, column-major, for points that `moved`
+// takes from one world to the other (NULL: both are the same): to * moved * inverse of from.
+void hg_camera_reproject(const struct hg_camera_setup *from, const struct hg_camera_setup *to,
+    const double moved[16], double out[16]);
+
 // near and far where the caller gave none (0), so that everything in the bounds is in front of the
 // camera and behind near. Perspective: near is a small part of the scene, amid which it is 1 cm at
 // most (reversed floating-point depth has the same relative precision everywhere); orthographic:

@@ -31,6 +31,8 @@ enum hg_draw_flag {
     HG_DRAW_COARSE_SHADOWS = 1 << 4, // without the finer shadow cascades
     HG_DRAW_EXACT = 1 << 5,          // samples are counted per pixel, inside the area on top
     HG_DRAW_BEHIND = 1 << 6,         // the opaque scene behind transmissive surfaces
+    HG_DRAW_MOTION = 1 << 7,         // depth is read back for motion vectors (temporal_view.h)
+    HG_DRAW_MOTION_IDS = 1 << 8,     // and the visibility buffer: something moved by itself
 };
 
 struct hg_draw_request {
@@ -44,6 +46,10 @@ struct hg_draw_request {
     // of view is widened by `wider`. 0: an ordinary picture.
     uint32_t smaller;
     float wider;
+    // Pictures in motion that make up one: number of this one, from 1, and where its sample lies in
+    // its pixel; 0: an ordinary picture.
+    uint32_t moment;
+    float jitter_px[2];
 };
 
 // --- what lasts from one picture to the next -----------------------------------------------------
@@ -88,6 +94,7 @@ struct hg_view_buffers {
     struct hg_gpu_buffer blocks;   // frame blocks of the samples of a batch
     struct hg_gpu_buffer readback; // pixels
     struct hg_gpu_buffer pick;     // struct hg_gpu_pick
+    struct hg_gpu_buffer motion;   // depth; visibility; places of posed surfaces (temporal_view.h)
     struct hg_culling *pick_culling; // of what one pixel shows
 };
 

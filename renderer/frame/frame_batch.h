@@ -45,4 +45,11 @@ enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err
 // behind it, to the visibility buffer.
 void hg_batch_declare_blend(struct hg_batch *f);
 
+// --- temporal_view.c -----------------------------------------------------------------------------
+
+// Memory of what is read back. HG_E_NOMEM.
+enum hg_status hg_batch_reserve_motion(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
+// After all that writes depth, before unlit cells move it: what motion vectors need is read back.
+void hg_batch_declare_motion(struct hg_batch *f);
+
 #endif

@@ -85,6 +85,10 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     memset(f, 0, sizeof *f);
     if (jitter)
         hg_camera_jitter(sample, s->seed, setup.jitter_px);
+    if (draw->request->moment > 0) {
+        sample = draw->request->moment;
+        memcpy(setup.jitter_px, draw->request->jitter_px, sizeof setup.jitter_px);
+    }
     hg_camera_fill(&setup, &f->camera);
     f->width = setup.width;
     f->height = setup.height;

@@ -78,6 +78,8 @@ static struct hg_culling_lens lens_of(const struct hg_draw *draw, uint32_t sampl
     if (known)
         hg_camera_jitter(
             hg_draw_first_sample(draw), draw->request->settings->seed, setup.jitter_px);
+    if (draw->request->moment > 0)
+        memcpy(setup.jitter_px, draw->request->jitter_px, sizeof setup.jitter_px);
     hg_camera_fill(&setup, &camera);
     struct hg_culling_lens lens = hg_frame_lens(&camera, hg_frame_size(draw));
     lens.shift_px = known || draw->request->settings->debug != 0 ? 0.0f : MARGIN_PX;

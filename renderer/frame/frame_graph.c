@@ -374,6 +374,7 @@ static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
         return HG_OK;
     if (blend)
         hg_batch_declare_blend(f);
+    hg_batch_declare_motion(f);
     draw->unlit->told = f->skips_unlit = finds_unlit(draw, &f->pass);
     if (f->skips_unlit)
         declare_unlit(f);
@@ -435,9 +436,11 @@ enum hg_status hg_frame_record(
 {
     struct hg_batch f;
     const uint32_t first = hg_draw_first_sample(draw);
-    if (draw->request->settings->debug != 0)
+    if (draw->request->settings->debug != 0 && !hg_draw_is(draw, HG_DRAW_DIRECT))
         return record_debug(draw, cmd, err);
     enum hg_status status = hg_batch_reserve_blend(draw, err);
+    if (status == HG_OK)
+        status = hg_batch_reserve_motion(draw, err);
     if (status != HG_OK)
         return status;
     hg_frame_fill(draw, first, true, 0);

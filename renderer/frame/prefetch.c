@@ -198,6 +198,7 @@ enum hg_status hg_prefetch_draw(
     request.camera = &camera;
     request.smaller = SMALLER;
     request.wider = (float)WIDER;
+    request.moment = 0;
     struct hg_draw look_ahead = hg_draw_with(draw, &request);
     look_ahead.culling = a->culling;
     look_ahead.targets = &a->targets;

@@ -17,6 +17,7 @@
 #include "renderer/pathtrace/path.h"
 #include "renderer/frame/history.h"
 #include "renderer/frame/quality.h"
+#include "renderer/frame/temporal_view.h"
 #include "renderer/frame/tiled_accumulation.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
@@ -29,6 +30,7 @@
 #define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
+#define HG_VIEW_TEMPORAL_NONE  1 // as enum hg_view_temporal
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
@@ -39,13 +41,14 @@
 struct hg_view_settings {
     uint32_t width, height; // px
     struct hg_picture_region region;
-    uint32_t tonemap;       // HG_FRAME_TONEMAP_*
-    uint32_t background;    // HG_BACKGROUND_MODE_*
+    uint32_t tonemap;    // HG_FRAME_TONEMAP_*
+    uint32_t background; // HG_BACKGROUND_MODE_*
     float background_color[3];
-    uint32_t ground;  // enum hg_ground of renderer.h
-    uint32_t gi;      // HG_VIEW_GI_*
-    float exposure;   // linear factor
-    uint32_t samples; // per pixel until settled, >= 1
+    uint32_t ground;   // enum hg_ground of renderer.h
+    uint32_t gi;       // HG_VIEW_GI_*
+    uint32_t temporal; // enum hg_view_temporal
+    float exposure;    // linear factor
+    uint32_t samples;  // per pixel until settled, >= 1
     uint32_t seed;
     uint32_t debug;  // enum hg_debug_view of renderer.h; 0 = the picture
     float error_px;  // greatest projected error of geometry
@@ -117,7 +120,10 @@ struct hg_view_state {
     struct hg_draw_blend blend;
     struct hg_draw_unlit unlit;
     struct hg_prefetch prefetch;
-    struct hg_quality quality;
+    struct { // of pictures in motion
+        struct hg_quality quality;
+        struct hg_temporal_view temporal;
+    } motion;
     struct hg_view_stats stats;
 
     struct hg_path *path; // created on first use

@@ -7,14 +7,14 @@
 #include "renderer/frame/frame.h"
 #include "renderer/passes/shade.h"
 
-#define REST_LEAST_NS 20000000u  // for pages, before a resting picture is shown again;
-#define REST_MOST_NS  500000000u // between the two four times as long as drawing it took
-#define EXACT_WAIT_NS 50000000u  // per step
-#define STILL_SAMPLES 8          // of a debug view that will not get sharper
-#define AREA_LEAST_PX 8          // areas are cut at multiples of this
+#define REST_LEAST_NS   20000000u  // for pages, before a resting picture is shown again;
+#define REST_MOST_NS    500000000u // between the two four times as long as drawing it took
+#define EXACT_WAIT_NS   50000000u  // per step
+#define STILL_SAMPLES   8          // of a debug view that will not get sharper
+#define AREA_LEAST_PX   8          // areas are cut at multiples of this
 #define REGION_ALIGN_PX 16u        // of what is drawn of a picture with a region
-#define BEHIND_TRIES  4          // of an area whose pages may drive each other out
-#define MOST_SHARES   (1u << 20) // of the geometry of shadow maps
+#define BEHIND_TRIES    4          // of an area whose pages may drive each other out
+#define MOST_SHARES     (1u << 20) // of the geometry of shadow maps
 
 static struct hg_page_cache *pages_of(const struct hg_draw *draw)
 {
@@ -324,8 +324,9 @@ static enum hg_status run_batch(struct hg_draw *draw, uint32_t samples, bool sha
 static struct hg_draw_request exact_request(const struct hg_draw *draw)
 {
     struct hg_draw_request request = *draw->request;
-    request.flags &= ~(uint32_t)(HG_DRAW_DIRECT | HG_DRAW_COARSE_SHADOWS);
+    request.flags &= ~(uint32_t)(HG_DRAW_DIRECT | HG_DRAW_COARSE_SHADOWS | HG_DRAW_MOTION);
     request.flags |= HG_DRAW_EXACT;
+    request.moment = 0;
     return request;
 }
 

@@ -14,6 +14,7 @@
 #include "renderer/geometry/pose_snapshot.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/visibility.h"
+#include "shaders/shared/debug.h"
 #include "shaders/shared/pick.h"
 
 // --- images --------------------------------------------------------------------------------------
@@ -29,6 +30,8 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.nodes);
     view->blend.nodes = view->blend.strips = 0;
     hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
+    hg_gpu_buffer_destroy(gpu, &view->buffers.motion);
+    hg_temporal_view_finish(&view->motion.temporal);
 }
 
 // New images first, so that a refusal leaves the old ones.
@@ -111,6 +114,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gather_view_finish(view);
     hg_graph_destroy(view->targets.graph);
     hg_frame_history_finish(&view->history);
+    hg_temporal_view_finish(&view->motion.temporal);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -251,8 +255,8 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
         .camera = &view->camera,
         .samples = s->samples,
         .max_samples = max_samples,
-        .error_px =
-            moves ? hg_quality_error_px(&view->quality, s->error_px, s->target_ms) : s->error_px};
+        .error_px = moves ? hg_quality_error_px(&view->motion.quality, s->error_px, s->target_ms)
+                          : s->error_px};
     request.flags |= view->final ? HG_DRAW_FINAL : 0;
     request.flags |= (view->formats & ~1u) != 0 ? HG_DRAW_ACCUMULATE : 0;
     if (max_samples > 1 || view->final || (a->phase == HG_VIEW_EXACT && !moves))
@@ -269,8 +273,10 @@ static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
     if (!moves)
         return r->flags;
     const bool coarse = needs_cascades(draw->lighting);
-    const bool direct = !hg_draw_is(draw, HG_DRAW_ACCUMULATE) && r->settings->debug == 0 &&
-                        (coarse || r->samples > 1);
+    const uint32_t debug = r->settings->debug;
+    const bool legend = debug == HG_DEBUG_VIEW_MOTION || debug == HG_DEBUG_VIEW_HISTORY;
+    const bool direct = !hg_draw_is(draw, HG_DRAW_ACCUMULATE) &&
+                        (legend || (debug == 0 && (coarse || r->samples > 1)));
     return r->flags | (coarse ? HG_DRAW_COARSE_SHADOWS : 0) | (direct ? HG_DRAW_DIRECT : 0);
 }
 
@@ -301,7 +307,9 @@ static enum hg_status run_shown(
     hg_frame_note_drawn(draw, count);
     draw->accumulation->samples += count;
     draw->stats->number++;
-    status = hg_frame_history_note(draw, err);
+    status = hg_temporal_view_resolve(view, draw, err);
+    if (status == HG_OK)
+        status = hg_frame_history_note(draw, err);
     return status == HG_OK ? hg_tiled_accumulation_shown(draw, err) : status;
 }
 
@@ -323,6 +331,8 @@ static enum hg_status draw_shown(struct hg_view_state *view, const struct hg_dra
     struct hg_draw draw = hg_view_draw(view, &request);
     struct hg_tiled_accumulation *a = draw.accumulation;
     request.flags = shown_flags(&draw, changed);
+    if (hg_draw_is(&draw, HG_DRAW_DIRECT))
+        hg_temporal_view_begin(view, &request);
     if (changed || a->phase != HG_VIEW_ACCUMULATING)
         a->samples = 0;
     hg_tiled_accumulation_note(
@@ -562,8 +572,8 @@ enum hg_status hg_view_state_step(
     enum hg_status status = draw_mode(view, most, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK && moves)
-        hg_quality_note(
-            &view->quality, (float)((double)view->stats.step_ns * 1e-6), view->settings.target_ms);
+        hg_quality_note(&view->motion.quality, (float)((double)view->stats.step_ns * 1e-6),
+            view->settings.target_ms);
     if (status == HG_OK)
         collect_times(view);
     if (status != HG_OK) { // the accumulation may be incomplete
@@ -573,6 +583,7 @@ enum hg_status hg_view_state_step(
         hg_tiled_accumulation_mark_shadows(view->lighting, true);
         view->unlit.tiles.seen = 0;
         hg_frame_history_forget(&view->history);
+        hg_temporal_view_forget(&view->motion.temporal);
         if (view->targets.graph != NULL)
             hg_graph_reset(view->targets.graph);
         if (view->prefetch.targets.graph != NULL)

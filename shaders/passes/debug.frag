@@ -133,9 +133,13 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
     vec3 color = vec3(0.02);
-    if (hg_view == HG_DEBUG_VIEW_OVERDRAW)
+    if (hg_view == HG_DEBUG_VIEW_MOTION)
+        color = vec3(0.2158605); // 128 of 255
+    else if (hg_view == HG_DEBUG_VIEW_HISTORY)
+        color = vec3(0.0);
+    else if (hg_view == HG_DEBUG_VIEW_OVERDRAW)
         color = overdraw_color(texelFetch(hg_counts, pixel, 0).r);
-    else if (id.x != 0u)
+    else if (id.x != 0u && hg_view != HG_DEBUG_VIEW_MOTION && hg_view != HG_DEBUG_VIEW_HISTORY)
         color = surface_color(id);
     out_color = vec4(color, 1.0);
 }

@@ -9,5 +9,7 @@
 #define HG_DEBUG_VIEW_CLUSTER   4u
 #define HG_DEBUG_VIEW_LOD       5u
 #define HG_DEBUG_VIEW_OVERDRAW  6u
+#define HG_DEBUG_VIEW_MOTION    7u // of pictures in motion, by the host (renderer/temporal); at rest
+#define HG_DEBUG_VIEW_HISTORY   8u // no motion and no history
 
 #endif

@@ -405,7 +405,8 @@ static void test_pixels_in_motion(void **state)
     (void)state;
     struct rig rig;
     const float red[4] = {0.9f, 0.2f, 0.1f, 1}, blue[4] = {0.1f, 0.3f, 0.8f, 0.4f};
-    const struct hg_view_params params = {.width = 61, .height = 47, .samples = 3};
+    const struct hg_view_params params = {
+        .width = 61, .height = 47, .samples = 3, .temporal = HG_TEMPORAL_NONE};
     rig_open(&rig, true);
     struct hg_scene *scene = rig_new_scene();
     rig_quad(scene, 1, 1, 0, red);

@@ -36,6 +36,7 @@ FLOORS = {
     "renderer/scene": 2, "renderer/texture": 2, "renderer/lod": 2, "renderer/cluster": 2, "renderer/mesh": 2,
     "renderer/deform": 2, "renderer/geometry": 2, "renderer/cpu_raster": 2, "renderer/cull": 2,
     "renderer/trace": 2, "renderer/light": 2, "renderer/gi": 2, "renderer/denoise": 2, "renderer/graph": 2,
+    "renderer/temporal": 2,
     "renderer/scene_gpu": 2, "shaders/passes": 2,
     "renderer/passes": 3,
     "renderer/pathtrace": 3.5,  # made of passes, without a view around it

@@ -1,0 +1,259 @@
+// temporal_view.c - see temporal_view.h.
+#include "renderer/frame/temporal_view.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "renderer/frame/frame_batch.h"
+#include "shaders/shared/debug.h"
+
+#define MOST_JITTER_PX 0.49f // of a sample, so that it stays in its pixel
+#define MOST_TURN_COS  0.5   // of a camera between two pictures of one motion
+#define MOST_LOST      0.75f // share of samples
+#define DEPTH_BYTES    4u
+#define ID_BYTES       8u
+
+void hg_temporal_view_finish(struct hg_temporal_view *t)
+{
+    hg_temporal_destroy(t->history);
+    hg_motion_table_finish(&t->places);
+    hg_free(t->motion);
+    hg_free(t->pixels);
+    *t = (struct hg_temporal_view){.keeps_motion = t->keeps_motion};
+}
+
+void hg_temporal_view_forget(struct hg_temporal_view *t)
+{
+    if (t->history != NULL)
+        hg_temporal_forget(t->history);
+}
+
+// --- before --------------------------------------------------------------------------------------
+
+// R2 sequence (Roberts 2018) over a pixel.
+static void jitter(uint32_t index, uint32_t seed, float out_px[2])
+{
+    const double g = 1.32471795724474602596; // plastic number
+    const double step[2] = {1.0 / g, 1.0 / (g * g)};
+    const double n = (double)index + (double)(seed % 65536u) * 97.0;
+    for (int i = 0; i < 2; i++) {
+        const double u = 0.5 + n * step[i];
+        const float px = (float)(u - floor(u) - 0.5);
+        out_px[i] = fminf(fmaxf(px, -MOST_JITTER_PX), MOST_JITTER_PX);
+    }
+}
+
+// A camera that turned or opened this much shows another picture.
+static bool jumps(const struct hg_camera_setup *a, const struct hg_camera_setup *b)
+{
+    double dot = 0, length_a = 0, length_b = 0;
+    for (int i = 0; i < 3; i++) {
+        const double x = a->target[i] - a->eye[i], y = b->target[i] - b->eye[i];
+        dot += x * y;
+        length_a += x * x;
+        length_b += y * y;
+    }
+    return a->orthographic != b->orthographic || !(dot > MOST_TURN_COS * sqrt(length_a * length_b));
+}
+
+// The camera of the picture before, relative to the origin of now.
+static struct hg_camera_setup camera_before(
+    const struct hg_temporal_view *t, const double origin[3])
+{
+    struct hg_camera_setup setup = t->camera;
+    for (int i = 0; i < 3; i++) {
+        setup.eye[i] += t->origin[i] - origin[i];
+        setup.target[i] += t->origin[i] - origin[i];
+    }
+    return setup;
+}
+
+static bool continues(const struct hg_view_state *view)
+{
+    const struct hg_temporal_view *t = &view->motion.temporal;
+    const struct hg_view_settings *s = &view->settings;
+    double origin[3];
+    hg_geometry_origin(view->scene_gpu->geometry, origin);
+    const struct hg_camera_setup now =
+        hg_scene_gpu_camera(view->scene_gpu, &view->camera, s->width, s->height);
+    const struct hg_camera_setup before = camera_before(t, origin);
+    return t->history != NULL && t->moment > 0 && t->settings == view->settings_revision &&
+           !jumps(&now, &before);
+}
+
+void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *request)
+{
+    struct hg_temporal_view *t = &view->motion.temporal;
+    const struct hg_geometry *geometry = view->scene_gpu->geometry;
+    if (request->settings->temporal == HG_VIEW_TEMPORAL_NONE)
+        return;
+    if (hg_motion_table_compare(&t->places, geometry) != HG_OK)
+        return; // a picture without history
+    if (!continues(view))
+        t->moment = 0; // the next picture is the first of its own motion
+    request->moment = t->moment % (1u << 20) + 1;
+    jitter(request->moment - 1, request->settings->seed, request->jitter_px);
+    request->flags |= HG_DRAW_MOTION;
+    request->flags |= t->places.moved_count > 1 || t->places.deformed ? HG_DRAW_MOTION_IDS : 0;
+}
+
+// --- reading back --------------------------------------------------------------------------------
+
+static uint64_t pixels_of(const struct hg_draw *draw)
+{
+    const struct hg_view_settings *s = draw->request->settings;
+    return ((uint64_t)s->width * s->height + 3) & ~UINT64_C(3); // texels of 16 bytes start aligned
+}
+
+static enum hg_status record_motion(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    const struct hg_batch *f = hg_batch_of(run);
+    struct hg_draw *draw = f->draw;
+    const struct hg_gpu_buffer *to = &draw->buffers->motion;
+    const VkExtent2D size = hg_frame_size(draw);
+    const struct hg_gpu_region all = {.width = size.width, .height = size.height};
+    (void)user;
+    (void)err;
+    hg_gpu_image_read(run->cmd, hg_graph_run_image(run, f->depth), &all, to, 0);
+    if (hg_draw_is(draw, HG_DRAW_MOTION_IDS))
+        hg_gpu_image_read(run->cmd, hg_graph_run_image(run, f->visibility), &all, to,
+            pixels_of(draw) * DEPTH_BYTES);
+    return HG_OK;
+}
+
+enum hg_status hg_batch_reserve_motion(struct hg_draw *draw, struct hg_error *err)
+{
+    return hg_draw_is(draw, HG_DRAW_MOTION)
+               ? hg_gpu_buffer_reserve(draw->context->gpu, HG_GPU_BUFFER_READBACK,
+                     pixels_of(draw) * (DEPTH_BYTES + ID_BYTES), "motion", &draw->buffers->motion,
+                     err)
+               : HG_OK;
+}
+
+void hg_batch_declare_motion(struct hg_batch *f)
+{
+    if (!hg_draw_is(f->draw, HG_DRAW_MOTION))
+        return;
+    const uint32_t motion = hg_graph_buffer(f->graph, "motion");
+    struct hg_graph_pass pass = {.name = "motion",
+        .record = record_motion,
+        .accesses = {{motion, HG_GRAPH_WRITE, 0}, {f->depth, HG_GRAPH_COPY_FROM, 0}},
+        .keep = true};
+    if (hg_draw_is(f->draw, HG_DRAW_MOTION_IDS))
+        pass.accesses[2] = (struct hg_graph_access){f->visibility, HG_GRAPH_COPY_FROM, 0};
+    hg_batch_add(f, &pass);
+}
+
+// --- after ---------------------------------------------------------------------------------------
+
+static enum hg_status no_memory(struct hg_error *err)
+{
+    return hg_error_set(err, HG_E_NOMEM, "temporal", NULL, "out of host memory");
+}
+
+static enum hg_status make_history(
+    struct hg_temporal_view *t, const struct hg_view_settings *s, struct hg_error *err)
+{
+    uint32_t width = 0, height = 0;
+    if (t->history != NULL)
+        hg_temporal_size(t->history, &width, &height);
+    if (width == s->width && height == s->height)
+        return HG_OK;
+    hg_temporal_destroy(t->history);
+    hg_free(t->pixels);
+    t->history = NULL;
+    t->pixels = hg_calloc((size_t)s->width * s->height, 4);
+    return t->pixels != NULL && hg_temporal_create(s->width, s->height, &t->history) == HG_OK
+               ? HG_OK
+               : no_memory(err);
+}
+
+static void fill_picture(struct hg_view_state *view, const struct hg_draw *draw,
+    double (*matrices)[16], struct hg_temporal_picture *out)
+{
+    const struct hg_temporal_view *t = &view->motion.temporal;
+    const struct hg_motion_table *places = &t->places;
+    struct hg_camera_setup now = hg_frame_setup(draw);
+    double origin[3];
+    hg_geometry_origin(view->scene_gpu->geometry, origin);
+    const struct hg_camera_setup before = t->moment > 0 ? camera_before(t, origin) : now;
+    memcpy(now.jitter_px, draw->request->jitter_px, sizeof now.jitter_px);
+    for (uint32_t i = 0; i < places->moved_count; i++)
+        hg_camera_reproject(&now, &before, places->moved[i], matrices[i]);
+    const uint8_t *back = view->buffers.motion.mapped;
+    *out = (struct hg_temporal_picture){.width = now.width,
+        .height = now.height,
+        .jitter_px = {now.jitter_px[0], now.jitter_px[1]},
+        .rgba = view->buffers.readback.mapped,
+        .depth = (const float *)(const void *)back,
+        .matrix_of_draw = places->draws,
+        .draw_count = places->draw_count,
+        .to_previous = (const double(*)[16])matrices,
+        .matrix_count = places->moved_count,
+        .continues = draw->request->moment > 1,
+        .cut = MOST_LOST};
+    if (hg_draw_is(draw, HG_DRAW_MOTION_IDS))
+        out->ids = (const uint32_t *)(const void *)(back + pixels_of(draw) * DEPTH_BYTES);
+}
+
+static enum hg_temporal_show shown(const struct hg_view_settings *s)
+{
+    return s->debug == HG_DEBUG_VIEW_MOTION    ? HG_TEMPORAL_MOTION
+           : s->debug == HG_DEBUG_VIEW_HISTORY ? HG_TEMPORAL_HISTORY
+                                               : HG_TEMPORAL_PICTURE;
+}
+
+static enum hg_status keep_motion(
+    struct hg_temporal_view *t, const struct hg_temporal_picture *picture)
+{
+    if (!t->keeps_motion)
+        return HG_OK;
+    hg_free(t->motion);
+    t->motion = hg_calloc((size_t)picture->width * picture->height * 3, sizeof *t->motion);
+    return t->motion != NULL ? hg_temporal_motion(picture, NULL, t->motion) : HG_E_NOMEM;
+}
+
+// The picture of the samples to pixels of the whole size.
+static enum hg_status resolve(
+    struct hg_view_state *view, struct hg_draw *draw, uint8_t *pixels, struct hg_error *err)
+{
+    struct hg_temporal_view *t = &view->motion.temporal;
+    double(*matrices)[16] = hg_calloc(t->places.moved_count, sizeof *matrices);
+    struct hg_temporal_picture picture;
+    if (matrices == NULL)
+        return no_memory(err);
+    fill_picture(view, draw, matrices, &picture);
+    enum hg_status status = keep_motion(t, &picture);
+    if (status == HG_OK)
+        status = hg_temporal_resolve(
+            t->history, view->context->jobs, &picture, shown(&view->settings), pixels, &t->stats);
+    hg_free(matrices);
+    return status == HG_OK ? HG_OK : no_memory(err);
+}
+
+enum hg_status hg_temporal_view_resolve(
+    struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
+{
+    struct hg_temporal_view *t = &view->motion.temporal;
+    if (!hg_draw_is(draw, HG_DRAW_MOTION))
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    const size_t bytes = (size_t)view->settings.width * view->settings.height * 4;
+    enum hg_status status = make_history(t, &view->settings, err);
+    if (status == HG_OK)
+        status = resolve(view, draw, t->pixels, err);
+    if (status == HG_OK)
+        memcpy(view->buffers.readback.mapped, t->pixels, bytes);
+    if (status == HG_OK && hg_motion_table_note(&t->places, view->scene_gpu->geometry) != HG_OK)
+        status = no_memory(err);
+    t->camera = hg_frame_setup(draw);
+    hg_geometry_origin(view->scene_gpu->geometry, t->origin);
+    t->settings = view->settings_revision;
+    t->scene = view->scene_gpu->scene->revision;
+    t->moment = draw->request->moment;
+    hg_view_stats_add_stage(draw->stats, "temporal", hg_clock_now_ns() - start);
+    return status;
+}

@@ -1,0 +1,91 @@
+// look_up.c - see look_up.h.
+#include "renderer/temporal/look_up.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/simd.h"
+
+#define DEPTH_REACH 0.03f // how much nearer the same surface may be stored, relative
+#define SLOPE_REACH 2.0f  // and in slopes of the surface itself
+
+HG_SIMD_LOOP
+static void find_places(const uint32_t size[2], uint32_t row, const struct hg_temporal_about *about,
+    struct hg_temporal_found *out)
+{
+    const float *restrict mx = about->motion.x, *restrict my = about->motion.y;
+    float *restrict part_x = out->part_x, *restrict part_y = out->part_y;
+    int32_t *restrict texel = out->texel, *restrict nearest = out->nearest;
+    const float width = (float)size[0], height = (float)size[1], y0 = (float)row + 0.5f;
+    const int32_t across = (int32_t)size[0], pitch = across + 2 * HG_TEMPORAL_BORDER;
+    for (uint32_t i = 0; i < size[0]; i++) {
+        const float x0 = (float)(int32_t)i + 0.5f, x = x0 + mx[i], y = y0 + my[i];
+        const int inside = (x >= 0.0f) & (x < width) & (y >= 0.0f) & (y < height);
+        const float ax = inside ? x : x0, ay = inside ? y : y0;
+        // Half a texel up and left; + 1: truncation is floor
+        const int32_t left = (int32_t)(ax + 0.5f), top = (int32_t)(ay + 0.5f);
+        part_x[i] = ax + 0.5f - (float)left;
+        part_y[i] = ay + 0.5f - (float)top;
+        // Texel left - 1 is the second of four; the border adds two.
+        texel[i] = top * pitch + left;
+        nearest[i] = inside ? (int32_t)ay * across + (int32_t)ax : -1;
+    }
+}
+
+typedef float four __attribute__((vector_size(16)));
+typedef float eight __attribute__((vector_size(32)));
+typedef uint16_t eight_words __attribute__((vector_size(16)));
+
+// Catmull-Rom weights of four texels as polynomials of the place between the second and the third.
+#define WEIGHTS(x)                                                                                 \
+    ((((four){-0.5f, 1.5f, -1.5f, 0.5f} * (x) + (four){1.0f, -2.5f, 2.0f, -0.5f}) * (x) +          \
+         (four){-0.5f, 0.0f, 0.5f, 0.0f}) *                                                        \
+            (x) +                                                                                  \
+        (four){0.0f, 1.0f, 0.0f, 0.0f})
+
+HG_SIMD_LOOP
+static void filter(const struct hg_temporal_past *past, uint32_t pitch, uint32_t width,
+    struct hg_temporal_found *out)
+{
+    for (uint32_t i = 0; i < width; i++) {
+        if (!(out->weight[i] > 0.0f))
+            continue;
+        const four wx = WEIGHTS(out->part_x[i]) * (1.0f / 65535.0f), wy = WEIGHTS(out->part_y[i]);
+        const uint16_t *at = past->color + 4 * (size_t)out->texel[i];
+        eight first = {0}, last = {0};
+        for (int r = 0; r < 4; r++, at += 4 * (size_t)pitch) {
+            eight_words a, b;
+            memcpy(&a, at, sizeof a);
+            memcpy(&b, at + 8, sizeof b);
+            first += __builtin_convertvector(a, eight) * wy[r];
+            last += __builtin_convertvector(b, eight) * wy[r];
+        }
+        const eight w0 = __builtin_shufflevector(wx, wx, 0, 0, 0, 0, 1, 1, 1, 1);
+        const eight w1 = __builtin_shufflevector(wx, wx, 2, 2, 2, 2, 3, 3, 3, 3);
+        const eight sum = first * w0 + last * w1;
+        const four color = __builtin_shufflevector(sum, sum, 0, 1, 2, 3) +
+                           __builtin_shufflevector(sum, sum, 4, 5, 6, 7);
+        memcpy(out->color + 4 * (size_t)i, &color, sizeof color);
+    }
+}
+
+// Weights of histories that show the same surface, or what lay behind it.
+static void weigh(const struct hg_temporal_past *past, const struct hg_temporal_about *about,
+    uint32_t width, struct hg_temporal_found *out)
+{
+    for (uint32_t i = 0; i < width; i++) {
+        const int32_t at = out->nearest[i];
+        const float expect = about->motion.expect[i];
+        const float most = expect * (1.0f + DEPTH_REACH) + SLOPE_REACH * about->slope[i];
+        const bool same = at >= 0 && past->depth[at] <= most;
+        out->weight[i] = same ? (float)past->weight[at] * (1.0f / 16.0f) : 0.0f;
+    }
+}
+
+void hg_temporal_look_up(const struct hg_temporal_past *past, const uint32_t size[2], uint32_t y,
+    const struct hg_temporal_about *about, struct hg_temporal_found *out)
+{
+    find_places(size, y, about, out);
+    weigh(past, about, size[0], out);
+    filter(past, size[0] + 2 * HG_TEMPORAL_BORDER, size[0], out);
+}

@@ -1,0 +1,111 @@
+// reproject.c - see reproject.h.
+#include "renderer/temporal/reproject.h"
+
+#include <string.h>
+
+#include "base/simd.h"
+
+#define LEAST_W 1e-7f // nearer to the plane of the eye nothing is found
+
+void hg_temporal_way_make(const struct hg_temporal_picture *p, const double m[16], uint32_t width,
+    uint32_t height, struct hg_temporal_way *out)
+{
+    double rows[4][4]; // of clip space, from the number of a sample
+    for (int r = 0; r < 4; r++) {
+        const double c[4] = {m[r], m[4 + r], m[8 + r], m[12 + r]};
+        rows[r][0] = c[0] * 2.0 / p->width;
+        rows[r][1] = c[1] * 2.0 / p->height;
+        rows[r][2] = c[2];
+        rows[r][3] = c[3] + c[0] * (1.0 / p->width - 1.0) + c[1] * (1.0 / p->height - 1.0);
+    }
+    for (int k = 0; k < 4; k++) {
+        out->to[0][k] = (float)((rows[0][k] + rows[3][k]) * 0.5 * width);
+        out->to[1][k] = (float)((rows[1][k] + rows[3][k]) * 0.5 * height);
+        out->to[2][k] = (float)rows[2][k];
+        out->to[3][k] = (float)rows[3][k];
+    }
+    out->px[0][0] = (float)width / (float)p->width;
+    out->px[1][0] = (float)height / (float)p->height;
+    for (int a = 0; a < 2; a++)
+        out->px[a][1] = (0.5f + p->jitter_px[a]) * out->px[a][0];
+}
+
+// Samples first .. end of a row, all of one matrix.
+HG_SIMD_LOOP
+static void fill(const struct hg_temporal_way *way, const uint32_t range[2], uint32_t row,
+    const struct hg_temporal_motion_row *out)
+{
+    const float *restrict depth = out->depth;
+    float *restrict to_x = out->x, *restrict to_y = out->y, *restrict expect = out->expect;
+    const float y = (float)row, here = way->px[1][0] * y + way->px[1][1];
+    float a[4], b[4], d[4];
+    for (int k = 0; k < 4; k++) {
+        a[k] = way->to[k][0];
+        b[k] = way->to[k][1] * y + way->to[k][3];
+        d[k] = way->to[k][2];
+    }
+    for (uint32_t i = range[0]; i < range[1]; i++) {
+        const float x = (float)(int32_t)i, z = depth[i];
+        const float w = a[3] * x + (d[3] * z + b[3]);
+        const float per_w = 1.0f / (w > LEAST_W ? w : 1.0f);
+        const float was_x = (a[0] * x + (d[0] * z + b[0])) * per_w;
+        const float was_y = (a[1] * x + (d[1] * z + b[1])) * per_w;
+        const float was_z = (a[2] * x + (d[2] * z + b[2])) * per_w;
+        to_x[i] = w > LEAST_W ? was_x - (way->px[0][0] * x + way->px[0][1]) : HG_TEMPORAL_LOST;
+        to_y[i] = w > LEAST_W ? was_y - here : 0.0f;
+        expect[i] = was_z;
+    }
+}
+
+static uint32_t matrix_of(const struct hg_temporal_picture *p, const uint32_t *id)
+{
+    const uint32_t draw = *id - 1u; // of the background: no draw
+    return draw < p->draw_count ? p->matrix_of_draw[draw] : 0u;
+}
+
+static void fill_deformed(const struct hg_temporal_picture *p, const uint32_t size[2],
+    const struct hg_temporal_way *way, const uint32_t at[2],
+    const struct hg_temporal_motion_row *out)
+{
+    const uint32_t x = at[0], y = at[1];
+    const uint32_t *area = p->moved_area, ax = x - area[0], ay = y - area[1];
+    const bool inside = p->moved != NULL && ax < area[2] && ay < area[3];
+    const float *m = inside ? p->moved + 4 * ((size_t)ay * area[2] + ax) : NULL;
+    if (m == NULL || !(m[3] > 0.0f)) {
+        out->x[x] = HG_TEMPORAL_LOST;
+        out->y[x] = 0.0f;
+        return;
+    }
+    const float here[2] = {
+        way->px[0][0] * (float)x + way->px[0][1], way->px[1][0] * (float)y + way->px[1][1]};
+    out->x[x] = (0.5f * m[0] + 0.5f) * (float)size[0] - here[0];
+    out->y[x] = (0.5f * m[1] + 0.5f) * (float)size[1] - here[1];
+    out->expect[x] = m[2];
+}
+
+// What moves by itself.
+static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temporal_way *ways,
+    const uint32_t size[2], uint32_t y, struct hg_temporal_motion_row *out)
+{
+    const uint32_t *ids = p->ids + 2 * (size_t)y * p->width;
+    for (uint32_t x = 0; x < p->width;) {
+        const uint32_t first = x, matrix = matrix_of(p, ids + 2 * (size_t)x);
+        while (x < p->width && matrix_of(p, ids + 2 * (size_t)x) == matrix)
+            x++;
+        if (matrix == HG_TEMPORAL_DEFORMED)
+            for (uint32_t i = first; i < x; i++)
+                fill_deformed(p, size, ways, (const uint32_t[2]){i, y}, out);
+        else if (matrix > 0)
+            fill(&ways[matrix], (const uint32_t[2]){first, x}, y, out);
+    }
+}
+
+void hg_temporal_motion_fill(const struct hg_temporal_picture *p,
+    const struct hg_temporal_way *ways, const uint32_t size[2], uint32_t y,
+    struct hg_temporal_motion_row *out)
+{
+    memcpy(out->depth, p->depth + (size_t)y * p->width, p->width * sizeof *out->depth);
+    fill(ways, (const uint32_t[2]){0, p->width}, y, out);
+    if (p->ids != NULL)
+        fill_moved(p, ways, size, y, out);
+}

@@ -1,0 +1,206 @@
+// rows.c - see rows.h.
+#include "renderer/temporal/rows.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/simd.h"
+
+// --- one row of samples --------------------------------------------------------------------------
+
+HG_SIMD_LOOP
+static void decode(const uint8_t *rgba, uint32_t count, float *const color[4])
+{
+    float *restrict luma = color[0], *restrict orange = color[1], *restrict green = color[2];
+    float *restrict alpha = color[3];
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t texel;
+        memcpy(&texel, rgba + 4 * (size_t)i, sizeof texel);
+        const float r0 = (float)(int32_t)(texel & 255), g0 = (float)(int32_t)(texel >> 8 & 255);
+        const float b0 = (float)(int32_t)(texel >> 16 & 255);
+        const float a = (float)(int32_t)(texel >> 24) * (1.0f / 255.0f), s = a * (1.0f / 65025.0f);
+        const float r = r0 * r0 * s, g = g0 * g0 * s, b = b0 * b0 * s;
+        luma[i] = 0.25f * (r + b) + 0.5f * g;
+        orange[i] = 0.5f * (r - b);
+        green[i] = 0.5f * g - 0.25f * (r + b);
+        alpha[i] = a;
+    }
+}
+
+static void repeat_ends(float *row, uint32_t count)
+{
+    row[-1] = row[0];
+    row[count] = row[count - 1];
+}
+
+void hg_temporal_line_fill(
+    const struct hg_temporal_picture *p, uint32_t y, struct hg_temporal_line *line)
+{
+    decode(p->rgba + 4 * (size_t)y * p->width, p->width, line->color);
+    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++)
+        repeat_ends(line->color[c], p->width);
+    float *const motion[4] = {
+        line->motion.x, line->motion.y, line->motion.expect, line->motion.depth};
+    for (int k = 0; k < 4; k++)
+        repeat_ends(motion[k], p->width);
+}
+
+// --- three rows ----------------------------------------------------------------------------------
+
+// Sums over the columns, and weighed ones, from -1 to samples.
+HG_SIMD_LOOP
+static void sum_columns(const float *const row[3], const float weight[3], uint32_t samples,
+    float *restrict color, float *restrict sum, float *restrict squares)
+{
+    const float *restrict a = row[0] - 1, *restrict b = row[1] - 1, *restrict c = row[2] - 1;
+    const float wa = weight[0], wb = weight[1], wc = weight[2];
+    float *restrict to = color - 1, *restrict s = sum - 1, *restrict q = squares - 1;
+    for (uint32_t i = 0; i < samples + 2; i++) {
+        to[i] = wa * a[i] + wb * b[i] + wc * c[i];
+        s[i] = a[i] + b[i] + c[i];
+        q[i] = a[i] * a[i] + b[i] * b[i] + c[i] * c[i];
+    }
+}
+
+// Sums along the row to mean and deviation, in place but for `mean_out` and `deviation_out`.
+HG_SIMD_LOOP
+static void sum_along(const float *restrict sum, const float *restrict squares, uint32_t samples,
+    float *restrict mean_out, float *restrict deviation_out)
+{
+    for (uint32_t i = 0; i < samples; i++) {
+        const float mean = (sum[i] + sum[(int64_t)i - 1] + sum[i + 1]) * (1.0f / 9.0f);
+        const float square =
+            (squares[i] + squares[(int64_t)i - 1] + squares[i + 1]) * (1.0f / 9.0f);
+        const float variance = square - mean * mean;
+        mean_out[i] = mean;
+        deviation_out[i] = sqrtf(variance > 0.0f ? variance : 0.0f);
+    }
+}
+
+// The nearer of what stands in `to` and in `other`, of count.
+HG_SIMD_LOOP
+static void take_nearer(const struct hg_temporal_motion_row *other, int64_t offset, uint32_t count,
+    const struct hg_temporal_motion_row *to)
+{
+    const float *restrict depth = other->depth + offset, *restrict x = other->x + offset;
+    const float *restrict y = other->y + offset, *restrict expect = other->expect + offset;
+    float *restrict to_depth = to->depth, *restrict to_x = to->x, *restrict to_y = to->y;
+    float *restrict to_expect = to->expect;
+    for (uint32_t i = 0; i < count; i++) {
+        const float near = depth[i], old = to_depth[i], nx = x[i], ny = y[i], ne = expect[i];
+        const float ox = to_x[i], oy = to_y[i], oe = to_expect[i];
+        to_x[i] = near > old ? nx : ox;
+        to_y[i] = near > old ? ny : oy;
+        to_expect[i] = near > old ? ne : oe;
+        to_depth[i] = near > old ? near : old;
+    }
+}
+
+static struct hg_temporal_motion_row shifted(const struct hg_temporal_motion_row *row, int by)
+{
+    return (struct hg_temporal_motion_row){
+        row->x + by, row->y + by, row->expect + by, row->depth + by};
+}
+
+static void copy_motion(const struct hg_temporal_motion_row *from, uint32_t count,
+    const struct hg_temporal_motion_row *to)
+{
+    memcpy(to->x, from->x, count * sizeof *to->x);
+    memcpy(to->y, from->y, count * sizeof *to->y);
+    memcpy(to->expect, from->expect, count * sizeof *to->expect);
+    memcpy(to->depth, from->depth, count * sizeof *to->depth);
+}
+
+// The nearest of 3x3, the middle one first among equals. `spare`: the nearest of columns.
+static void find_nearest(const struct hg_temporal_line *const lines[3], uint32_t samples,
+    const struct hg_temporal_motion_row *spare, const struct hg_temporal_motion_row *out)
+{
+    const struct hg_temporal_motion_row wide = shifted(spare, -1);
+    const struct hg_temporal_motion_row middle = shifted(&lines[1]->motion, -1);
+    copy_motion(&middle, samples + 2, &wide);
+    take_nearer(&lines[0]->motion, -1, samples + 2, &wide);
+    take_nearer(&lines[2]->motion, -1, samples + 2, &wide);
+    copy_motion(spare, samples, out);
+    take_nearer(spare, -1, samples, out);
+    take_nearer(spare, 1, samples, out);
+}
+
+HG_SIMD_LOOP
+static void subtract(
+    const float *restrict a, const float *restrict b, uint32_t count, float *restrict out)
+{
+    for (uint32_t i = 0; i < count; i++)
+        out[i] = a[i] - b[i];
+}
+
+void hg_temporal_about_fill(const struct hg_temporal_line *const lines[3], const float weight[3],
+    uint32_t samples, struct hg_temporal_about *s)
+{
+    // The rows of the motion are not filled yet: room for the sums.
+    float *const sum = s->motion.x, *const squares = s->motion.y;
+    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++) {
+        const float *const rows[3] = {lines[0]->color[c], lines[1]->color[c], lines[2]->color[c]};
+        sum_columns(rows, weight, samples, s->color[c], sum, squares);
+        sum_along(sum, squares, samples, s->mean[c], s->deviation[c]);
+    }
+    const struct hg_temporal_motion_row spare = {
+        s->spare[0], s->spare[1], s->spare[2], s->spare[3]};
+    find_nearest(lines, samples, &spare, &s->motion);
+    subtract(s->motion.depth, lines[1]->motion.depth, samples, s->slope);
+}
+
+// --- along the row -------------------------------------------------------------------------------
+
+HG_SIMD_LOOP
+static void blur(
+    const float *restrict from, const float weight[3], uint32_t count, float *restrict to)
+{
+    const float a = weight[0], b = weight[1], c = weight[2];
+    for (uint32_t i = 0; i < count; i++)
+        to[i] = a * from[(int64_t)i - 1] + b * from[i] + c * from[i + 1];
+}
+
+void hg_temporal_about_blur(
+    struct hg_temporal_about *about, const float weight[3], uint32_t samples)
+{
+    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++) {
+        blur(about->color[c], weight, samples, about->spare[0]);
+        memcpy(about->color[c], about->spare[0], samples * sizeof(float));
+    }
+}
+
+HG_SIMD_LOOP
+static void expand(
+    const float *from, const uint32_t *restrict first, uint32_t count, float *restrict to)
+{
+    for (uint32_t i = 0; i < count; i++)
+        to[i] = from[first[i]];
+}
+
+HG_SIMD_LOOP
+static void expand_weighed(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t count, float *restrict to)
+{
+    const uint32_t *restrict first = taps->first;
+    const float *restrict a = taps->weight, *restrict b = a + count, *restrict c = b + count;
+    for (uint32_t i = 0; i < count; i++) {
+        const float *at = from + first[i];
+        to[i] = a[i] * at[-1] + b[i] * at[0] + c[i] * at[1];
+    }
+}
+
+void hg_temporal_about_expand(const struct hg_temporal_about *s,
+    const struct hg_temporal_taps *columns, uint32_t pixels, struct hg_temporal_about *out)
+{
+    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++) {
+        expand_weighed(s->color[c], columns, pixels, out->color[c]);
+        expand(s->mean[c], columns->first, pixels, out->mean[c]);
+        expand(s->deviation[c], columns->first, pixels, out->deviation[c]);
+    }
+    const float *const from[5] = {
+        s->motion.x, s->motion.y, s->motion.expect, s->motion.depth, s->slope};
+    float *const to[5] = {
+        out->motion.x, out->motion.y, out->motion.expect, out->motion.depth, out->slope};
+    for (int k = 0; k < 5; k++)
+        expand(from[k], columns->first, pixels, to[k]);
+}

@@ -1,0 +1,43 @@
+// rows.h - colour statistics and nearest motion of 3x3 samples, a row of pixels at a time. Private
+// to renderer/temporal. Pure.
+#ifndef HG_RENDERER_TEMPORAL_ROWS_H
+#define HG_RENDERER_TEMPORAL_ROWS_H
+
+#include "renderer/temporal/reproject.h"
+#include "renderer/temporal/window.h"
+
+#define HG_TEMPORAL_ROW_PAD 8 // floats before and behind each row
+
+// Colour planes: luma, orange, green (YCoCg of squared encoded values, premultiplied), alpha.
+enum { HG_TEMPORAL_CHANNELS = 4 };
+
+// One row of samples, with one more at each end.
+struct hg_temporal_line {
+    float *color[HG_TEMPORAL_CHANNELS];
+    struct hg_temporal_motion_row motion;
+};
+
+// What 3x3 samples say for a row of pixels.
+struct hg_temporal_about {
+    float *color[HG_TEMPORAL_CHANNELS]; // by the window
+    float *mean[HG_TEMPORAL_CHANNELS], *deviation[HG_TEMPORAL_CHANNELS];
+    struct hg_temporal_motion_row motion; // of the nearest sample; depth: its own
+    float *slope;                         // depth of the nearest less that of the middle one
+    float *spare[4];
+};
+
+// Colours of a row and its repeated ends; the motion's ends as well.
+void hg_temporal_line_fill(
+    const struct hg_temporal_picture *picture, uint32_t y, struct hg_temporal_line *line);
+
+// Of samples: lines above, in the middle and below, by weight[3]; colours are summed over columns
+// only.
+void hg_temporal_about_fill(const struct hg_temporal_line *const lines[3], const float weight[3],
+    uint32_t samples, struct hg_temporal_about *out);
+// Then colours along the row, where pixels are samples; or all of it for pixels that are not.
+void hg_temporal_about_blur(
+    struct hg_temporal_about *about, const float weight[3], uint32_t samples);
+void hg_temporal_about_expand(const struct hg_temporal_about *samples,
+    const struct hg_temporal_taps *columns, uint32_t pixels, struct hg_temporal_about *out);
+
+#endif

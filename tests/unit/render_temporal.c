@@ -1,0 +1,380 @@
+// render_temporal.c - pictures in motion: motion vectors against closed forms, and what is made of
+// several samples against settled pictures.
+
+#include "base/alloc.h"
+#include "renderer/internal.h"
+#include "tests/unit/render_rig.h"
+
+#define WIDTH  96
+#define HEIGHT 64
+#define AWAY   3.0f // of the camera from z = 0, metres
+#define MOVE   0.05f
+
+static const float GREY[4] = {0.4f, 0.4f, 0.4f, 1}, RED[4] = {0.9f, 0.05f, 0.05f, 1};
+
+// threads 0: two, with validation.
+static void open_rig(struct rig *rig, unsigned threads)
+{
+    if (threads == 0)
+        rig_open(rig, true);
+    else
+        rig_open_with(rig, &(struct hg_renderer_params){.threads = threads});
+    rig->scene = rig_new_scene();
+    rig_environment(rig->scene, 0.05f, 0.1f, 0.3f);
+}
+
+static void open_view(struct rig *rig, enum hg_view_temporal temporal)
+{
+    const struct hg_view_params params = {.width = WIDTH,
+        .height = HEIGHT,
+        .samples = 32,
+        .temporal = temporal,
+        .tonemap = HG_TONEMAP_LINEAR};
+    hg_scene_publish(rig->scene);
+    rig_view(rig, &params);
+    rig->view->state.motion.temporal.keeps_motion = true;
+}
+
+static void look(struct rig *rig, float x, float y)
+{
+    const struct hg_view_camera camera = {.eye = {x, y, AWAY}, .target = {x, y, 0}};
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+}
+
+static void touch(struct rig *rig, struct hg_node *node)
+{
+    hg_scene_touch(rig->scene, &node->head);
+    hg_scene_publish(rig->scene);
+}
+
+// Pixels that one metre at z = 0 covers.
+static float px_per_m(void)
+{
+    return 0.5f * HEIGHT / tanf(0.5f * 0.7853981634f) / AWAY;
+}
+
+// Motion vectors in the middle of the picture.
+static void check_motion(struct rig *rig, float x, float y)
+{
+    const float *motion = rig->view->state.motion.temporal.motion;
+    assert_int_equal(rig_step(rig, 1).phase, HG_VIEW_DIRECT);
+    motion = rig->view->state.motion.temporal.motion;
+    assert_non_null(motion);
+    for (int row = HEIGHT / 2 - 3; row < HEIGHT / 2 + 3; row++)
+        for (int column = WIDTH / 2 - 3; column < WIDTH / 2 + 3; column++) {
+            const float *m = motion + 3 * (row * WIDTH + column);
+            assert_float_equal(m[0], x, 0.02f);
+            assert_float_equal(m[1], y, 0.02f);
+            assert_true(m[2] > 0);
+        }
+}
+
+// --- motion vectors ------------------------------------------------------------------------------
+
+static void test_camera(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, 0);
+    rig_quad(rig.scene, 1, 1, 0, GREY);
+    open_view(&rig, HG_TEMPORAL_AUTO);
+    look(&rig, 0, 0);
+    rig_step(&rig, 1);
+    for (int i = 1; i < 4; i++) { // jittered from the second one on
+        look(&rig, MOVE * (float)i, MOVE * (float)i);
+        check_motion(&rig, MOVE * px_per_m(), -MOVE * px_per_m());
+    }
+    rig_step(&rig, 4); // samples of a view at rest are no pictures in motion
+    look(&rig, 0, 3 * MOVE);
+    check_motion(&rig, -3 * MOVE * px_per_m(), 0);
+    rig_close(&rig);
+}
+
+static void test_node(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, 0);
+    rig_quad(rig.scene, 1, 8, -4, RED);
+    struct hg_node *node = rig_quad(rig.scene, 2, 0.5f, 0, GREY);
+    open_view(&rig, HG_TEMPORAL_AUTO);
+    look(&rig, 0, 0);
+    rig_step(&rig, 1);
+    for (int i = 1; i < 3; i++) {
+        node->translation[1] = MOVE * (float)i;
+        touch(&rig, node);
+        check_motion(&rig, 0, MOVE * px_per_m());
+        // The wall behind it stands.
+        const float *wall = rig.view->state.motion.temporal.motion;
+        assert_float_equal(wall[0], 0, 0.02f);
+        assert_float_equal(wall[1], 0, 0.02f);
+    }
+    // Another node in front of it in the list changes all numbers; it is new itself.
+    struct hg_node *other = rig_quad(rig.scene, 3, 0.1f, 0.5f, RED);
+    other->translation[0] = 0.9f;
+    node->translation[1] -= MOVE;
+    touch(&rig, node);
+    check_motion(&rig, 0, -MOVE * px_per_m());
+    rig_close(&rig);
+}
+
+// Posed surfaces have no motion vectors, and take no history from what was there before.
+static void check_unknown(struct rig *rig)
+{
+    const float *motion = rig->view->state.motion.temporal.motion;
+    for (int row = HEIGHT / 2 - 3; row < HEIGHT / 2 + 3; row++)
+        for (int column = WIDTH / 2 - 3; column < WIDTH / 2 + 3; column++)
+            assert_true(motion[3 * (row * WIDTH + column) + 2] == 0);
+}
+
+static void test_morph(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float delta[12] = {MOVE, 0, 0, MOVE, 0, 0, MOVE, 0, 0, MOVE, 0, 0};
+    open_rig(&rig, 0);
+    struct hg_node *node = rig_quad(rig.scene, 1, 1, 0, GREY);
+    node->mesh->target_count = 1;
+    node->mesh->weights = hg_calloc(1, sizeof *node->mesh->weights);
+    node->mesh->parts->targets = hg_calloc(1, sizeof *node->mesh->parts->targets);
+    node->mesh->parts->targets[0].positions = rig_copy(delta, sizeof delta);
+    node->weights = hg_calloc(1, sizeof *node->weights);
+    node->weights[0] = 1;
+    open_view(&rig, HG_TEMPORAL_AUTO);
+    look(&rig, 0, 0);
+    rig_step(&rig, 1);
+    for (int i = 0; i < 2; i++) {
+        node->weights[0] += 1;
+        touch(&rig, node);
+        rig_step(&rig, 1);
+    }
+    check_unknown(&rig);
+    rig_close(&rig);
+}
+
+static void test_skin(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const uint16_t joints[16] = {0};
+    const float weights[16] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};
+    float bind[1][16] = {{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+    open_rig(&rig, 0);
+    struct hg_node *node = rig_quad(rig.scene, 1, 1, 0, GREY);
+    struct hg_node *joint = rig_add(rig.scene, HG_OBJECT_NODE, 2);
+    struct hg_skin skin = {.joints = &joint, .inverse_bind = bind, .joint_count = 1};
+    node->skin = &skin;
+    node->mesh->parts->joint_sets = 1;
+    node->mesh->parts->joints = rig_copy(joints, sizeof joints);
+    node->mesh->parts->weights = rig_copy(weights, sizeof weights);
+    open_view(&rig, HG_TEMPORAL_AUTO);
+    look(&rig, 0, 0);
+    rig_step(&rig, 1);
+    for (int i = 0; i < 3; i++) {
+        joint->translation[0] += MOVE;
+        joint->translation[1] += MOVE;
+        touch(&rig, joint);
+        rig_step(&rig, 1);
+    }
+    check_unknown(&rig);
+    rig_close(&rig);
+}
+
+// --- pictures ------------------------------------------------------------------------------------
+
+// A fence of thin leaning bars before a wall.
+static struct hg_node *add_fence(struct rig *rig)
+{
+    struct hg_node *first = NULL;
+    rig_quad(rig->scene, 1, 8, -4, GREY);
+    for (uint32_t i = 0; i < 9; i++) {
+        struct hg_node *bar = rig_quad(rig->scene, 2 + i, 1, 0, i % 2 ? RED : GREY);
+        bar->translation[0] = 0.25f * ((float)i - 4);
+        bar->scale[0] = 0.03f;
+        bar->rotation[2] = 0.087f;
+        bar->rotation[3] = 0.9962f;
+        bar->mesh->parts->material->base_color[1] = 0.9f;
+        first = first == NULL ? bar : first;
+    }
+    return first;
+}
+
+static double difference(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    double sum = 0;
+    assert_int_equal(a->size, b->size);
+    for (size_t i = 0; i < a->size; i++)
+        sum += abs((int)a->data[i] - (int)b->data[i]);
+    return sum / (double)a->size;
+}
+
+static struct hg_refbuf *move_to(struct rig *rig, float x, float y)
+{
+    look(rig, x, y);
+    assert_int_equal(rig_step(rig, 1).phase, HG_VIEW_DIRECT);
+    return rig_pixels(rig, HG_PIXEL_RGBA8);
+}
+
+#define STEP_M 0.013f // not a whole number of pixels
+
+// The picture after so many steps, and the settled one of the same camera.
+static double error_after(struct rig *rig, int steps, struct hg_refbuf **picture)
+{
+    for (int i = 0; i <= steps; i++) {
+        hg_refbuf_unref(*picture);
+        *picture = move_to(rig, STEP_M * (float)i, 0.3f * STEP_M * (float)i);
+    }
+    rig_settle(rig, 16);
+    struct hg_refbuf *settled = rig_pixels(rig, HG_PIXEL_RGBA8);
+    const double error = difference(*picture, settled);
+    hg_refbuf_unref(settled);
+    return error;
+}
+
+static void test_error_falls(void **state)
+{
+    (void)state;
+    double errors[2];
+    for (int m = 0; m < 2; m++) {
+        struct rig rig;
+        struct hg_refbuf *picture = NULL;
+        open_rig(&rig, 2);
+        add_fence(&rig);
+        open_view(&rig, (enum hg_view_temporal)m);
+        errors[m] = error_after(&rig, 24, &picture);
+        hg_refbuf_unref(picture);
+        rig_close(&rig);
+    }
+    print_message("levels from the settled picture: %.3f of several samples, %.3f of one\n",
+        errors[HG_TEMPORAL_AUTO], errors[HG_TEMPORAL_NONE]);
+    assert_true(errors[HG_TEMPORAL_AUTO] < 0.6 * errors[HG_TEMPORAL_NONE]);
+}
+
+// Same requests, same bytes, whatever the threads; a view that rests forgets its motion.
+static void test_same_bytes(void **state)
+{
+    (void)state;
+    struct hg_refbuf *moved[2] = {NULL, NULL}, *settled[3] = {NULL, NULL, NULL};
+    for (unsigned i = 0; i < 3; i++) {
+        struct rig rig;
+        open_rig(&rig, i + 1);
+        add_fence(&rig);
+        open_view(&rig, HG_TEMPORAL_AUTO);
+        look(&rig, STEP_M * 5, 0.3f * STEP_M * 5);
+        if (i < 2)
+            error_after(&rig, 5, &moved[i]);
+        else
+            rig_settle(&rig, 16);
+        settled[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_close(&rig);
+    }
+    assert_memory_equal(moved[0]->data, moved[1]->data, moved[0]->size);
+    rig_assert_same(settled[0], settled[2]);
+    rig_assert_same(settled[1], settled[2]);
+    for (int i = 0; i < 3; i++)
+        hg_refbuf_unref(settled[i]);
+    hg_refbuf_unref(moved[0]);
+    hg_refbuf_unref(moved[1]);
+}
+
+// A camera that jumps shows the picture of a view that never was elsewhere.
+static void test_teleport(void **state)
+{
+    (void)state;
+    struct hg_refbuf *pictures[2];
+    for (int i = 0; i < 2; i++) {
+        struct rig rig;
+        open_rig(&rig, 2);
+        add_fence(&rig);
+        open_view(&rig, HG_TEMPORAL_AUTO);
+        for (int k = 0; k < 4 && i == 0; k++)
+            hg_refbuf_unref(move_to(&rig, STEP_M * (float)k, 0));
+        const struct hg_view_camera back = {.eye = {0, 0, -9}, .target = {0.4f, 0, 0}};
+        test_ok(hg_view_set_camera(rig.view, &back, &rig.err), &rig.err);
+        rig_step(&rig, 1);
+        pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        rig_close(&rig);
+    }
+    assert_memory_equal(pictures[0]->data, pictures[1]->data, pictures[0]->size);
+    hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
+}
+
+// A fast body leaves the wall behind it as it was.
+static void test_ghosts(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, 2);
+    rig_quad(rig.scene, 1, 8, -1, GREY);
+    struct hg_node *body = rig_quad(rig.scene, 2, 0.3f, 0, RED);
+    open_view(&rig, HG_TEMPORAL_AUTO);
+    look(&rig, 0, 0);
+    for (int i = 0; i < 8; i++) {
+        body->translation[0] = -1.0f + 0.25f * (float)i; // 6 px
+        touch(&rig, body);
+        rig_step(&rig, 1);
+    }
+    struct hg_refbuf *moved = rig_pixels(&rig, HG_PIXEL_RGBA8);
+    rig_settle(&rig, 16);
+    struct hg_refbuf *settled = rig_pixels(&rig, HG_PIXEL_RGBA8);
+    int worst = 0;
+    const int edge = (int)(WIDTH / 2 + (body->translation[0] - 0.3f) * px_per_m()) - 2;
+    for (int y = HEIGHT / 2 - 4; y < HEIGHT / 2 + 4; y++)
+        for (int x = 4; x < edge; x++)
+            for (int c = 0; c < 3; c++) {
+                const int at = 4 * (y * WIDTH + x) + c;
+                const int off = abs((int)moved->data[at] - (int)settled->data[at]);
+                worst = off > worst ? off : worst;
+            }
+    print_message("ghost: %d of 255\n", worst);
+    assert_true(worst <= 4);
+    hg_refbuf_unref(moved);
+    hg_refbuf_unref(settled);
+    rig_close(&rig);
+}
+
+// Posed surfaces do not smear: without history they are no worse than one sample of them.
+static void test_posed_edges(void **state)
+{
+    (void)state;
+    double errors[2];
+    for (int m = 0; m < 2; m++) {
+        struct rig rig;
+        const float delta[12] = {1, 0.3f, 0, 1, 0.3f, 0, 1, 0.3f, 0, 1, 0.3f, 0};
+        open_rig(&rig, 2);
+        struct hg_node *bar = add_fence(&rig);
+        bar->mesh->target_count = 1;
+        bar->mesh->weights = hg_calloc(1, sizeof *bar->mesh->weights);
+        bar->mesh->parts->targets = hg_calloc(1, sizeof *bar->mesh->parts->targets);
+        bar->mesh->parts->targets[0].positions = rig_copy(delta, sizeof delta);
+        bar->weights = hg_calloc(1, sizeof *bar->weights);
+        open_view(&rig, (enum hg_view_temporal)m);
+        look(&rig, -1, 0);
+        for (int i = 1; i < 24; i++) {
+            bar->weights[0] = 0.4f * (float)i; // of 0.03 of a metre
+            touch(&rig, bar);
+            rig_step(&rig, 1);
+        }
+        struct hg_refbuf *moved = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        rig_settle(&rig, 16);
+        struct hg_refbuf *settled = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        errors[m] = difference(moved, settled);
+        hg_refbuf_unref(moved);
+        hg_refbuf_unref(settled);
+        rig_close(&rig);
+    }
+    print_message("posed: %.3f levels of several samples, %.3f of one\n", errors[HG_TEMPORAL_AUTO],
+        errors[HG_TEMPORAL_NONE]);
+    assert_true(errors[HG_TEMPORAL_AUTO] < errors[HG_TEMPORAL_NONE]);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_camera), cmocka_unit_test(test_node),
+        cmocka_unit_test(test_morph), cmocka_unit_test(test_skin),
+        cmocka_unit_test(test_error_falls), cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_teleport), cmocka_unit_test(test_ghosts),
+        cmocka_unit_test(test_posed_edges)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
