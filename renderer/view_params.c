@@ -17,7 +17,7 @@ static_assert((int)HG_GROUND_MINUS_X == HGP_COUNT_ground - 1, "");
 static_assert((int)HG_GI_PROBES == HGP_COUNT_gi - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
 static_assert((int)HG_EXPOSURE_AUTO == HGP_COUNT_exposure_mode - 1, "");
-static_assert((int)HG_TEMPORAL_NONE == HGP_COUNT_temporal - 1, "");
+static_assert((int)HG_TEMPORAL_AUTO == HGP_COUNT_temporal - 1, "");
 static_assert((int)HG_DEBUG_HISTORY == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
 static_assert((int)HG_DENOISE_ANIMATION == HGP_COUNT_denoise - 1, "");

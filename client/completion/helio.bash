@@ -18,7 +18,7 @@ _helio()
     'render --trace') COMPREPLY=($(compgen -W 'auto embree compute khr' -- "$cur")); return ;;
     'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --gi') COMPREPLY=($(compgen -W 'none auto rays probes' -- "$cur")); return ;;
-    'render --temporal') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;
+    'render --temporal') COMPREPLY=($(compgen -W 'none auto' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'info --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;

@@ -47,7 +47,7 @@ export const enums = {
     exposure_mode: { FIXED: 0, AUTO: 1 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
-    temporal: { AUTO: 0, NONE: 1 },
+    temporal: { NONE: 0, AUTO: 1 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },

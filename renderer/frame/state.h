@@ -30,7 +30,7 @@
 #define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
-#define HG_VIEW_TEMPORAL_NONE  1 // as enum hg_view_temporal
+#define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
