@@ -81,8 +81,8 @@ enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
     HG_GI_PROBES,
 };
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
-    HG_TEMPORAL_NONE, // one sample per pixel
-    HG_TEMPORAL_AUTO, // made of samples of this and the pictures before
+    HG_TEMPORAL_NONE,   // one sample per pixel
+    HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
 };
 enum hg_exposure_mode {
     HG_EXPOSURE_FIXED, // exposure_ev

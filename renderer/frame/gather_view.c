@@ -28,14 +28,14 @@ static struct hg_gather_key key_of(const struct hg_view_state *view)
 bool hg_gather_view_is_done(const struct hg_view_state *view)
 {
     const struct hg_gather_key key = key_of(view);
-    return view->gather.done && memcmp(&key, &view->gather.key, sizeof key) == 0;
+    return view->gi.gather.done && memcmp(&key, &view->gi.gather.key, sizeof key) == 0;
 }
 
 void hg_gather_view_finish(struct hg_view_state *view)
 {
-    hg_path_destroy(view->gather.path);
-    hg_gpu_image_destroy(view->context->gpu, &view->gather.light);
-    view->gather = (struct hg_view_gather){0};
+    hg_path_destroy(view->gi.gather.path);
+    hg_gpu_image_destroy(view->context->gpu, &view->gi.gather.light);
+    view->gi.gather = (struct hg_view_gather){0};
 }
 
 // Small pictures have more samples, as there is less room for the filter in them.
@@ -86,7 +86,7 @@ static uint32_t first_half(uint32_t samples)
 static enum hg_status make_image(struct hg_view_state *view, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
-    struct hg_gpu_image *image = &view->gather.light;
+    struct hg_gpu_image *image = &view->gi.gather.light;
     const struct hg_gpu_image_params params = {.format = VK_FORMAT_R32G32B32A32_UINT,
         .width = s->width,
         .height = s->height,
@@ -107,7 +107,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
         .first_half = first_half(samples_of(s))};
     const struct hg_gpu_region all = {.width = s->width, .height = s->height};
     const uint64_t start = hg_clock_now_ns();
-    enum hg_status status = hg_path_read_gathered(view->gather.path, &input.sums, err);
+    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &input.sums, err);
     if (status == HG_OK)
         status = make_image(view, err);
     if (status != HG_OK)
@@ -118,7 +118,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
         return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     status = hg_gi_gather_filter(view->context->jobs, &input, words, err);
     if (status == HG_OK)
-        status = hg_gpu_image_upload(view->context->gpu, &view->gather.light, &all, words, 0, err);
+        status = hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
     hg_free(words);
     hg_view_stats_add_stage(&view->stats, "gather filter", hg_clock_now_ns() - start);
     return status;
@@ -126,7 +126,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
 
 enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *err)
 {
-    struct hg_view_gather *g = &view->gather;
+    struct hg_view_gather *g = &view->gi.gather;
     const struct hg_gather_key key = key_of(view);
     const struct hg_path_request request = request_of(view);
     const bool begins = !g->begun || memcmp(&key, &g->key, sizeof key) != 0;

@@ -23,5 +23,5 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .unlit = &view->unlit,
         .stats = &view->stats,
         .probes = view->gi.field,
-        .gathered = view->gi.gathered ? &view->gather.light : NULL};
+        .gathered = view->gi.gathered ? &view->gi.gather.light : NULL};
 }

@@ -73,14 +73,6 @@ struct hg_view_exposure {
     const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
 };
 
-// Light from probes (gi_view.h).
-struct hg_view_probes {
-    enum hg_gi_field_kind field; // that the next sample is drawn with
-    bool gathered;               // and it has the gathered light
-    bool refused;                // for want of memory, for refused_key
-    struct hg_gi_key refused_key;
-};
-
 // What light is gathered for.
 struct hg_gather_key {
     uint64_t scene, environment, geometry, settings, camera; // revisions
@@ -94,6 +86,15 @@ struct hg_view_gather {
     struct hg_gpu_image light; // shaders/shared/gi.h
 };
 
+// Light from probes (gi_view.h).
+struct hg_view_probes {
+    enum hg_gi_field_kind field; // that the next sample is drawn with
+    bool gathered;               // and it has the gathered light
+    bool refused;                // for want of memory, for refused_key
+    struct hg_gi_key refused_key;
+    struct hg_view_gather gather;
+};
+
 struct hg_view_state {
     struct hg_frame_context *context;
     struct hg_scene_gpu *scene_gpu;
@@ -105,7 +106,6 @@ struct hg_view_state {
     uint64_t settings_revision, camera_revision;
     struct hg_view_exposure exposure;
     struct hg_view_probes gi;
-    struct hg_view_gather gather;
     bool final;       // not displayed before the picture is settled
     uint32_t formats; // 1 << index into targets.pixels: of pixels that are read after a step
 

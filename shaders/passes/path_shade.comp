@@ -151,20 +151,6 @@ void put_motion(uint slot, vec4 before, vec4 now, vec4 after)
     hg_path_set(at + 3u, slot, on.y);
 }
 
-// The direction belongs to the sun of a sky.
-bool is_sky_sun(vec3 direction_ws)
-{
-    return dot(direction_ws, hg_path.gather.sun_ws) > hg_path.gather.sun_cos;
-}
-
-// Of a gathering path: light that real-time pictures draw themselves at the first surface, and that the
-// field of probes does not hold.
-bool is_drawn(hg_emitter_sample e)
-{
-    return e.group == HG_EMITTER_GROUP_PUNCTUAL ||
-        (e.group == HG_EMITTER_GROUP_ENVIRONMENT && is_sky_sun(e.direction));
-}
-
 // What the camera sees behind everything.
 vec3 background(path p, vec3 direction)
 {
@@ -181,6 +167,7 @@ vec3 background(path p, vec3 direction)
 }
 
 #include "lib/path_features.glsl"
+#include "lib/path_gather.glsl"
 #include "lib/ground.glsl"
 
 // The ray left the scene.
@@ -196,7 +183,7 @@ uint miss(path p)
             weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d));
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
-    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && is_sky_sun(d))
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && hg_gather_is_sky_sun(d))
         radiance = vec3(0.0);
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
         clamped(p.throughput * radiance, p.bounce));
@@ -532,16 +519,6 @@ uint ground(inout path p, uvec2 pixel)
     return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, s.normal, u.xyz), u.x);
 }
 
-// The light of the field of probes on a surface ends the path.
-void end_in_field(path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 xi)
-{
-    vec3 view = -p.ray.direction_ws;
-    hg_probes_look(v.position_ws, s.geometric_normal, s.normal, view, reflect(-view, s.normal), xi);
-    vec3 albedo = min(hg_features_scattering(b) + hg_features_mirroring(b), vec3(1.0));
-    hg_path_light(p.slot, p.bounce + 1u, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
-        clamped(p.throughput * albedo * hg_probes_irradiance, p.bounce + 1u));
-}
-
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
@@ -621,11 +598,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
-    // Every second sample goes on for a bounce more, which halves the error of the field.
-    uint least = 1u + (hg_path_sample(p.slot) >> 1u & 1u);
-    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
-        hit.t >= hg_path.gather.reach;
-    if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && is_drawn(light.e) != ends)
+    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_ends(p, hit.t);
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && hg_gather_is_drawn(light.e) != ends)
         light.light = vec3(0.0);
     uint status = HG_PATH_DONE;
     if (ask_light(p, b, v, s, light, false))
@@ -639,7 +613,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
             status |= HG_PATH_SUN;
     }
     if (ends) {
-        end_in_field(p, b, v, s, vec3(ua.yzw));
+        hg_gather_end(p, b, v, s, ua.yzw);
         return status;
     }
     vec3 direction = p.ray.direction_ws;

@@ -1,0 +1,40 @@
+// path_gather.glsl - paths that gather light for a real-time picture (HG_PATH_GATHERS).
+//
+// Define struct path and vec3 clamped(vec3 radiance, uint bounce) first; include lib/path.glsl, lib/probes.glsl,
+// lib/emitters.glsl and lib/path_features.glsl.
+#ifndef HG_LIB_PATH_GATHER_GLSL
+#define HG_LIB_PATH_GATHER_GLSL
+
+// The direction belongs to the sun of a sky.
+bool hg_gather_is_sky_sun(vec3 direction_ws)
+{
+    return dot(direction_ws, hg_path.gather.sun_ws) > hg_path.gather.sun_cos;
+}
+
+// Of a gathering path: light that real-time pictures draw themselves at the first surface, and that the
+// field of probes does not hold.
+bool hg_gather_is_drawn(hg_emitter_sample e)
+{
+    return e.group == HG_EMITTER_GROUP_PUNCTUAL ||
+        (e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction));
+}
+
+// A path that met a surface after t metres ends there. Every second sample goes on for a bounce more, which
+// halves the error of the field.
+bool hg_gather_ends(path p, float t)
+{
+    uint least = 1u + (hg_path_sample(p.slot) >> 1u & 1u);
+    return p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u && t >= hg_path.gather.reach;
+}
+
+// The light of the field of probes on a surface ends the path.
+void hg_gather_end(path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 xi)
+{
+    vec3 view = -p.ray.direction_ws;
+    hg_probes_look(v.position_ws, s.geometric_normal, s.normal, view, reflect(-view, s.normal), xi);
+    vec3 albedo = min(hg_features_scattering(b) + hg_features_mirroring(b), vec3(1.0));
+    hg_path_light(p.slot, p.bounce + 1u, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
+        clamped(p.throughput * albedo * hg_probes_irradiance, p.bounce + 1u));
+}
+
+#endif
