@@ -118,7 +118,8 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
         return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     status = hg_gi_gather_filter(view->context->jobs, &input, words, err);
     if (status == HG_OK)
-        status = hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
+        status =
+            hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
     hg_free(words);
     hg_view_stats_add_stage(&view->stats, "gather filter", hg_clock_now_ns() - start);
     return status;
