@@ -122,19 +122,11 @@ static enum hg_status make_scene(struct run *run, struct hg_error *err)
 
 // --- measurements --------------------------------------------------------------------------------
 
-// Processor time of all threads.
-static uint64_t cpu_ns(void)
-{
-    struct timespec t = {0};
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
-}
-
 static enum hg_status wait_baked(struct run *run, struct hg_error *err)
 {
     struct hg_view_state *view = &run->view.view->state;
     const struct timespec pause = {.tv_nsec = BAKE_POLL_NS};
-    const uint64_t start = hg_clock_now_ns(), cpu_start = cpu_ns();
+    const uint64_t start = hg_clock_now_ns(), cpu_start = hg_clock_cpu_ns();
     enum hg_status status = HG_OK;
     do {
         status = hg_scene_gpu_sync(view->context, view->scene_gpu, view->camera.eye, 0, err);
@@ -145,7 +137,7 @@ static enum hg_status wait_baked(struct run *run, struct hg_error *err)
             status = step_done(run, err);
     } while (status == HG_OK && hg_geometry_baking(view->scene_gpu->geometry) > 0);
     run->bake_ns = hg_clock_now_ns() - start;
-    run->bake_cpu_ns = cpu_ns() - cpu_start;
+    run->bake_cpu_ns = hg_clock_cpu_ns() - cpu_start;
     run->baked_rss_bytes = hg_renderer_peak_rss_bytes();
     return status == HG_OK ? step_done(run, err) : status;
 }

@@ -94,7 +94,7 @@ struct hg_view_buffers {
     struct hg_gpu_buffer blocks;   // frame blocks of the samples of a batch
     struct hg_gpu_buffer readback; // pixels
     struct hg_gpu_buffer pick;     // struct hg_gpu_pick
-    struct hg_gpu_buffer motion;   // depth; visibility; places of posed surfaces (temporal_view.h)
+    struct hg_gpu_buffer motion;   // depth; visibility (temporal_view.h)
     struct hg_culling *pick_culling; // of what one pixel shows
 };
 

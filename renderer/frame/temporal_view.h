@@ -26,9 +26,8 @@ struct hg_temporal_view {
     uint64_t scene;    // revision of the poses in it
     uint32_t moment;   // number of the newest picture, from 1
     struct hg_temporal_stats stats;
-    // Motion vectors of the newest picture, where somebody asks for them (hg_temporal_motion).
-    bool keeps_motion;
-    float *motion;
+    bool keeps_motion; // for tests
+    float *motion;     // vectors of the newest picture, as of hg_temporal_motion
 };
 
 void hg_temporal_view_finish(struct hg_temporal_view *temporal); // accepts a zeroed one

@@ -365,7 +365,7 @@ static void restart(struct hg_view_state *view)
 }
 
 // A new state. A picture that is not displayed yet is not drawn provisionally first.
-static enum hg_status start_anew(
+static enum hg_status begin_state(
     struct hg_view_state *view, const struct hg_draw_request *request, struct hg_error *err)
 {
     const struct hg_draw draw = hg_view_draw(view, request);
@@ -397,7 +397,7 @@ static enum hg_status draw_batch(struct hg_view_state *view, const struct hg_dra
     const struct hg_draw draw = hg_view_draw(view, request);
     enum hg_status status = HG_OK;
     if (changed)
-        status = start_anew(view, request, err);
+        status = begin_state(view, request, err);
     else if (a->phase != HG_VIEW_EXACT && a->phase != HG_VIEW_DIRECT)
         status = hg_tiled_accumulation_rest(&draw, err);
     if (status == HG_OK)
@@ -405,7 +405,7 @@ static enum hg_status draw_batch(struct hg_view_state *view, const struct hg_dra
                                            : draw_shown(view, request, changed, err);
     if (status == HG_OK && a->phase == HG_VIEW_EXACT &&
         (a->shortfall & HG_SHORT_OF_LAYERS) != 0) { // all of it lacks layers
-        status = start_anew(view, request, err);
+        status = begin_state(view, request, err);
         if (status == HG_OK && a->phase != HG_VIEW_EXACT)
             status = draw_shown(view, request, true, err);
     }

@@ -21,6 +21,7 @@
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define LIGHT_REACH      3.0f  // standard deviations of luminance
+#define SHARP            0.1f   // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
@@ -283,6 +284,8 @@ static float despeckle(const struct work *w, int kind, size_t at)
     const size_t width = w->in->width, x = at % width, y = at / width;
     float most[3] = {0}; // the largest first
     if (x == 0 || y == 0 || x + 1 == width || y + 1 == w->in->height)
+        return 1;
+    if (kind == MIRRORED && w->guides[ROUGHNESS][at] < SHARP) // thin things are seen in mirrors
         return 1;
     for (size_t v = y - 1; v <= y + 1; v++)
         for (size_t u = x - 1; u <= x + 1; u++) {

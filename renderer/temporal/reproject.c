@@ -63,29 +63,17 @@ static uint32_t matrix_of(const struct hg_temporal_picture *p, const uint32_t *i
     return draw < p->draw_count ? p->matrix_of_draw[draw] : 0u;
 }
 
-static void fill_deformed(const struct hg_temporal_picture *p, const uint32_t size[2],
-    const struct hg_temporal_way *way, const uint32_t at[2],
-    const struct hg_temporal_motion_row *out)
+static void fill_lost(uint32_t first, uint32_t end, const struct hg_temporal_motion_row *out)
 {
-    const uint32_t x = at[0], y = at[1];
-    const uint32_t *area = p->moved_area, ax = x - area[0], ay = y - area[1];
-    const bool inside = p->moved != NULL && ax < area[2] && ay < area[3];
-    const float *m = inside ? p->moved + 4 * ((size_t)ay * area[2] + ax) : NULL;
-    if (m == NULL || !(m[3] > 0.0f)) {
+    for (uint32_t x = first; x < end; x++) {
         out->x[x] = HG_TEMPORAL_LOST;
         out->y[x] = 0.0f;
-        return;
     }
-    const float here[2] = {
-        way->px[0][0] * (float)x + way->px[0][1], way->px[1][0] * (float)y + way->px[1][1]};
-    out->x[x] = (0.5f * m[0] + 0.5f) * (float)size[0] - here[0];
-    out->y[x] = (0.5f * m[1] + 0.5f) * (float)size[1] - here[1];
-    out->expect[x] = m[2];
 }
 
 // What moves by itself.
 static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temporal_way *ways,
-    const uint32_t size[2], uint32_t y, struct hg_temporal_motion_row *out)
+    uint32_t y, struct hg_temporal_motion_row *out)
 {
     const uint32_t *ids = p->ids + 2 * (size_t)y * p->width;
     for (uint32_t x = 0; x < p->width;) {
@@ -93,19 +81,17 @@ static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temp
         while (x < p->width && matrix_of(p, ids + 2 * (size_t)x) == matrix)
             x++;
         if (matrix == HG_TEMPORAL_DEFORMED)
-            for (uint32_t i = first; i < x; i++)
-                fill_deformed(p, size, ways, (const uint32_t[2]){i, y}, out);
+            fill_lost(first, x, out);
         else if (matrix > 0)
             fill(&ways[matrix], (const uint32_t[2]){first, x}, y, out);
     }
 }
 
 void hg_temporal_motion_fill(const struct hg_temporal_picture *p,
-    const struct hg_temporal_way *ways, const uint32_t size[2], uint32_t y,
-    struct hg_temporal_motion_row *out)
+    const struct hg_temporal_way *ways, uint32_t y, struct hg_temporal_motion_row *out)
 {
     memcpy(out->depth, p->depth + (size_t)y * p->width, p->width * sizeof *out->depth);
     fill(ways, (const uint32_t[2]){0, p->width}, y, out);
     if (p->ids != NULL)
-        fill_moved(p, ways, size, y, out);
+        fill_moved(p, ways, y, out);
 }

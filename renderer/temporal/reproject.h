@@ -23,7 +23,6 @@ struct hg_temporal_motion_row {
 };
 // Row y of the picture. ways: one per matrix.
 void hg_temporal_motion_fill(const struct hg_temporal_picture *picture,
-    const struct hg_temporal_way *ways, const uint32_t size[2], uint32_t y,
-    struct hg_temporal_motion_row *out);
+    const struct hg_temporal_way *ways, uint32_t y, struct hg_temporal_motion_row *out);
 
 #endif

@@ -199,8 +199,7 @@ static bool is_whole(const struct job *j)
 static void fill_line(const struct job *j, struct scratch *s, uint32_t y)
 {
     struct hg_temporal_line *line = &s->lines[y % 3];
-    const uint32_t size[2] = {j->t->width, j->t->height};
-    hg_temporal_motion_fill(j->picture, j->ways, size, y, &line->motion);
+    hg_temporal_motion_fill(j->picture, j->ways, y, &line->motion);
     hg_temporal_line_fill(j->picture, y, line);
 }
 
@@ -368,7 +367,7 @@ static float share_found(const struct job *j, struct scratch *s)
     uint32_t found = 0, all = 0;
     for (uint32_t y = (PROBE_PX < p->height ? PROBE_PX : p->height) / 2; y < p->height;
          y += PROBE_PX) {
-        hg_temporal_motion_fill(p, j->ways, size, y, &s->lines[0].motion);
+        hg_temporal_motion_fill(p, j->ways, y, &s->lines[0].motion);
         for (uint32_t x = PROBE_PX / 2; x < p->width; x += PROBE_PX, all++) {
             const float at[2] = {((float)x + 0.5f) * (float)t->width / (float)p->width,
                 ((float)y + 0.5f) * (float)t->height / (float)p->height};
@@ -439,7 +438,7 @@ enum hg_status hg_temporal_motion(
     const bool room = ways != NULL && scratch_init(&s, p->width);
     for (uint32_t y = 0; y < p->height && room; y++) {
         const struct hg_temporal_motion_row *row = &s.lines[0].motion;
-        hg_temporal_motion_fill(p, ways, size, y, &s.lines[0].motion);
+        hg_temporal_motion_fill(p, ways, y, &s.lines[0].motion);
         for (uint32_t x = 0; x < p->width; x++) {
             float *to = motion_px + 3 * ((size_t)y * p->width + x);
             const float at[2] = {(float)x + 0.5f, (float)y + 0.5f};

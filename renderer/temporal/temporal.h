@@ -21,7 +21,7 @@
 #include "base/status.h"
 
 #define HG_TEMPORAL_MOST_MATRICES 65534
-#define HG_TEMPORAL_DEFORMED      65535 // of `matrix_of_draw`: `moved` says where it was
+#define HG_TEMPORAL_DEFORMED      65535 // of `matrix_of_draw`: it has no history
 
 // One picture of [height][width] samples; all is borrowed.
 struct hg_temporal_picture {
@@ -36,10 +36,6 @@ struct hg_temporal_picture {
     // first is that of what stands still and of the background.
     const double (*to_previous)[16];
     uint32_t matrix_count; // 1 .. HG_TEMPORAL_MOST_MATRICES
-    // Of deformed surfaces, [area height][area width][4]: where the sample was, NDC of the picture
-    // before; 4th > 0: it is known. NULL: of none
-    const float *moved;
-    uint32_t moved_area[4]; // x, y, width, height, in samples
     bool continues; // the picture before belongs to the same motion; else nothing of it is used
     float cut;      // continues, but not when a larger share of samples is not found; 1 = always
 };

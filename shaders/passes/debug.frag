@@ -139,7 +139,7 @@ void main()
         color = vec3(0.0);
     else if (hg_view == HG_DEBUG_VIEW_OVERDRAW)
         color = overdraw_color(texelFetch(hg_counts, pixel, 0).r);
-    else if (id.x != 0u && hg_view != HG_DEBUG_VIEW_MOTION && hg_view != HG_DEBUG_VIEW_HISTORY)
+    else if (id.x != 0u)
         color = surface_color(id);
     out_color = vec4(color, 1.0);
 }

@@ -386,8 +386,10 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
     if (through && !b.thin)
         hg_media_cross(p.media, v.material, s.front);
     bool diffuse = (r.lobe & HG_LOBE_DIFFUSE) != 0u;
-    bool wide = diffuse || ((r.lobe & HG_LOBE_DELTA) == 0u && s.roughness >= GATHER_ROUGH);
-    p.flags = wide ? p.flags | HG_PATH_WIDE : p.flags & ~HG_PATH_WIDE;
+    if (HG_PATH_CAN(HG_PATH_GATHERS)) {
+        bool wide = diffuse || ((r.lobe & HG_LOBE_DELTA) == 0u && s.roughness >= GATHER_ROUGH);
+        p.flags = wide ? p.flags | HG_PATH_WIDE : p.flags & ~HG_PATH_WIDE;
+    }
     float more = (diffuse ? 1.0 : s.roughness * s.roughness) * SPREAD_DIFFUSE * hg_path.footprint;
     hg_path_set(HG_PATH_CONE, p.slot, hg_path_pack_cone(width, spread + more));
     p.ray.origin_ws = hg_hit_offset(v.position_ws, side < 0.0 ? -s.geometric_normal : s.geometric_normal);
