@@ -21,7 +21,7 @@
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define LIGHT_REACH      3.0f  // standard deviations of luminance
-#define SHARP            0.1f   // roughness below which neighbours see other things
+#define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
