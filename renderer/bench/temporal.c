@@ -302,7 +302,8 @@ static void change_of_truth(struct run *run)
 
 static enum hg_status write_report(const struct run *run, char **text)
 {
-    static const char *const names[MODES] = {"auto", "none"};
+    static const char *const names[MODES] = {
+        [HG_TEMPORAL_NONE] = "none", [HG_TEMPORAL_AUTO] = "auto"};
     const double count = run->compared > 0 ? run->compared : 1;
     struct hg_writer w = {0};
     hg_json_put(&w, "{\"width\":%u,\"height\":%u,\"poses\":%u,\"compared\":%u", run->width,
