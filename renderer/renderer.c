@@ -217,6 +217,9 @@ enum hg_status hg_view_step(
     if (status != HG_OK)
         return status;
     fill_info(view, info);
+    // Not at the end: a worker can be ended at any time, and some drivers compile for seconds.
+    if (hg_gpu_save_pipeline_cache(view->renderer->gpu, NULL) != HG_OK)
+        hg_warn(GPU, "the pipeline cache could not be written");
     return HG_OK;
 }
 

@@ -201,7 +201,8 @@ struct hg_gpu {
         size_t capacity;
         uint32_t count;
         VkPipelineCache cache;
-        size_t cache_bytes; // when last saved
+        size_t cache_bytes;   // when last saved
+        uint32_t saved_count; // pipelines then
         char *cache_dir;
         bool driver_keeps_cache; // on disk, by itself
     } pipelines;

@@ -74,8 +74,9 @@ enum hg_status hg_gpu_save_pipeline_cache(struct hg_gpu *gpu, struct hg_error *e
 {
     char path[4096];
     size_t size = 0;
-    if (!cache_path(gpu, path, sizeof path))
+    if (gpu->pipelines.count == gpu->pipelines.saved_count || !cache_path(gpu, path, sizeof path))
         return HG_OK;
+    gpu->pipelines.saved_count = gpu->pipelines.count; // what fails is not tried at every frame
     enum hg_status status =
         HG_VK(gpu, err, vkGetPipelineCacheData, gpu->device, gpu->pipelines.cache, &size, NULL);
     if (status != HG_OK || size <= gpu->pipelines.cache_bytes)

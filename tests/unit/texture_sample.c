@@ -389,8 +389,10 @@ static void test_like_a_sampler(void **state)
         print_message("%4u x %-4u %-8s max %.4f mean %.6f above %u of %u\n", c->width, c->height,
             nearest ? "nearest" : "linear", d.max, d.mean, d.above, PLACES);
         // Nearest filters may choose the neighbour where a place lies on the border of two texels
-        // or two mips to the last bit.
-        assert_true(d.above <= (nearest ? PLACES / 500 : 0));
+        // or two mips to the last bit; GPUs filter with weights of 8 bits and a level of their own
+        // (H200: 5 of 8,192 above, by 0.009 at most).
+        assert_true(d.above <= PLACES / 500);
+        assert_true(nearest || d.max <= 12.0f / 256.0f);
         assert_true(d.mean < 0.002);
     }
 }
