@@ -4,6 +4,7 @@
 
 #include "base/json.h"
 #include "base/spill.h"
+#include "renderer/frame/gi_view.h"
 #include "renderer/frame/meter.h"
 #include "renderer/internal.h"
 #include "renderer/pathtrace/path.h"
@@ -215,9 +216,36 @@ void hg_view_get_report(const struct hg_view *view, struct hg_view_report *out)
 {
     const struct hg_view_state *s = &view->state;
     *out = (struct hg_view_report){.prefetched = s->prefetch.drawn,
-        .unlit_share = hg_unlit_tiles_share(&s->unlit.tiles, &s->targets.depth)};
+        .unlit_share = hg_unlit_tiles_share(&s->unlit.tiles, &s->targets.depth),
+        .probes_at_rest = hg_gi_view_has_rest(s),
+        .blend = {s->blend.strips, s->blend.unseen},
+        .motion = s->motion.temporal.motion};
     hg_geometry_stats(s->scene_gpu->geometry, &out->geometry);
     hg_textures_stats(s->scene_gpu->textures, &out->textures);
+    hg_path_get_stats(s->path, &out->path);
+    out->traces = s->path != NULL;
+}
+
+struct hg_rays *hg_view_rays(const struct hg_view *view)
+{
+    return view->state.scene_gpu->rays;
+}
+
+void hg_view_forget_history(struct hg_view *view)
+{
+    hg_frame_history_forget(&view->state.history);
+}
+
+bool hg_view_has_history(const struct hg_view *view)
+{
+    return view->state.history.pose != NULL || view->state.history.has_camera;
+}
+
+void hg_view_print_graph(
+    const struct hg_view *view, enum hg_graph_format format, struct hg_writer *out)
+{
+    if (view->state.targets.graph != NULL)
+        hg_graph_print(view->state.targets.graph, format, out);
 }
 
 void hg_view_baking(struct hg_view *view, struct hg_baking *out)

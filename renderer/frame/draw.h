@@ -59,7 +59,7 @@ struct hg_draw_request {
 struct hg_draw_blend {
     struct hg_blend_lists lists;
     uint32_t nodes, strips; // of the next batch; 0: not known yet
-    uint32_t most_nodes;    // of one strip; 0: the default
+    uint32_t most_nodes;    // of one strip
     bool listed;            // the newest batch had lists
     bool many;              // the newest lists looked at more fragments than there are pixels
     uint32_t unseen;        // pictures in motion without lists since

@@ -182,7 +182,8 @@ static void declare_lists(struct hg_batch *f)
 static bool is_bounded(struct hg_batch *f)
 {
     struct hg_draw_blend *b = f->draw->blend;
-    if (!hg_draw_is(f->draw, HG_DRAW_DIRECT) || hg_frame_transmits(f->draw) || !b->many)
+    if (!hg_draw_is(f->draw, HG_DRAW_DIRECT) || hg_frame_transmits(f->draw) || !b->many ||
+        f->draw->context->overrides.blend_lists)
         return false;
     b->unseen = b->unseen < LISTS_EVERY ? b->unseen + 1 : 0;
     return b->unseen > 0;
@@ -215,16 +216,18 @@ enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err
 {
     struct hg_gpu *gpu = draw->context->gpu;
     struct hg_draw_blend *b = draw->blend;
+    const struct hg_debug_overrides *over = &draw->context->overrides;
     const uint64_t pixels =
         (uint64_t)draw->request->settings->width * draw->request->settings->height;
     b->listed = false;
     if (!draw->scene_gpu->has_holes)
         return HG_OK;
-    b->most_nodes = b->most_nodes > 0 ? b->most_nodes : MOST_NODES;
+    b->most_nodes = over->blend_most_nodes > 0 ? over->blend_most_nodes : MOST_NODES;
     b->strips = b->strips > 0 ? b->strips : 1;
     if (b->nodes == 0) { // two surfaces behind each other
-        const uint64_t least = 2 * pixels > LEAST_NODES ? 2 * pixels : LEAST_NODES;
-        b->nodes = least < b->most_nodes ? (uint32_t)least : b->most_nodes;
+        const uint64_t two = 2 * pixels > LEAST_NODES ? 2 * pixels : LEAST_NODES,
+                       first = over->blend_first_nodes > 0 ? over->blend_first_nodes : two;
+        b->nodes = first < b->most_nodes ? (uint32_t)first : b->most_nodes;
     }
     enum hg_status status = hg_gpu_buffer_reserve(
         gpu, HG_GPU_BUFFER_DEVICE, pixels * 4, "blend heads", &b->lists.heads, err);

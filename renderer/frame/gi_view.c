@@ -18,19 +18,21 @@ static struct hg_gi_key key_of(const struct hg_view_state *view)
         .geometry = s->geometry_revision};
 }
 
-static bool is_refused(const struct hg_view_state *view)
+static bool is_refused(const struct hg_view_state *view, const struct hg_gi_refusal *r)
 {
     const struct hg_gi_key key = key_of(view);
-    return view->gi.refused && memcmp(&key, &view->gi.refused_key, sizeof key) == 0;
+    return r->is_set && r->width == view->settings.width && r->height == view->settings.height &&
+           memcmp(&key, &r->key, sizeof key) == 0;
 }
 
 bool hg_gi_view_is_on(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 && !is_refused(view);
+    return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 &&
+           !is_refused(view, &view->gi.field_refused);
 }
 
-static bool has_field(const struct hg_view_state *view)
+bool hg_gi_view_has_rest(const struct hg_view_state *view)
 {
     const struct hg_gi_key key = key_of(view);
     return hg_gi_is_rest(view->scene_gpu->gi, &key);
@@ -38,13 +40,13 @@ static bool has_field(const struct hg_view_state *view)
 
 static bool gathers(const struct hg_view_state *view)
 {
-    return view->settings.gi == HG_VIEW_GI_RAYS;
+    return view->settings.gi == HG_VIEW_GI_RAYS && !is_refused(view, &view->gi.gather_refused);
 }
 
 bool hg_gi_view_is_done(const struct hg_view_state *view)
 {
     return !hg_gi_view_is_on(view) ||
-           (has_field(view) && (!gathers(view) || hg_gather_view_is_done(view)));
+           (hg_gi_view_has_rest(view) && (!gathers(view) || hg_gather_view_is_done(view)));
 }
 
 static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
@@ -70,19 +72,31 @@ static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_
                  : hg_gi_move(view->scene_gpu->gi, &key, &sources, MOVE_RAYS, err);
 }
 
-// Without memory for rays or probes the picture is that of `none`.
-static enum hg_status refuse(
-    struct hg_view_state *view, enum hg_status status, struct hg_error *err)
+static enum hg_status refuse(struct hg_view_state *view, enum hg_status status, const char *what,
+    struct hg_gi_refusal *out, struct hg_error *err)
 {
     if (status != HG_E_LIMIT && status != HG_E_NOMEM && status != HG_E_UNSUPPORTED)
         return status;
-    hg_warn(FRAME, "no light by way of surfaces: %s: %s", err->what, err->reason);
+    hg_warn(FRAME, "%s: %s: %s", what, err->what, err->reason);
     *err = (struct hg_error){0};
-    view->gi.refused = true;
-    view->gi.refused_key = key_of(view);
-    view->gi.field = HG_GI_NO_FIELD;
-    view->gi.gathered = false;
+    *out = (struct hg_gi_refusal){true, key_of(view), view->settings.width, view->settings.height};
     return HG_OK;
+}
+
+// Without memory for rays or probes the picture is that of `none`.
+static enum hg_status refuse_field(
+    struct hg_view_state *view, enum hg_status status, struct hg_error *err)
+{
+    return refuse(view, status, "no light by way of surfaces", &view->gi.field_refused, err);
+}
+
+// Without memory for the film of the gathering it is that of `probes`.
+static enum hg_status refuse_gathering(
+    struct hg_view_state *view, enum hg_status status, struct hg_error *err)
+{
+    hg_gather_view_finish(view);
+    return refuse(view, status, "light is not gathered per pixel, and comes from probes alone",
+        &view->gi.gather_refused, err);
 }
 
 enum hg_status hg_gi_view_step(
@@ -95,16 +109,18 @@ enum hg_status hg_gi_view_step(
     view->gi.gathered = false;
     if (!hg_gi_view_is_on(view))
         return HG_OK;
-    const bool had = has_field(view);
+    const bool had = hg_gi_view_has_rest(view);
     if (!had)
         status = advance(view, rests, err);
     if (status != HG_OK)
-        return refuse(view, status, err);
-    view->gi.field = has_field(view) ? HG_GI_REST : HG_GI_MOVING;
+        return refuse_field(view, status, err);
+    view->gi.field = hg_gi_view_has_rest(view) ? HG_GI_REST : HG_GI_MOVING;
     if (had && rests && gathers(view) && !hg_gather_view_is_done(view))
         status = hg_gather_view_step(view, err);
     if (status != HG_OK)
-        return refuse(view, status, err);
+        status = refuse_gathering(view, status, err);
+    if (status != HG_OK)
+        return status;
     *waits = rests && !hg_gi_view_is_done(view);
     view->gi.gathered = gathers(view) && hg_gather_view_is_done(view);
     hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);

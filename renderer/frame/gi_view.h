@@ -10,6 +10,8 @@
 
 // Pictures have light from probes, and those are not refused for want of memory.
 bool hg_gi_view_is_on(const struct hg_view_state *view);
+// The field of rest is that of the scene as it is.
+bool hg_gi_view_has_rest(const struct hg_view_state *view);
 // As far as probes go the picture is that of rest.
 bool hg_gi_view_is_done(const struct hg_view_state *view);
 // After the sync, before culling. rests: what is drawn next is to stay; *waits: its field is not

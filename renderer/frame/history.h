@@ -1,7 +1,7 @@
 // history.h - the frame before, for passes that look back: camera, jitter, and where all nodes,
 // skins and morphs were (shaders/shared/history.h). Floor 4. Thread: the render thread.
 //
-// The declaration of a pass that reads it sets `wanted`; otherwise nothing is stored.
+// Stored while `wanted`: the code that declares a pass which reads it sets that, and an override.
 #ifndef HG_RENDERER_FRAME_HISTORY_H
 #define HG_RENDERER_FRAME_HISTORY_H
 

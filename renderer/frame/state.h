@@ -86,12 +86,18 @@ struct hg_view_gather {
     struct hg_gpu_image light; // shaders/shared/gi.h
 };
 
+// There was no memory for it: not tried again until the scene or the size is another one.
+struct hg_gi_refusal {
+    bool is_set;
+    struct hg_gi_key key;
+    uint32_t width, height;
+};
+
 // Light from probes (gi_view.h).
 struct hg_view_probes {
     enum hg_gi_field_kind field; // that the next sample is drawn with
     bool gathered;               // and it has the gathered light
-    bool refused;                // for want of memory, for refused_key
-    struct hg_gi_key refused_key;
+    struct hg_gi_refusal field_refused, gather_refused;
     struct hg_view_gather gather;
 };
 

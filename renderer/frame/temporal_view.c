@@ -21,7 +21,7 @@ void hg_temporal_view_finish(struct hg_temporal_view *t)
     hg_motion_table_finish(&t->places);
     hg_free(t->motion);
     hg_free(t->pixels);
-    *t = (struct hg_temporal_view){.keeps_motion = t->keeps_motion};
+    *t = (struct hg_temporal_view){0};
 }
 
 void hg_temporal_view_forget(struct hg_temporal_view *t)
@@ -209,8 +209,6 @@ static enum hg_temporal_show shown(const struct hg_view_settings *s)
 static enum hg_status keep_motion(
     struct hg_temporal_view *t, const struct hg_temporal_picture *picture)
 {
-    if (!t->keeps_motion)
-        return HG_OK;
     hg_free(t->motion);
     t->motion = hg_calloc((size_t)picture->width * picture->height * 3, sizeof *t->motion);
     return t->motion != NULL ? hg_temporal_motion(picture, NULL, t->motion) : HG_E_NOMEM;
@@ -226,7 +224,8 @@ static enum hg_status resolve(
     if (matrices == NULL)
         return no_memory(err);
     fill_picture(view, draw, matrices, &picture);
-    enum hg_status status = keep_motion(t, &picture);
+    enum hg_status status =
+        view->context->overrides.keeps_motion ? keep_motion(t, &picture) : HG_OK;
     if (status == HG_OK)
         status = hg_temporal_resolve(
             t->history, view->context->jobs, &picture, shown(&view->settings), pixels, &t->stats);

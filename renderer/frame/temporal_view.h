@@ -26,8 +26,8 @@ struct hg_temporal_view {
     uint64_t scene;    // revision of the poses in it
     uint32_t moment;   // number of the newest picture, from 1
     struct hg_temporal_stats stats;
-    bool keeps_motion; // for tests
-    float *motion;     // vectors of the newest picture, as of hg_temporal_motion
+    float *motion; // vectors of the newest picture, as of hg_temporal_motion; NULL unless an
+                   // override keeps them
 };
 
 void hg_temporal_view_finish(struct hg_temporal_view *temporal); // accepts a zeroed one

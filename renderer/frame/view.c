@@ -77,6 +77,7 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
 {
     *view =
         (struct hg_view_state){.context = context, .formats = 1, .unlit.wait = HG_VIEW_UNLIT_AFTER};
+    view->history.wanted = context->overrides.keeps_history;
     const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_scene_gpu_ref(context, scene, &view->scene_gpu, err);
     if (status == HG_OK)

@@ -390,6 +390,11 @@ uint32_t hg_path_samples(const struct hg_path *p)
 void hg_path_get_stats(const struct hg_path *p, struct hg_path_stats *out)
 {
     *out = p != NULL ? p->stats : (struct hg_path_stats){0};
+    if (p == NULL)
+        return;
+    out->branch_bits = p->branch_bits;
+    if (p->scene.rays != NULL)
+        hg_trace_stats(hg_rays_trace(p->scene.rays), &out->structures);
 }
 
 enum hg_status hg_path_show(

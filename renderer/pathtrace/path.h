@@ -22,6 +22,7 @@
 #include "renderer/camera/camera.h"
 #include "renderer/passes/pass.h"
 #include "renderer/scene_gpu/scene_gpu.h"
+#include "renderer/trace/trace.h"
 
 #define HG_PATH_WAVE_TILES 512 // 2^17 paths, 26 MiB
 
@@ -194,6 +195,8 @@ struct hg_path_stats { // since the picture was begun
     // Embree alone on the same rays, where hg_debug_overrides.trace_raw asks for it: nearest hits,
     // and rays to lights.
     uint64_t raw_ns[2], raw_rays[2];
+    uint32_t branch_bits; // each path goes on in 2^branch_bits directions from what the camera sees
+    struct hg_trace_stats structures; // what its rays meet
 };
 void hg_path_get_stats(const struct hg_path *path, struct hg_path_stats *out); // NULL: zeros
 

@@ -17,9 +17,15 @@ struct hg_debug_overrides {
     bool table_addresses; // shaders reach every table by address, as on GPUs; same to one in 255
     enum hg_override unlit_tiles; // shading tiles that no light reaches without lights
     uint64_t path_slice_ns;       // length of a step of path tracing; 0 = that of pathtrace/path.c
+    uint32_t blend_first_nodes;   // of lists of blended surfaces; 0 = by the picture's size
+    uint32_t blend_most_nodes;    // of them, in one strip; 0 = that of frame/frame_blend.c
+    bool blend_lists;             // pictures in motion have them, too, however long they are
     // Pictures agree within their noise.
     uint32_t path_estimators; // HG_PATH_USE_* bits; 0 = all
     uint32_t path_branches;   // of each path at what the camera sees; 0 = chosen
+    // What is not kept otherwise: the frame before, though no pass reads it; motion vectors of
+    // pictures in motion (hg_view_report).
+    bool keeps_history, keeps_motion;
     // Statistics of paths have the time of Embree alone on the same rays, which takes as long
     // again.
     bool trace_raw;

@@ -47,6 +47,8 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
             close_view(s, view, request);
         else if (view && hg_session_view_merge(&view->params, packet) == HG_OK)
             view->accepted = true;
+    } else if (type == HGP_T_view_camera) {
+        hg_session_view_note_camera(s, packet);
     }
 }
 

@@ -12,9 +12,10 @@ static size_t packet_bytes(const struct hg_packet *packet)
     return HGP_HEADER_BYTES + packet->header.length;
 }
 
+// Cameras only where the client asks for it.
 static bool is_answered(const struct hg_request *request)
 {
-    return request->packet->header.type != HGP_T_view_camera;
+    return request->packet->header.type != HGP_T_view_camera || request->client_id != 0;
 }
 
 // Requests that render.
@@ -78,12 +79,7 @@ void hg_session_request_fail_all(struct hg_session *s, const struct hg_error *er
 static void settle_cameras(struct hg_session *s)
 {
     while (s->first && !is_answered(s->first) && s->first->sent) {
-        struct hg_reader r =
-            hg_reader_make(s->first->packet->payload, s->first->packet->header.length);
-        hg_read_u32(&r); // bitmap
-        struct hg_session_view *view = hg_session_view_find(s, hg_read_u32(&r));
-        if (view && hg_session_view_merge(&view->camera, s->first->packet))
-            hg_warn(SESSION, "no memory to remember a camera");
+        hg_session_view_note_camera(s, s->first->packet);
         hg_session_request_drop(s, s->first);
     }
 }
@@ -121,8 +117,7 @@ static void send_request(struct hg_session *s, struct hg_request *request)
 {
     struct hg_link *link = s->scene->link;
     uint16_t type = request->packet->header.type;
-    bool wants_id = is_answered(request) || request->client_id;
-    request->link_id = wants_id ? hg_link_next_id(link) : 0;
+    request->link_id = is_answered(request) ? hg_link_next_id(link) : 0;
     request->sent = true;
     struct hg_packet *packet = type == HGP_T_subscribe ? windowed_subscribe(s, request->packet)
                                                        : hg_packet_ref(request->packet);
@@ -162,7 +157,7 @@ static bool merge_camera(struct hg_session *s, struct hg_packet *packet)
 {
     struct hg_request *last = s->last;
     if (!last || is_answered(last) || last->packet->header.type != packet->header.type ||
-        last->client_id || packet->header.request || packet->header.length < 8 ||
+        packet->header.request || packet->header.length < 8 ||
         memcmp(last->packet->payload + 4, packet->payload + 4, 4) != 0)
         return false;
     size_t before = packet_bytes(last->packet);

@@ -1,6 +1,7 @@
 #include "server/broker/session_view.h"
 
 #include "base/alloc.h"
+#include "base/log.h"
 #include "protocol/view_params.h"
 
 struct hg_session_view *hg_session_view_find(struct hg_session *s, uint32_t number)
@@ -96,6 +97,15 @@ enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *
     hg_packet_unref(*into);
     *into = merged;
     return HG_OK;
+}
+
+void hg_session_view_note_camera(struct hg_session *s, struct hg_packet *packet)
+{
+    struct hg_reader r = hg_reader_make(packet->payload, packet->header.length);
+    hg_read_u32(&r); // bitmap
+    struct hg_session_view *view = hg_session_view_find(s, hg_read_u32(&r));
+    if (view && hg_session_view_merge(&view->camera, packet))
+        hg_warn(SESSION, "no memory to remember a camera");
 }
 
 void hg_session_view_reset(struct hg_session_view *view)

@@ -11,6 +11,8 @@ uint64_t hg_session_view_pixels(const struct hg_session *session); // of all vie
 enum hg_status hg_session_view_ask(
     struct hg_session *session, const struct hgp_view_set *m, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
+// A view_camera that took effect: a new worker gets it.
+void hg_session_view_note_camera(struct hg_session *session, struct hg_packet *packet);
 void hg_session_view_reset(struct hg_session_view *view); // as if the worker had never taken it
 void hg_session_view_remove(struct hg_session *session, struct hg_session_view *view);
 uint32_t hg_session_view_take_window(

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/alloc.h"
 #include "renderer/internal.h"
 #include "tests/analytic/rig.h"
 
@@ -340,6 +341,66 @@ static void test_same_bytes(void **state)
     rig_finish(&alone);
 }
 
+static bool probes_rest(const struct hg_view *view)
+{
+    struct hg_view_report report;
+    hg_view_get_report(view, &report);
+    return report.probes_at_rest;
+}
+
+static bool is_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
+{
+    return a->size == b->size && memcmp(a->data, b->data, a->size) == 0;
+}
+
+// An allocation fails where light begins to be gathered: the picture is that of the same level, of
+// a lower one, or an error.
+static void test_no_memory(void **state)
+{
+    enum { TRIES = 12, LEVELS = 3 };
+    static const enum hg_view_gi levels[LEVELS] = {HG_GI_RAYS, HG_GI_PROBES, HG_GI_NONE};
+    struct rig *rig = *state;
+    struct shot shot = inside;
+    shot.samples = 1;
+    struct hg_refbuf *want[LEVELS];
+    uint32_t found[LEVELS] = {0}, errors = 0;
+    for (int i = LEVELS; i-- > 0;) {
+        shot.gi = levels[i];
+        lamp_room(rig);
+        want[i] = take(rig, &shot);
+    }
+    for (int i = 0; i < TRIES; i++) {
+        struct hg_error err = {0};
+        struct hg_frame_info info = {0};
+        enum hg_status status = HG_OK;
+        lamp_room(rig);
+        struct hg_view *view = open_view(rig, &shot);
+        for (int k = 0; k < 4000 && !probes_rest(view); k++)
+            test_ok(hg_view_step(view, 8, &info, &err), &err);
+        hg_alloc_fail_at(1 + (uint64_t)i);
+        for (int k = 0; k < 4000 && !info.settled && status == HG_OK; k++)
+            status = hg_view_step(view, 8, &info, &err);
+        hg_alloc_fail_at(0);
+        if (status == HG_OK) {
+            struct hg_refbuf *got = read_floats(view);
+            int level = 0;
+            while (level < LEVELS && !is_same(got, want[level]))
+                level++;
+            assert_in_range(level, 0, LEVELS - 1);
+            found[level]++;
+            hg_refbuf_unref(got);
+        } else {
+            assert_int_equal(status, HG_E_NOMEM);
+            errors++;
+        }
+        hg_view_destroy(view);
+    }
+    print_message("rays %u, probes %u, none %u, errors %u\n", found[0], found[1], found[2], errors);
+    assert_true(found[1] > 0);
+    for (int i = 0; i < LEVELS; i++)
+        hg_refbuf_unref(want[i]);
+}
+
 // Light that is switched on is there within 15 pictures of a moving view, seen where the lamp's own
 // light does not come: the shadow of the block.
 static void test_lamp_switched(void **state)
@@ -404,6 +465,7 @@ int main(void)
         cmocka_unit_test(test_panel_room),
         cmocka_unit_test(test_wall),
         cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_no_memory),
         cmocka_unit_test(test_lamp_switched),
         cmocka_unit_test(test_none_is_as_before),
     };

@@ -485,12 +485,13 @@ static void test_preview(void **state)
     hg_view_set_final(view, false);
     for (int i = 0; i < 100000 && !info.settled; i++) {
         test_ok(hg_view_step(view, 1, &info, &err), &err);
-        struct hg_path_stats stepped, read;
-        hg_path_get_stats(view->state.path, &stepped);
+        struct hg_view_report stepped, read;
+        hg_view_get_report(view, &stepped);
         hg_refbuf_unref(pixels_of(view));
-        hg_path_get_stats(view->state.path, &read);
-        assert_memory_equal(&stepped, &read, sizeof read); // reading shows what a step made
-        assert_true(info.samples == 0 || read.denoise_ns > 0);
+        hg_view_get_report(view, &read);
+        assert_memory_equal(
+            &stepped.path, &read.path, sizeof read.path); // it shows what a step made
+        assert_true(info.samples == 0 || read.path.denoise_ns > 0);
     }
     struct hg_refbuf *seen = pixels_of(view), *unseen = picture(rig, 12, 5, HG_DENOISE_STILL);
     assert_memory_equal(seen->data, unseen->data, seen->size);

@@ -35,6 +35,13 @@ struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *para
     return view;
 }
 
+struct hg_view_report path_rig_report(const struct hg_view *view)
+{
+    struct hg_view_report report;
+    hg_view_get_report(view, &report);
+    return report;
+}
+
 static bool take_steps(struct hg_view *view, int steps)
 {
     struct hg_error err = {0};

@@ -8,6 +8,7 @@
 
 // A view of the scene as it stands now, that only settled pictures are wanted of.
 struct hg_view *path_rig_view(struct rig *rig, const struct hg_view_params *params);
+struct hg_view_report path_rig_report(const struct hg_view *view); // renderer/internal.h
 // Up is +y, or +z when looking straight up or down.
 void path_rig_look(struct hg_view *view, const float eye[3], const float target[3], float vfov_rad);
 void path_rig_set_camera(struct hg_view *view, const struct hg_view_camera *camera);

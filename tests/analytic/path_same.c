@@ -333,7 +333,7 @@ struct pass {
 static void open_pass(struct pass *pass, struct hg_view *beside)
 {
     struct hg_gpu *gpu = beside->renderer->context.gpu;
-    struct hg_rays *rays = beside->state.scene_gpu->rays;
+    struct hg_rays *rays = hg_view_rays(beside);
     const struct hg_rays_key key = hg_rays_default_key(rays, HG_TRACE_AUTO, true);
     struct hg_gpu_buffer *all[3] = {&pass->wave[0], &pass->wave[1], &pass->once};
     struct hg_error err = {0};

@@ -539,7 +539,7 @@ static uint32_t branches_of_floor(struct rig *rig, double height, double half_he
     struct hg_view *view = path_rig_view(rig, &params);
     path_rig_set_camera(view, &camera);
     path_rig_settle(view);
-    const uint32_t bits = view->state.path->branch_bits;
+    const uint32_t bits = path_rig_report(view).path.branch_bits;
     hg_view_destroy(view);
     return bits;
 }

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/pathtrace/path_state.h"
 #include "renderer/internal.h"
 #include "tests/analytic/path_rig.h"
 
@@ -114,7 +113,7 @@ static void test_before_background(void **state)
     struct hg_view *drawn = settled(rig, &params, &moving);
     params.mode = HG_MODE_PATH;
     struct hg_view *traced = settled(rig, &params, &moving);
-    assert_true(traced->state.path->branch_bits > 0);
+    assert_true(path_rig_report(traced).path.branch_bits > 0);
     expect_same(drawn, traced, planes);
     struct hg_refbuf *light = path_rig_plane(drawn, HG_PLANE_EMISSION);
     for (size_t i = 0; i < light->size / 4; i++) // of the environment, wherever it is seen
@@ -251,7 +250,7 @@ static void test_beside_shutter(void **state)
     path_rig_set_camera(view, &moving);
     while (!info.settled && steps < 10000) {
         test_ok(hg_view_step(view, 16, &info, &err), &err);
-        steps += view->state.path != NULL;
+        steps += path_rig_report(view).traces;
         test_ok(hg_view_step(other, 1, &none, &err), &err);
     }
     assert_true(info.settled && steps > 4);

@@ -38,6 +38,13 @@ is source given
 is eye "[1.0, 2.0, 3.0]"
 is target "[0.0, 0.5, 0.0]"
 
+# What the worker refuses is an error with a daemon, too.
+expect 2 "$helio" render "$startup" -o "$temp/b.png" --size 32x18 --mode path --samples 1 \
+    --lens-radius 0.1 --connect "$url"
+grep -q "focus_distance: a camera of the scene looks at no point" "$temp/out" ||
+    fail "$(cat "$temp/out")"
+[ ! -e "$temp/b.png" ] || fail "a refused camera gave a picture"
+
 {
     echo "set size 32x18"
     echo "set samples 1"

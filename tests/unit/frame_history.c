@@ -12,7 +12,7 @@ struct result { // as test_history.comp writes it
     uint32_t flags;
 };
 
-static struct hg_node *open_rig(struct rig *rig)
+static struct hg_node *open_rig(struct rig *rig, bool keeps_history)
 {
     static const float positions[] = {-1, -1, 0, 1, -1, 0, 1, 1, 0};
     static const float normals[] = {0, 0, 1, 0, 0, 1, 0, 0, 1};
@@ -21,6 +21,7 @@ static struct hg_node *open_rig(struct rig *rig)
     const struct hg_view_params view = {.width = SIDE_PX, .height = SIDE_PX, .samples = 1};
     *rig = (struct rig){0};
     test_ok(hg_renderer_create(&params, &rig->renderer, &rig->err), &rig->err);
+    rig->renderer->context.overrides.keeps_history = keeps_history;
     assert_int_equal(hg_scene_create(&rig->scene), HG_OK);
     struct hg_mesh *mesh = rig_add(rig->scene, HG_OBJECT_MESH, 1);
     rig_part(mesh, 3, positions, normals, 3, indices);
@@ -75,8 +76,7 @@ static void test_camera_and_pose(void **state)
     (void)state;
     struct rig rig;
     const float point[3] = {0, 0, 0};
-    struct hg_node *node = open_rig(&rig);
-    rig.view->state.history.wanted = true;
+    struct hg_node *node = open_rig(&rig, true);
     look(&rig, 0.0f);
     assert_int_equal(ask(&rig, point).flags, 0); // nothing was drawn
     rig_settle(&rig, 1);
@@ -94,7 +94,7 @@ static void test_camera_and_pose(void **state)
     const struct result now = ask(&rig, point);
     assert_true(now.clip[0] / now.clip[3] < -0.3f); // left of a camera at x = 1
     assert_float_equal(now.place[1], 0.25f, 1e-6f);
-    hg_frame_history_forget(&rig.view->state.history);
+    hg_view_forget_history(rig.view);
     assert_int_equal(ask(&rig, point).flags, 0);
     rig_close(&rig);
 }
@@ -104,11 +104,10 @@ static void test_not_wanted(void **state)
 {
     (void)state;
     struct rig rig;
-    open_rig(&rig);
+    open_rig(&rig, false);
     look(&rig, 0.0f);
     rig_settle(&rig, 1);
-    assert_null(rig.view->state.history.pose);
-    assert_false(rig.view->state.history.has_camera);
+    assert_false(hg_view_has_history(rig.view));
     rig_close(&rig);
 }
 

@@ -170,26 +170,28 @@ static void test_memory(void **state)
     make_sheets(sheets, SHEETS);
     rig_open(&rig, false);
     struct hg_refbuf *all = settled(&rig, sheets, 1);
-    assert_int_equal(rig.view->state.blend.strips, 1);
+    assert_int_equal(rig_report(&rig).blend.strips, 1);
     rig_close_scene(&rig);
+    struct hg_debug_overrides *over = &rig.renderer->context.overrides;
+    over->blend_most_nodes = 6000;
     open_view(&rig, sheets, 1, 4);
-    rig.view->state.blend.most_nodes = 6000;
     rig_settle(&rig, 4);
-    assert_true(rig.view->state.blend.strips > 4);
+    assert_true(rig_report(&rig).blend.strips > 4);
     struct hg_refbuf *strips = rig_pixels(&rig, HG_PIXEL_RGBA32F);
     rig_assert_same(all, strips);
     hg_refbuf_unref(strips);
     rig_close_scene(&rig);
+    over->blend_most_nodes = 0;
+    over->blend_first_nodes = 500;
     open_view(&rig, sheets, 1, 4);
-    rig.view->state.blend.nodes = 500; // to begin with
     rig_settle(&rig, 4);
-    assert_int_equal(rig.view->state.blend.strips, 1);
+    assert_int_equal(rig_report(&rig).blend.strips, 1);
     struct hg_refbuf *grown = rig_pixels(&rig, HG_PIXEL_RGBA32F);
     rig_assert_same(all, grown);
     hg_refbuf_unref(grown);
     rig_close_scene(&rig);
+    over->blend_most_nodes = 64; // too few for any strip: it settles all the same
     open_view(&rig, sheets, 1, 4);
-    rig.view->state.blend.most_nodes = 64; // too few for any strip: it settles all the same
     rig_settle(&rig, 4);
     hg_refbuf_unref(all);
     rig_close(&rig);
@@ -225,10 +227,10 @@ static void test_motion(void **state)
     rig_close_scene(&rig);
     open_view(&rig, sheets, 1, 4);
     struct hg_refbuf *lists = moved(&rig, 0.2f);
-    assert_int_equal(rig.view->state.blend.unseen, 0);
+    assert_int_equal(rig_report(&rig).blend.without_lists, 0);
     hg_refbuf_unref(moved(&rig, 0.1f));
     struct hg_refbuf *some = moved(&rig, 0.2f);
-    assert_int_equal(rig.view->state.blend.unseen, 2);
+    assert_int_equal(rig_report(&rig).blend.without_lists, 2);
     // Single pixels are one surface or another; the mean over the picture is that of blending.
     print_message("mean light %.4f, blended %.4f\n", mean_light(some), mean_light(lists));
     assert_memory_not_equal(lists->data, some->data, lists->size);
@@ -279,12 +281,11 @@ static void test_foliage(void **state)
     rig_step(&rig, 1);
     look_along_street(&rig, 9);
     rig_step(&rig, 1);
-    assert_true(rig.view->state.blend.unseen > 0);
+    assert_true(rig_report(&rig).blend.without_lists > 0);
     struct hg_refbuf *moves = rig_pixels(&rig, HG_PIXEL_RGBA8);
-    rig.view->state.blend.many = false;
+    rig.renderer->context.overrides.blend_lists = true;
     look_along_street(&rig, 8.5f);
     rig_step(&rig, 1);
-    rig.view->state.blend.many = false;
     look_along_street(&rig, 9);
     rig_step(&rig, 1);
     struct hg_refbuf *lists = rig_pixels(&rig, HG_PIXEL_RGBA8);

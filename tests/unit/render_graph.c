@@ -61,12 +61,12 @@ static void test_document(void **state)
     struct rig rig;
     struct hg_writer out = {0};
     open_rig(&rig);
-    if (!hg_gpu_get_caps(rig.view->state.context->gpu)->is_cpu) {
+    if (!hg_gpu_get_caps(rig.renderer->gpu)->is_cpu) {
         rig_close(&rig);
         skip(); // the document shows the passes of CPU devices
     }
     rig_step(&rig, 2);
-    hg_graph_print(rig.view->state.targets.graph, HG_GRAPH_MERMAID, &out);
+    hg_view_print_graph(rig.view, HG_GRAPH_MERMAID, &out);
     hg_write_u8(&out, 0);
     assert_false(out.failed);
     char *text = read_document();

@@ -13,7 +13,6 @@
 #include "base/spill.h"
 #include "renderer/bench/common.h"
 #include "renderer/bench/mesh.h"
-#include "renderer/pathtrace/path_state.h"
 #include "renderer/internal.h"
 #include "tests/support/folder.h"
 #include "tests/unit/render_rig.h"
@@ -136,8 +135,7 @@ static void see(struct rig *rig, int place, struct run *run)
     assert_int_equal(info.missing_clusters, 0);
     const enum hg_plane plane = run->mode == HG_MODE_PATH ? HG_PLANE_COLOR : HG_PLANE_ALBEDO;
     test_ok(hg_view_read_plane(rig->view, plane, &run->pictures[place], &rig->err), &rig->err);
-    struct hg_trace_stats stats;
-    hg_trace_stats(hg_rays_trace(rig->view->state.path->scene.rays), &stats);
+    const struct hg_trace_stats stats = rig_report(rig).path.structures;
     if (stats.peak_bytes > run->structure_bytes) {
         run->structure_bytes = stats.peak_bytes;
         run->structure_triangles = stats.triangles;

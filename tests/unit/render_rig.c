@@ -1,6 +1,7 @@
 #include "tests/unit/render_rig.h"
 
 #include "base/alloc.h"
+#include "renderer/internal.h"
 
 // --- the renderer and its view -------------------------------------------------------------------
 
@@ -204,4 +205,11 @@ void rig_close_scene(struct rig *rig)
     hg_scene_destroy(rig->scene);
     rig->view = NULL;
     rig->scene = NULL;
+}
+
+struct hg_view_report rig_report(const struct rig *rig)
+{
+    struct hg_view_report report;
+    hg_view_get_report(rig->view, &report);
+    return report;
 }

@@ -32,6 +32,7 @@ struct rig {
 // A renderer; no scene, no view.
 void rig_open_with(struct rig *rig, const struct hg_renderer_params *params);
 void rig_open(struct rig *rig, bool validation); // two threads
+struct hg_view_report rig_report(const struct rig *rig); // renderer/internal.h
 // Also that validation had nothing to say, where it is on.
 void rig_close(struct rig *rig);
 // A view of rig->scene.

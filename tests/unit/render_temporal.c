@@ -19,6 +19,7 @@ static void open_rig(struct rig *rig, unsigned threads)
         rig_open(rig, true);
     else
         rig_open_with(rig, &(struct hg_renderer_params){.threads = threads});
+    rig->renderer->context.overrides.keeps_motion = true;
     rig->scene = rig_new_scene();
     rig_environment(rig->scene, 0.05f, 0.1f, 0.3f);
 }
@@ -32,7 +33,6 @@ static void open_view(struct rig *rig, enum hg_view_temporal temporal)
         .tonemap = HG_TONEMAP_LINEAR};
     hg_scene_publish(rig->scene);
     rig_view(rig, &params);
-    rig->view->state.motion.temporal.keeps_motion = true;
 }
 
 static void look(struct rig *rig, float x, float y)
@@ -56,9 +56,8 @@ static float px_per_m(void)
 // Motion vectors in the middle of the picture.
 static void check_motion(struct rig *rig, float x, float y)
 {
-    const float *motion = rig->view->state.motion.temporal.motion;
     assert_int_equal(rig_step(rig, 1).phase, HG_VIEW_DIRECT);
-    motion = rig->view->state.motion.temporal.motion;
+    const float *motion = rig_report(rig).motion;
     assert_non_null(motion);
     for (int row = HEIGHT / 2 - 3; row < HEIGHT / 2 + 3; row++)
         for (int column = WIDTH / 2 - 3; column < WIDTH / 2 + 3; column++) {
@@ -105,7 +104,7 @@ static void test_node(void **state)
         touch(&rig, node);
         check_motion(&rig, 0, MOVE * px_per_m());
         // The wall behind it stands.
-        const float *wall = rig.view->state.motion.temporal.motion;
+        const float *wall = rig_report(&rig).motion;
         assert_float_equal(wall[0], 0, 0.02f);
         assert_float_equal(wall[1], 0, 0.02f);
     }
@@ -121,7 +120,7 @@ static void test_node(void **state)
 // Posed surfaces have no motion vectors, and take no history from what was there before.
 static void check_unknown(struct rig *rig)
 {
-    const float *motion = rig->view->state.motion.temporal.motion;
+    const float *motion = rig_report(rig).motion;
     for (int row = HEIGHT / 2 - 3; row < HEIGHT / 2 + 3; row++)
         for (int column = WIDTH / 2 - 3; column < WIDTH / 2 + 3; column++)
             assert_true(motion[3 * (row * WIDTH + column) + 2] == 0);
