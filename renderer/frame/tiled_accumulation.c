@@ -113,7 +113,7 @@ static VkRect2D drawn_rect(const struct hg_view_settings *settings)
     return (VkRect2D){{(int32_t)x, (int32_t)y}, {right - x, bottom - y}};
 }
 
-// All pixels have `samples` samples (0 or 1); 0: what is shown becomes the fallback.
+// All pixels have `samples` samples; 0: what is shown becomes the fallback.
 static enum hg_status start_exact(
     const struct hg_draw *draw, uint32_t samples, struct hg_error *err)
 {
@@ -221,7 +221,9 @@ enum hg_status hg_tiled_accumulation_shown(const struct hg_draw *draw, struct hg
         s->phase = s->shortfall != 0 ? HG_VIEW_PROVISIONAL : HG_VIEW_ACCUMULATING;
     const bool more = s->samples < draw->request->samples;
     const bool counts = s->pages.on && draw->request->settings->debug == 0;
-    return s->phase == HG_VIEW_ACCUMULATING && more && counts ? start_exact(draw, 1, err) : HG_OK;
+    // More than one, if textures of another scene came into the cache in the meantime.
+    return s->phase == HG_VIEW_ACCUMULATING && more && counts ? start_exact(draw, s->samples, err)
+                                                              : HG_OK;
 }
 
 // --- drawing -------------------------------------------------------------------------------------

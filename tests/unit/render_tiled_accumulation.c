@@ -167,6 +167,53 @@ static void test_budgets_do_not_show(void **state)
     }
 }
 
+// Textures of another scene that come into the cache while samples without textures are added up:
+// the pixels that are counted from then on have those samples.
+static void test_another_scene_comes(void **state)
+{
+    (void)state;
+    const float grey[4] = {0.5f, 0.5f, 0.5f, 1};
+    const struct hg_view_params params = {
+        .width = VIEW_PX, .height = VIEW_PX, .samples = 16, .seed = 5};
+    struct rig rig;
+    open_rig(&rig, LEAST); // of which the other scene's textures need twelve times as much
+    struct hg_scene *textured = rig.scene;
+    struct hg_refbuf *pictures[2];
+    hg_view_destroy(rig.view);
+    for (int comes = 0; comes < 2; comes++) {
+        struct hg_view *other = NULL;
+        struct hg_frame_info info = {0};
+        struct hg_scene *plain = rig_new_scene();
+        rig_quad(plain, 1, 1, 0, grey);
+        rig_sun(plain, 500, -0.3f, 0.9539392f);
+        rig_environment(plain, 0.5f, 0, 0);
+        hg_scene_publish(plain);
+        rig.scene = plain;
+        rig_view(&rig, &params);
+        look(&rig, 0, 6.5f);
+        for (int i = 0; i < 100 && info.samples < 4; i++)
+            info = rig_step(&rig, 4);
+        assert_in_range(info.samples, 4, 15);
+        if (comes) {
+            assert_true(hg_page_cache_is_complete(rig.renderer->context.pages));
+            test_ok(hg_view_create(rig.renderer, textured, &other, &rig.err), &rig.err);
+            test_ok(hg_view_set_params(other, &params, &rig.err), &rig.err);
+            struct hg_frame_info first;
+            test_ok(hg_view_step(other, 1, &first, &rig.err), &rig.err);
+            assert_false(hg_page_cache_is_complete(rig.renderer->context.pages));
+        }
+        settle(&rig, 4);
+        pictures[comes] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        hg_view_destroy(other);
+        rig_close_scene(&rig);
+    }
+    rig_assert_same(pictures[0], pictures[1]);
+    hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
+    rig.scene = textured;
+    rig_close(&rig);
+}
+
 // Nor does the budget show through glass, where each pixel may show what lies in another part.
 static void test_budgets_behind_glass(void **state)
 {
@@ -411,10 +458,10 @@ int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
-        cmocka_unit_test(test_budgets_behind_glass), cmocka_unit_test(test_history_does_not_show),
-        cmocka_unit_test(test_missing_is_told), cmocka_unit_test(test_bias_settles),
-        cmocka_unit_test(test_finding_does_not_show), cmocka_unit_test(test_final_is_drawn_once),
-        cmocka_unit_test(test_final_no_longer), cmocka_unit_test(test_prediction),
-        cmocka_unit_test(test_looking_ahead)};
+        cmocka_unit_test(test_another_scene_comes), cmocka_unit_test(test_budgets_behind_glass),
+        cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_missing_is_told),
+        cmocka_unit_test(test_bias_settles), cmocka_unit_test(test_finding_does_not_show),
+        cmocka_unit_test(test_final_is_drawn_once), cmocka_unit_test(test_final_no_longer),
+        cmocka_unit_test(test_prediction), cmocka_unit_test(test_looking_ahead)};
     return cmocka_run_group_tests(tests, set_up, finish);
 }
