@@ -343,8 +343,8 @@ enum hg_status hg_gpu_cmd_pipeline(struct hg_gpu_cmd *cmd,
 VkPipelineLayout hg_gpu_pipeline_layout(const struct hg_gpu *gpu);
 // Number of pipelines made so far.
 uint32_t hg_gpu_pipeline_count(const struct hg_gpu *gpu);
-// Writes the driver's pipeline cache to cache_dir when pipelines were made since the last call (no-op on
-// drivers with their own).
+// Writes the driver's pipeline cache to cache_dir when pipelines were made since the last call
+// (no-op on drivers with their own).
 enum hg_status hg_gpu_save_pipeline_cache(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -157,7 +157,8 @@ static void test_colour_and_alpha(void **state)
     struct hg_refbuf *image = rig_pixels(&rig, HG_PIXEL_RGBA8);
     const int bytes[4] = {188, 255, 255, 128}; // 0.5 encoded is 187.5, and alpha 127.5
     for (int i = 0; i < 4; i++)
-        assert_in_range(image->data[4 * (16 * 32 + 16) + i], bytes[i] - (i == 0 || i == 3), bytes[i]);
+        assert_in_range(
+            image->data[4 * (16 * 32 + 16) + i], bytes[i] - (i == 0 || i == 3), bytes[i]);
     hg_refbuf_unref(image);
     struct hg_refbuf *deep = rig_pixels(&rig, HG_PIXEL_RGBA16);
     uint16_t words[4];
