@@ -391,7 +391,8 @@ static void test_like_a_sampler(void **state)
         // Nearest filters may choose the neighbour where a place lies on the border of two texels
         // or two mips to the last bit; GPUs filter with weights of 8 bits and a level of their own
         // (H200: 5 of 8,192 above, by 0.009 at most).
-        assert_true(d.above <= PLACES / 500);
+        const bool is_cpu = hg_gpu_get_caps(f->gpu)->is_cpu;
+        assert_true(d.above <= (nearest || !is_cpu ? PLACES / 500 : 0));
         assert_true(nearest || d.max <= 12.0f / 256.0f);
         assert_true(d.mean < 0.002);
     }
