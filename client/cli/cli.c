@@ -127,7 +127,8 @@ enum hg_cli_exit hg_cli_report(
             &cli->progress, "--asset-root DIR lets the private worker read further folders");
     const bool missing = err->status == HG_E_PERM || err->status == HG_E_NOTFOUND;
     if (cli && cli->h && !cli->embedded && doing == HG_CLI_DOING_INPUT && missing &&
-        !cli->options->upload && access(err->what, R_OK) == 0)
+        cli->options->command == HG_CLI_RENDER && !cli->options->upload &&
+        access(err->what, R_OK) == 0)
         hg_cli_progress_say(&cli->progress,
             "%s is a file of this machine; --upload sends it to the daemon", err->what);
     if (cli && cli->h) { // a connection that broke is not the input's fault

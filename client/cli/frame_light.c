@@ -60,7 +60,7 @@ void hg_cli_render_say_fill(struct hg_cli_render *r)
     if (chosen || r->loaded.lights == 0 || o->progress)
         return;
     hg_cli_progress_say(&r->cli.progress,
-        "the scene has %u lights and no environment: the built-in sky fills in, two stops under "
-        "them; --env none leaves it out",
-        r->loaded.lights);
+        "the scene has %u light%s and no environment: the built-in sky fills in, two stops under "
+        "%s; --env none leaves it out",
+        r->loaded.lights, r->loaded.lights == 1 ? "" : "s", r->loaded.lights == 1 ? "it" : "them");
 }

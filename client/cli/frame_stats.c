@@ -37,9 +37,8 @@ json_t *hg_cli_frame_json(const struct hgp_frame *frame, const char *name, uint6
         (double)total_ns / 1e6, "stages", stages);
     if (!o)
         return NULL;
-    if (frame->has_mode)
-        json_object_set_new(
-            o, "mode", json_string(frame->mode == HGP_render_mode_PATH ? "path" : "realtime"));
+    const bool path = frame->has_mode && frame->mode == HGP_render_mode_PATH;
+    json_object_set_new(o, "mode", json_string(path ? "path" : "realtime"));
     if (frame->has_noise)
         json_object_set_new(o, "noise", json_real((double)frame->noise));
     if (frame->has_exposure_ev)

@@ -334,8 +334,9 @@ void hg_cli_render_summary(struct hg_cli_render *r)
         if (p->outputs.skipped)
             hg_cli_progress_say(p, "%s was there already", r->output);
         else
-            hg_cli_progress_say(
-                p, "wrote %s (%u x %u) in %s", r->output, r->size.width, r->size.height, took);
+            hg_cli_progress_say(p, "wrote %s (%u x %u) in %s", r->output,
+                r->o->has_region ? r->o->region.width : r->size.width,
+                r->o->has_region ? r->o->region.height : r->size.height, took);
         return;
     }
     hg_cli_frame_file(r, hg_cli_frame_at(r, 0), first, sizeof first);

@@ -104,7 +104,7 @@ static const struct hg_cli_option_row *next_option(struct option_walk *w)
 
 static void print_option(FILE *out, const struct hg_cli_option_row *row)
 {
-    char left[80], letter[8] = "    ", choices[HG_CLI_CHOICES_BYTES];
+    char left[HG_CLI_CHOICES_BYTES + 64], letter[8] = "    ", choices[HG_CLI_CHOICES_BYTES];
     char text[HG_CLI_OPTION_TEXT_BYTES];
     if (row->letter)
         snprintf(letter, sizeof letter, "-%c, ", row->letter);

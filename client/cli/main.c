@@ -51,6 +51,40 @@ static void open_streams(void)
         close(fd);
 }
 
+// A command line that is wrong has no options yet, but what reads JSON has asked for it.
+static const char *progress_of(int argc, char **argv)
+{
+    const char *mode = "none";
+    for (int i = 1; i < argc; i++) {
+        if (strcmp(argv[i], "--progress=json") == 0 ||
+            (strcmp(argv[i], "--progress") == 0 && i + 1 < argc &&
+                strcmp(argv[i + 1], "json") == 0))
+            mode = "json";
+    }
+    return mode;
+}
+
+static int refuse(int argc, char **argv, const struct hg_error *err)
+{
+    struct hg_cli cli = {0};
+    hg_cli_progress_init(&cli.progress, progress_of(argc, argv));
+    const enum hg_cli_exit code = hg_cli_report(&cli, HG_CLI_DOING_ARGUMENTS, err);
+    if (strcmp(err->what, "--time") == 0)
+        hg_cli_progress_say(
+            &cli.progress, "--time limits the rendering; --at S poses the animations");
+    hg_cli_progress_end(&cli.progress, (int)code);
+    return code;
+}
+
+// helio help COMMAND; -1: it is another command line.
+static int help_command(int argc, char **argv)
+{
+    for (int i = 0; argc == 3 && strcmp(argv[1], "help") == 0 && i < HG_CLI_COMMAND_COUNT; i++)
+        if (strcmp(argv[2], hg_cli_commands[i].name) == 0)
+            return hg_cli_help_command(stdout, &hg_cli_commands[i]), HG_CLI_EXIT_OK;
+    return -1;
+}
+
 int main(int argc, char **argv)
 {
     open_streams();
@@ -63,12 +97,11 @@ int main(int argc, char **argv)
         return generate(argv[2]);
     static struct hg_cli_options options;
     struct hg_error err = {0};
-    if (hg_cli_parse(argc, (const char *const *)argv, &options, &err)) {
-        enum hg_cli_exit code = hg_cli_report(NULL, HG_CLI_DOING_ARGUMENTS, &err);
-        if (strcmp(err.what, "--time") == 0)
-            fprintf(stderr, "helio: --time limits the rendering; --at S poses the animations\n");
-        return code;
-    }
+    const int helped = help_command(argc, argv);
+    if (helped >= 0)
+        return helped;
+    if (hg_cli_parse(argc, (const char *const *)argv, &options, &err))
+        return refuse(argc, argv, &err);
     int index = __builtin_ctz((unsigned)options.command);
     if (options.help)
         return hg_cli_help_command(stdout, &hg_cli_commands[index]), HG_CLI_EXIT_OK;

@@ -149,8 +149,12 @@ enum hg_status hg_cli_parse_size(
 // #rgb, #rrggbb or a name, as a linear colour.
 static bool parse_display_color(const char *text, double out[3])
 {
-    static const char *const names[][2] = {
-        {"white", "#ffffff"}, {"black", "#000000"}, {"grey", "#808080"}, {"gray", "#808080"}};
+    static const char *const names[][2] = {// the basic colours of CSS
+        {"white", "#ffffff"}, {"silver", "#c0c0c0"}, {"grey", "#808080"}, {"gray", "#808080"},
+        {"black", "#000000"}, {"red", "#ff0000"}, {"maroon", "#800000"}, {"yellow", "#ffff00"},
+        {"olive", "#808000"}, {"lime", "#00ff00"}, {"green", "#008000"}, {"aqua", "#00ffff"},
+        {"teal", "#008080"}, {"blue", "#0000ff"}, {"navy", "#000080"}, {"fuchsia", "#ff00ff"},
+        {"purple", "#800080"}};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (strcmp(text, names[i][0]) == 0)
             text = names[i][1];
@@ -210,7 +214,9 @@ enum hg_status hg_cli_parse_background(
         return HG_OK;
     *out = (struct hg_cli_background){0};
     return hg_error_set(err, HG_E_INVAL, what, NULL,
-        "'%s' is not env, none, blur, #rrggbb, white, black, grey or three linear components R,G,B",
+        "'%s' is not env, none, blur, #rrggbb, a basic colour of CSS such as white or teal, or "
+        "three "
+        "linear components R,G,B",
         text);
 }
 
@@ -419,6 +425,8 @@ static enum hg_status refuse_option(uint32_t command, const char *word, struct h
 static enum hg_status refuse_command(const char *word, struct hg_error *err)
 {
     struct hg_suggestion near = hg_suggest_begin(word, strlen(word));
+    if (word[0] == '-')
+        hg_suggest_offer_choices(&near, "--help|--version");
     for (int i = 0; i < HG_CLI_COMMAND_COUNT; i++)
         hg_suggest_offer(&near, hg_cli_commands[i].name, strlen(hg_cli_commands[i].name));
     if (near.word[0])

@@ -128,7 +128,7 @@ enum hg_status hg_cli_parse_up(
     const char *option, const char *text, enum hgp_up_axis *up, struct hg_error *err)
 {
     for (size_t i = 0; i < sizeof up_names / sizeof *up_names; i++)
-        if (strcasecmp(text, up_names[i]) == 0) {
+        if (strcasecmp(text, up_names[i] + (up_names[i][0] == '+' && text[0] != '+')) == 0) {
             *up = (enum hgp_up_axis)i;
             return HG_OK;
         }

@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "client/cli/render.h"
 #include "client/cli/script_words.h"
+#include "client/cli/suggest.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -303,7 +304,11 @@ static enum hg_status parse_words(struct hg_words *w, struct hg_cli_step *s, str
             return status;
         return hg_words_error(err, "'%s' is one word too many", w->at[w->next]);
     }
-    return hg_words_error(err, "unknown command '%s'", w->at[0]);
+    struct hg_suggestion near = hg_suggest_begin(w->at[0], strlen(w->at[0]));
+    for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++)
+        hg_suggest_offer(&near, verbs[i].verb, strlen(verbs[i].verb));
+    return hg_words_error(err, "unknown command '%s'%s%s%s", w->at[0],
+        near.word[0] ? "; did you mean " : "", near.word, near.word[0] ? "?" : "");
 }
 
 enum { INCLUDES_MOST = 16, INCLUDED_BYTES_MOST = 64 * 1024 * 1024 };

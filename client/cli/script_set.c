@@ -4,6 +4,7 @@
 #include "client/cli/render.h"
 #include "client/cli/script.h"
 #include "client/cli/script_words.h"
+#include "client/cli/suggest.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -228,6 +229,12 @@ static enum hg_status follow_planes(
     return HG_OK;
 }
 
+static void offer(struct hg_suggestion *near, const char *word)
+{
+    if (word)
+        hg_suggest_offer(near, word, strlen(word));
+}
+
 enum hg_status hg_script_parse_set(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     static const struct {
@@ -253,5 +260,11 @@ enum hg_status hg_script_parse_set(struct hg_words *w, struct hg_cli_step *s, st
     }
     if (w->next == w->count)
         return hg_words_error(err, "what to set is missing");
-    return hg_words_error(err, "'%s' cannot be set", w->at[w->next]);
+    struct hg_suggestion near = hg_suggest_begin(word, strlen(word));
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        offer(&near, keys[i].key);
+    for (uint32_t i = 0; i < HGP_VIEW_PARAM_COUNT; i++)
+        offer(&near, hgp_view_param_word(&hgp_view_params[i]));
+    return hg_words_error(err, "'%s' cannot be set%s%s%s", word,
+        near.word[0] ? "; did you mean " : "", near.word, near.word[0] ? "?" : "");
 }

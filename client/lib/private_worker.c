@@ -92,8 +92,11 @@ enum hg_status hg_client_worker_start(
     if (failed) {
         close(pair[0]);
         *pid = 0;
-        return hg_error_set(
-            err, HG_E_WORKER, path, NULL, "cannot start the worker: %s", strerror(failed));
+        // A program that is not there, or none, will not be there the next time.
+        const bool permanent =
+            failed == ENOENT || failed == EACCES || failed == ENOEXEC || failed == ENOTDIR;
+        return hg_error_set(err, permanent ? HG_E_UNSUPPORTED : HG_E_WORKER, path, NULL,
+            "cannot start the worker: %s", strerror(failed));
     }
     *fd = pair[0];
     return HG_OK;

@@ -17,10 +17,8 @@ async function* messages() {
     for await (const piece of socket) {
         bytes = Buffer.concat([bytes, piece]);
         while (bytes.length >= hgp.HEADER_BYTES) {
-            const { length, type, request } = hgp.decodeHeader(bytes, 2 ** 30);
-            const end = hgp.HEADER_BYTES + length;
-            if (bytes.length < end)
-                break;
+            const { length, type, request } = hgp.decodeHeader(bytes, 2 ** 30), end = hgp.HEADER_BYTES + length;
+            if (bytes.length < end) break;
             const body = hgp.decode(1, type, bytes.subarray(hgp.HEADER_BYTES, end));
             bytes = bytes.subarray(end);
             yield { name: hgp.findMessage(type).name, request, body };
@@ -35,17 +33,14 @@ async function call(name, message) {
     socket.write(hgp.encode(1, name, message, { request: ++requests }));
     for (;;) {
         const { value: answer } = await incoming.next();
-        if (!answer || answer.name === "error")
-            throw new Error(answer ? `${answer.body.what}: ${answer.body.reason}` : "closed");
-        if (answer.name !== "progress" && answer.name !== "notice")
-            return answer.body;
+        if (!answer) throw new Error("closed");
+        if (answer.name === "error") throw new Error(`${answer.body.what}: ${answer.body.reason}`);
+        if (answer.name !== "progress" && answer.name !== "notice") return answer.body;
     }
 }
 
-const welcome = await call("hello",
-    { version_min: 1, version_max: 1, client: "example/1.0", capabilities: [] });
-if (welcome.auth_required)
-    await call("auth", { token: process.env.HELIO_TOKEN });
+const welcome = await call("hello", { version_min: 1, version_max: 1, client: "example/1.0", capabilities: [] });
+if (welcome.auth_required) await call("auth", { token: process.env.HELIO_TOKEN });
 const { first_id } = await call("scene_open", { name: "" });
 await call("asset_load", { asset: first_id, path: scene, files: [] });
 await call("view_set", { view: 1, width: 640, height: 360 });

@@ -17,6 +17,10 @@
 #define NOMINAL_STOPS    1.0  // see hg_exposure_of_light
 #define FULL_STOPS       2.0
 #define STEPS_PER_STOP   32.0
+// Below the light of the sun: open shade has about 2.2 stops less than what the sun lights, rooms
+// more.
+#define SHADE_STOPS  3.0
+#define INDOOR_STOPS 5.0
 
 // --- histogram -----------------------------------------------------------------------------------
 
@@ -87,6 +91,16 @@ static double emitted_light(double emitted, double albedo)
     return emitted / (albedo < LEAST_ALBEDO ? 1.0 : albedo);
 }
 
+// Light that a picture is exposed for: the sun's, down to open shade, and what was metered indoors.
+static double exposed_for(double stops, double sun_stops)
+{
+    if (!(stops < sun_stops))
+        return stops;
+    const double above = stops - (sun_stops - INDOOR_STOPS);
+    const double share = fmin(fmax(above / (INDOOR_STOPS - SHADE_STOPS), 0.0), 1.0);
+    return stops + share * (sun_stops - stops);
+}
+
 float hg_exposure_of_picture(const struct hg_exposure_picture *picture)
 {
     struct hg_exposure_histogram reflecting = {0}, emitting = {0};
@@ -107,6 +121,6 @@ float hg_exposure_of_picture(const struct hg_exposure_picture *picture)
     const double all = reflecting.total + emitting.total;
     const bool reflects = reflecting.total >= LEAST_REFLECTING * all;
     if ((reflects && find_light(&reflecting, &stops)) || find_light(&emitting, &stops))
-        return hg_exposure_of_light(stops);
+        return hg_exposure_of_light(exposed_for(stops, picture->sun_stops));
     return 0.0f;
 }

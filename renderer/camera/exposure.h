@@ -53,9 +53,13 @@ struct hg_exposure_picture {
     const float *color;    // [4]: radiance and coverage by geometry; the background is left out
     const float *albedo;   // [3]: base colour times coverage
     const float *emission; // [3]: the part of `color` that surfaces emit
+    double
+        sun_stops; // light on what faces the sun of a sky, above the nominal one; -INFINITY: none
 };
-// Stops; 0 where there is nothing to meter: no geometry, no light.
-// Surfaces that emit more than they reflect count only where there are hardly any others.
+// Stops; 0 where there is nothing to meter: no geometry, no light. Under a sky with a sun, a view
+// of what lies in open shade is exposed for the sun, as a view from the other side is; one from
+// indoors is not. Surfaces that emit more than they reflect count only where there are hardly any
+// others.
 float hg_exposure_of_picture(const struct hg_exposure_picture *picture);
 
 #endif

@@ -7,6 +7,8 @@
 #include "base/log.h"
 #include "renderer/camera/exposure.h"
 #include "renderer/frame/path_view.h"
+#include "renderer/light/env/sky.h"
+#include "renderer/light/lights.h"
 
 #define PLANE_COLOR    0u // enum hg_plane of renderer.h
 #define PLANE_ALBEDO   1u
@@ -110,6 +112,13 @@ static void take_means(float *pixels, const struct hg_view_settings *s, uint32_t
     }
 }
 
+// Light of the sky's sun, stops; the path tracer has the scene updated.
+static double sun_stops(const struct hg_scene *scene)
+{
+    return log2(
+        (double)hg_sky_sun_luminance(&scene->environment, hg_scene_has_directional_light(scene)));
+}
+
 static enum hg_status read_value(struct hg_view_state *view, float *ev, struct hg_error *err)
 {
     static const struct {
@@ -127,7 +136,8 @@ static enum hg_status read_value(struct hg_view_state *view, float *ev, struct h
             .pixels = s->width * s->height / (HG_METER_SPLIT * HG_METER_SPLIT),
             .color = (const float *)(const void *)read[0]->data,
             .albedo = (const float *)(const void *)read[1]->data,
-            .emission = (const float *)(const void *)read[2]->data};
+            .emission = (const float *)(const void *)read[2]->data,
+            .sun_stops = sun_stops(view->scene_gpu->scene)};
         *ev = hg_exposure_of_picture(&picture);
     }
     for (int i = 0; i < 3; i++)

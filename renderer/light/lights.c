@@ -97,6 +97,18 @@ enum hg_status hg_light_set_collect(
     return HG_OK;
 }
 
+bool hg_scene_has_directional_light(const struct hg_scene *scene)
+{
+    const struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
+    for (uint32_t i = 0; i < nodes->count; i++) {
+        const struct hg_node *node = (const struct hg_node *)nodes->items[i];
+        if (node->light && node->world_visible && !is_dark(node->light) &&
+            light_group(node->light) == GROUP_DIRECTIONAL)
+            return true;
+    }
+    return false;
+}
+
 enum hg_status hg_light_set_add_sun(
     struct hg_light_set *set, const float illuminance[3], const float towards_ws[3])
 {

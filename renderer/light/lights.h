@@ -20,6 +20,8 @@ struct hg_light_set {
 // HG_SHADOW_NONE. Source: KHR_lights_punctual (units, cone, range). HG_E_NOMEM.
 enum hg_status hg_light_set_collect(
     struct hg_light_set *set, const struct hg_scene *scene, const double origin[3]) HG_MUST_CHECK;
+// Whether the set of a scene has directional lights. hg_scene_update was called.
+bool hg_scene_has_directional_light(const struct hg_scene *scene);
 // Adds a directional light that no node has, in front of all others: it casts shadows, and its node
 // is NULL. illuminance: lux on a surface that faces it. HG_E_NOMEM.
 enum hg_status hg_light_set_add_sun(

@@ -86,6 +86,7 @@ static enum hg_up_axis axis_of_exporter(const char *format, const struct hg_refb
 
 // Modellers put a thing on the ground around the origin: it stands on z = 0, has some height, and
 // the origin lies well inside of its other extents. A thing that is modelled Y-up has y = 0 there.
+// CAD programs also put its corner there, and are Z-up.
 static bool stands_on_z(const struct hg_asset *asset)
 {
     float min[3], max[3];
@@ -93,10 +94,13 @@ static bool stands_on_z(const struct hg_asset *asset)
         return false;
     const float extent[3] = {max[0] - min[0], max[1] - min[1], max[2] - min[2]};
     const float across = fmaxf(extent[0], extent[1]);
-    for (int i = 0; i < 2; i++)
-        if (!(min[i] < -0.1f * extent[i] && max[i] > 0.1f * extent[i]))
-            return false;
-    return fabsf(min[2]) <= 1e-3f * extent[2] && extent[2] >= 0.1f * across;
+    int around = 0, corner = 0;
+    for (int i = 0; i < 2; i++) {
+        around += min[i] < -0.1f * extent[i] && max[i] > 0.1f * extent[i];
+        corner += fabsf(min[i]) <= 1e-3f * extent[i];
+    }
+    return (around == 2 || corner == 2) && fabsf(min[2]) <= 1e-3f * extent[2] &&
+           extent[2] >= 0.1f * across;
 }
 
 // Coordinates of a map: metres east and north in the hundred thousands, heights above the sea.

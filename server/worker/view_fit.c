@@ -99,6 +99,16 @@ static const struct hg_node *find_camera(
     return NULL;
 }
 
+void hg_view_fit_note_blind(const struct request *r, const struct view_slot *view, uint64_t id)
+{
+    const struct hg_scene *scene = r->session->scene->scene;
+    const struct hg_node *node = (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, id);
+    const char *fault =
+        node && node->camera ? hg_extent_camera_fault(scene, node, aspect_of(view)) : NULL;
+    if (fault && r->to.request)
+        send_blind(r, node, fault);
+}
+
 void hg_view_fit_describe(const struct hg_node *node, struct hgp_view_fitted *out)
 {
     const struct hg_camera *c = node->camera;

@@ -14,6 +14,11 @@ void hg_handle_view_fit(const struct request *r);
 void hg_view_fit_fill(
     const struct session *session, const struct view_slot *view, struct hg_view_camera *camera);
 
+// Tells the client of a request that a camera of the scene, which it has chosen, sees no geometry.
+// The scene has been updated.
+void hg_view_fit_note_blind(
+    const struct request *r, const struct view_slot *view, uint64_t camera_node);
+
 // A camera of the scene as view_fitted has it. The scene has been updated; out->revision stays.
 void hg_view_fit_describe(const struct hg_node *node, struct hgp_view_fitted *out);
 

@@ -141,6 +141,8 @@ void hg_handle_view_camera(const struct request *r)
         hg_reply_error(r->to, &err);
         return;
     }
+    if (node)
+        hg_view_fit_note_blind(r, view, node);
     view->settings.camera = camera;
     view->settings.camera_node = node;
     view->settings.camera_given = true;

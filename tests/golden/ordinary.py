@@ -37,11 +37,15 @@ SCENES = {
     "cube.obj": {}, "cube.ply": {}, "cube.stl": {}, "cube.glb": {},
     "tower.stl": {"upright"}, "tower_text.stl": {"upright"}, "tower.obj": {"upright"},
     "tower.dae": {"upright"},
-    "cloud.ply": {}, "room.obj": {}, "tiny.obj": {}, "huge.obj": {}, "far.obj": {}, "far.ply": {},
+    "tower_corner.obj": {"upright"}, "behind.glb": {},
+    "cloud.ply": {}, "cloud.obj": {}, "cloud.glb": {}, "room.obj": {}, "tiny.obj": {}, "huge.obj": {}, "far.obj": {}, "far.ply": {},
     "smooth.obj": {}, "transparency.dae": {}, "wide.dae": {},
 }
+# Of the side that the sun of the sky does not reach.
+ARGUMENTS = {"behind.glb": ["--view", "150,20"]}
 # What the same scene looks like from different formats: as this file, within FLIP.
-ALIKE = {"blender.dae": ("blender.glb", 0.04), "wide.dae": ("blender.dae", 0.001),
+ALIKE = {"blender.dae": ("blender.glb", 0.04), "blender.fbx": ("blender.glb", 0.06),
+         "cloud.obj": ("cloud.ply", 0.02), "cloud.glb": ("cloud.ply", 0.05), "wide.dae": ("blender.dae", 0.001),
          "tower_text.stl": ("tower.stl", 0.001), "cube.ply": ("cube.stl", 0.02),
          "far.obj": ("cube.obj", 0.02), "far.ply": ("cube.ply", 0.02), "tiny.obj": ("cube.obj", 0.02),
          "huge.obj": ("cube.obj", 0.02)}
@@ -155,7 +159,7 @@ class Test:
 
     def render(self, name):
         return self.run("render", os.path.join(self.scenes, name), "-o", self.path(name, ".png"),
-                        "--size", SIZE, "--device", "llvmpipe", "--progress", "none",
+                        *ARGUMENTS.get(name, ()), "--size", SIZE, "--device", "llvmpipe", "--progress", "none",
                         "--cache-dir", os.path.join(self.options.out, "cache"))
 
     def draw_masks(self, names):
@@ -165,7 +169,7 @@ class Test:
             for name in names:
                 file.write("\n".join((
                     "scene " + name, "load " + os.path.join(self.scenes, name), "set size " + SIZE,
-                    "set background none", "set samples 4", "frame " + self.path(name, ".mask.png"), "")))
+                    *(["camera fit view " + ARGUMENTS[name][1]] if name in ARGUMENTS else []), "set background none", "set samples 4", "frame " + self.path(name, ".mask.png"), "")))
         cache = os.path.join(self.options.out, "cache")
         with daemon(self.options.helio, [self.scenes], cache, "llvmpipe") as url:
             code, text = self.run("run", script, "--connect", url, pictures=len(names))

@@ -221,6 +221,13 @@ def write_dae(path, points, faces, scene=True, transparency="", encoding="utf-8"
     write_text(path, text, encoding)
 
 
+def fbx_rotation(eye, target):
+    """Degrees about x, then y, then z, of an FBX camera, which looks along its +x, y up, in a z-up file."""
+    m = look_at_z_up(eye, target)
+    x, y, z = [-c for c in m[8:11]], m[4:7], m[0:3]  # columns
+    return [math.degrees(a) for a in (math.atan2(y[2], z[2]), math.asin(-x[2]), math.atan2(x[1], x[0]))]
+
+
 def write_fbx(path, points, faces):
     """ASCII FBX 7.4, z up, in centimetres as its unit says; the lamp as Blender writes it (W x 100)."""
     flat = [c for f in faces for c in (*f[:-1], -f[-1] - 1)]
@@ -272,6 +279,24 @@ Objects:  {
 		}
 		TypeFlags: "Light"
 	}
+	Model: 2002, "Model::Camera", "Camera" {
+		Version: 232
+		Properties70:  {
+			P: "Lcl Translation", "Lcl Translation", "", "A",%g,%g,%g
+			P: "Lcl Rotation", "Lcl Rotation", "", "A",%.6f,%.6f,%.6f
+		}
+	}
+	NodeAttribute: 3002, "NodeAttribute::Camera", "Camera" {
+		Properties70:  {
+			P: "AspectWidth", "double", "Number", "",1920
+			P: "AspectHeight", "double", "Number", "",1080
+			P: "FieldOfView", "FieldOfView", "", "A",39.59775
+			P: "NearPlane", "double", "Number", "",0.1
+			P: "FarPlane", "double", "Number", "",100
+		}
+		TypeFlags: "Camera"
+		GeometryVersion: 124
+	}
 	Material: 4000, "Material::Material", "" {
 		Version: 102
 		ShadingModel: "phong"
@@ -286,16 +311,18 @@ Connections:  {
 	C: "OO",1000,2000
 	C: "OO",4000,2000
 	C: "OO",3001,2001
+	C: "OO",2002,0
+	C: "OO",3002,2002
 }
 """ % (3 * len(points), numbers(c for p in points for c in p), len(flat),
-       ",".join(str(i) for i in flat), *LAMP)
+       ",".join(str(i) for i in flat), *LAMP, *EYE, *fbx_rotation(EYE, (0, 0, 0)))
     write_text(path, text)
 
 
 # --- the set --------------------------------------------------------------------------------------
 
 
-def cloud(path):
+def cloud():
     """20,000 points on a sphere, by the golden angle, coloured by their place."""
     points, colours = [], []
     for i in range(20000):
@@ -303,7 +330,24 @@ def cloud(path):
         r, a = math.sqrt(1 - z * z), i * 2.399963
         points.append((r * math.cos(a), r * math.sin(a), z))
         colours.append(tuple(int(127 + 120 * c) for c in points[-1]))
-    write_ply(path, points, [], colours=colours)
+    return points, colours
+
+
+def write_cloud_obj(path, points, colours):
+    lines = ["v %.6f %.6f %.6f %.4f %.4f %.4f\n" % (*p, *(c / 255 for c in rgb)) for p, rgb in zip(points, colours)]
+    lines += ["p %d\n" % (i + 1) for i in range(len(points))]
+    write_text(path, "".join(lines))
+
+
+def write_cloud_glb(path, points, colours):
+    """Colours are linear there."""
+    linear = [tuple((c / 255) ** 2.2 for c in rgb) for rgb in colours]
+    gltf = models.Gltf()
+    gltf.json["meshes"] = [{"primitives": [{"mode": 0, "attributes": {
+        "POSITION": gltf.attribute("VEC3", points, bounds=True), "COLOR_0": gltf.attribute("VEC3", linear)}}]}]
+    gltf.json["nodes"] = [{"mesh": 0}]
+    gltf.json["scenes"] = [{"nodes": [0]}]
+    gltf.write_glb(path)
 
 
 def make(folder):
@@ -320,7 +364,12 @@ def make(folder):
     write_stl_text(at("tower_text.stl"), *TOWER)
     write_obj(at("tower.obj"), y_up(TOWER[0]), TOWER[1])
     write_dae(at("tower.dae"), *TOWER, scene=False)
-    cloud(at("cloud.ply"))
+    write_obj(at("tower_corner.obj"), moved(TOWER[0], 1, (1, 1, 0)), TOWER[1])  # z up, its corner at the origin
+    dots, colours = cloud()
+    write_ply(at("cloud.ply"), dots, [], colours=colours)
+    write_cloud_obj(at("cloud.obj"), dots, colours)
+    write_cloud_glb(at("cloud.glb"), dots, colours)
+    write_glb(at("behind.glb"), points, faces, lamp=False, camera=False)
     room, inside = box((-3, -2, 0), (3, 2, 2.5))
     write_obj(at("room.obj"), y_up(room), [tuple(reversed(f)) for f in inside])  # faces look inwards
     write_obj(at("tiny.obj"), y_up(moved(points, 1e-5)), faces, 9)

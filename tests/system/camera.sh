@@ -38,6 +38,27 @@ is source given
 is eye "[1.0, 2.0, 3.0]"
 is target "[0.0, 0.5, 0.0]"
 
+# A camera that sees nothing is obeyed where it was asked for, and said.
+python3 - "$startup" "$temp/blind.glb" <<'END'
+import json, struct, sys
+data = open(sys.argv[1], "rb").read()
+(size,) = struct.unpack_from("<I", data, 12)
+gltf = json.loads(data[20:20 + size])
+node = dict(next(n for n in gltf["nodes"] if "camera" in n), name="Blind")
+node.pop("matrix", None)
+node.update(translation=[0, 0, 100], rotation=[0, 1, 0, 0])
+gltf["nodes"].append(node)
+gltf["scenes"][0]["nodes"].append(len(gltf["nodes"]) - 1)
+text = json.dumps(gltf).encode()
+text += b" " * (-len(text) % 4)
+body = struct.pack("<I4s", len(text), b"JSON") + text + data[20 + size:]
+open(sys.argv[2], "wb").write(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+END
+expect 0 "$helio" render "$temp/blind.glb" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 --camera Blind
+grep -q "Blind: camera: no geometry is in its view" "$temp/out" || fail "nothing is said of a blind camera: $(cat "$temp/out")"
+picture --camera Camera
+! grep -q "no geometry" "$temp/out" || fail "$(cat "$temp/out")"
+
 # What the worker refuses is an error with a daemon, too.
 expect 2 "$helio" render "$startup" -o "$temp/b.png" --size 32x18 --mode path --samples 1 \
     --lens-radius 0.1 --connect "$url"

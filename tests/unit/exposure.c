@@ -84,10 +84,15 @@ static void fill(int from, int to, float light, float reflectance, float emitted
     }
 }
 
+static float metered_under(double sun_stops)
+{
+    return hg_exposure_of_picture(&(struct hg_exposure_picture){
+        PIXELS, &color[0][0], &albedo[0][0], &emission[0][0], sun_stops});
+}
+
 static float metered(void)
 {
-    return hg_exposure_of_picture(
-        &(struct hg_exposure_picture){PIXELS, &color[0][0], &albedo[0][0], &emission[0][0]});
+    return metered_under(-INFINITY);
 }
 
 static void clear(void)
@@ -152,6 +157,23 @@ static void test_emitters(void **state)
     NEAR(metered(), -6);
 }
 
+// Light in open shade is exposed for as the sun's is; far below it the sun does not matter.
+static void test_shade(void **state)
+{
+    (void)state;
+    clear();
+    fill(0, PIXELS, 0.25f, 0.5f, 0);
+    NEAR(metered(), 2);
+    NEAR(metered_under(0), 0);
+    NEAR(metered_under(-2.5), 2); // what is brighter than the sun's light
+    NEAR(metered_under(-1), 0);
+    fill(0, PIXELS, 0x1p-6f, 0.5f, 0);
+    NEAR(metered_under(0), 6);
+    NEAR(metered_under(-3.5), 3.5);             // a low sun
+    for (double sun = -8; sun < 4; sun += 0.01) // continuous
+        assert_true(fabs(metered_under(sun) - metered_under(sun + 0.01)) < 0.1);
+}
+
 static void test_nothing(void **state)
 {
     (void)state;
@@ -169,7 +191,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_histogram),
         cmocka_unit_test(test_histogram_edges), cmocka_unit_test(test_of_light),
         cmocka_unit_test(test_cards), cmocka_unit_test(test_background),
-        cmocka_unit_test(test_night), cmocka_unit_test(test_emitters),
+        cmocka_unit_test(test_night), cmocka_unit_test(test_emitters), cmocka_unit_test(test_shade),
         cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -397,3 +397,14 @@ void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3])
     for (size_t c = 0; c < 3; c++)
         out[c] = light[c] * HG_SKY_SUN_LUX;
 }
+
+float hg_sky_sun_luminance(const struct hg_environment *environment, bool scene_has_sun)
+{
+    const struct hg_sky sky = hg_sky_of(environment, scene_has_sun);
+    float lux[3];
+    if (environment->kind != HG_ENV_SKY || !sky.with_disc)
+        return 0;
+    hg_sky_sun_illuminance(&sky, lux);
+    return (0.2126f * lux[0] + 0.7152f * lux[1] + 0.0722f * lux[2]) * environment->intensity /
+           (float)HG_PI;
+}

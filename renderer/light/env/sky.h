@@ -41,5 +41,7 @@ void hg_sky_draw_disc(const struct hg_sky *sky, struct hg_image *image);
 
 // Illuminance of the sun seen from the ground, facing it, linear Rec.709 lux.
 void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3]);
+// Luminance of a white diffuser that faces the sun of an environment; 0: it has none.
+float hg_sky_sun_luminance(const struct hg_environment *environment, bool scene_has_sun);
 
 #endif

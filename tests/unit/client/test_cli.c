@@ -162,6 +162,8 @@ static void test_region(void **state)
         "--stats r.json");
     expect_file("logg", "region=8,4,16,28 size=64x32");
     expect_file("r.json", "\"region\"");
+    expect_run(0, "wrote a.png (16 x 28) in", "",
+        "$HELIO render s.gltf -o a.png --size 64x32 --region 8,4,16,28");
     expect_run(2, "--region: is not inside of the picture of 64x32 px", "",
         "$HELIO render s.gltf -o a.png --size 64x32 --region 8,5,16,28");
 }
@@ -340,6 +342,26 @@ static void test_stats(void **state)
     expect_file("st.json", "\"b?r.png\"");
 }
 
+// What reads JSON gets nothing else, also of a command line that is wrong.
+static void test_usage_json(void **state)
+{
+    (void)state;
+    static const char *const commands[] = {"render s.gltf -o a.png --sise 3 --progress json",
+        "render --progress=json", "rendr --progress json"};
+    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
+        char command[128];
+        snprintf(command, sizeof command, "$HELIO %s", commands[i]);
+        expect_run(2, "{\"event\":\"error\"", "", command);
+        expect_run(2, "\"event\":\"end\",", "", command);
+        assert_int_equal(h.output[0], '{');
+    }
+    expect_run(0, "usage: helio render SCENE", "", "$HELIO help render");
+    expect_run(
+        0, "", "", "$HELIO help render | grep -q '|motion|history'"); // in full, however long
+    expect_run(2, "unknown command", "", "$HELIO fly render");
+    expect_run(2, "did you mean helio --version?", "", "$HELIO --verison");
+}
+
 static void test_usage(void **state)
 {
     (void)state;
@@ -473,7 +495,7 @@ static void test_exit_codes_worker(void **state)
     }
     expect_run(3, "gone.gltf", "", "$HELIO render gone.gltf -o c.png");
     expect_run(3, "gone.hdr", "", "$HELIO render s.gltf -o c.png --env gone.hdr");
-    expect_run(7, "cannot start", "", "HELIO_WORKER=/nonexistent $HELIO render s.gltf -o c.png");
+    expect_run(9, "cannot start", "", "HELIO_WORKER=/nonexistent $HELIO render s.gltf -o c.png");
     expect_run(7, "exit code 0", "", "HELIO_WORKER=/bin/true $HELIO render s.gltf -o c.png");
     expect_no_file("c.png");
 }
@@ -656,6 +678,7 @@ int main(void)
         cmocka_unit_test(test_quality),
         cmocka_unit_test(test_watch),
         cmocka_unit_test(test_region),
+        cmocka_unit_test(test_usage_json),
         cmocka_unit_test(test_path),
         cmocka_unit_test(test_lens),
         cmocka_unit_test(test_parts),

@@ -34,7 +34,7 @@ static struct sample sample_of(const struct hg_cli_option_row *row)
     case HG_CLI_KIND_FRAMES:
         return (struct sample){"1-10:2", "1,"};
     case HG_CLI_KIND_BACKGROUND:
-        return (struct sample){"0.1,0.2,0.3", "red"};
+        return (struct sample){"0.1,0.2,0.3", "reddish"};
     case HG_CLI_KIND_SUN:
         return (struct sample){"90,30,4", "90"};
     case HG_CLI_KIND_EXPOSURE:
@@ -166,6 +166,7 @@ static void test_suggestions(void **state)
         expect_reason(4, (const char *[]){"helio", "render", "a", options[i][0]}, options[i][1]);
     expect_reason(5, (const char *[]){"helio", "render", "a", "--mode", "Pth"}, "mean 'path'?");
     expect_reason(5, (const char *[]){"helio", "render", "a", "--mode", "Realtime"}, "'realtime'?");
+    assert_int_equal(hg_suggest_distance("Z", 1, "+Z", 2), 1);
     struct hg_error err;
     assert_int_equal(
         parse(5, (const char *[]){"helio", "render", "a", "--mode", "x"}, &err), HG_E_INVAL);

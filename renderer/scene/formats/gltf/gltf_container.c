@@ -26,7 +26,12 @@ static enum hg_status parse_json(struct hg_gltf *g, const uint8_t *text, size_t 
     g->json = json_loadb((const char *)text, size, JSON_REJECT_DUPLICATES, &error);
     if (!g->json) {
         char reason[256];
-        snprintf(reason, sizeof reason, "INVALID_JSON: %.150s (line %d, column %d)", error.text,
+        const enum json_error_code code = json_error_code(&error);
+        snprintf(reason, sizeof reason, "INVALID_JSON: %s (line %d, column %d)",
+            code == json_error_premature_end_of_input ? "the text ends before its end"
+            : code == json_error_duplicate_key        ? "a key is there twice"
+            : code == json_error_invalid_utf8         ? "the text is not UTF-8"
+                                                      : "the text breaks off or is no JSON here",
             error.line, error.column);
         return fail_byte(
             g, HG_E_FORMAT, base + (error.position > 0 ? (size_t)error.position : 0), reason);

@@ -248,7 +248,8 @@ static enum hg_status read_text(struct stl *stl)
     if (!status && !ended)
         hg_asset_warn(f->asset, NULL, "the file ends without \"endsolid\"");
     if (!status && stl->empty_solids)
-        hg_asset_warn(f->asset, NULL, "%u solids have no facets", stl->empty_solids);
+        hg_asset_warn(f->asset, NULL, "%u %s no facets", stl->empty_solids,
+            stl->empty_solids == 1 ? "solid has" : "solids have");
     return status;
 }
 
