@@ -357,7 +357,7 @@ static bool is_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
 // a lower one, or an error.
 static void test_no_memory(void **state)
 {
-    enum { TRIES = 12, LEVELS = 3 };
+    enum { TRIES = 6, LEVELS = 3 };
     static const enum hg_view_gi levels[LEVELS] = {HG_GI_RAYS, HG_GI_PROBES, HG_GI_NONE};
     struct rig *rig = *state;
     struct shot shot = inside;

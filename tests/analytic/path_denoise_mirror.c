@@ -280,7 +280,7 @@ static void test_gain(void **state)
 
 // --- animation -----------------------------------------------------------------------------------
 
-enum { FRAMES = 6, OTHER_SEEDS = 1000, SERIES_REFERENCE = 40 };
+enum { FRAMES = 6, OTHER_SEEDS = 1000, SERIES_REFERENCE = 28 };
 
 #define FRAME_S 0.06
 

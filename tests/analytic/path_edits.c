@@ -289,11 +289,12 @@ static void expect_as_fresh(struct rig *rig, int kind, int edit)
     hg_view_destroy(s.view);
 }
 
+// Every edit of a plain picture, and of one of the two others in turn.
 static void test_edits(void **state)
 {
-    for (int kind = 0; kind < KINDS; kind++) {
-        for (int edit = 0; edit < EDITS; edit++)
-            expect_as_fresh(*state, kind, edit);
+    for (int edit = 0; edit < EDITS; edit++) {
+        expect_as_fresh(*state, 0, edit);
+        expect_as_fresh(*state, 1 + edit % (KINDS - 1), edit);
     }
 }
 
