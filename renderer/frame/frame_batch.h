@@ -14,7 +14,7 @@ struct hg_batch {
     uint32_t sample, slot, slots, first_shadow_set;
     bool skips_unlit; // unlit tiles
     bool alone;       // the sample is not added to others
-    uint32_t visibility, depth, atlas, gathered, behind, accumulated, picture, counts;
+    uint32_t visibility, depth, atlas, gathered, probe_light, behind, accumulated, picture, counts;
     uint32_t deformed, cache, progress, unlit_tiles, late_draws;
     struct {
         uint32_t visibility, color, depth, lists;

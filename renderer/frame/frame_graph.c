@@ -6,11 +6,13 @@
 #include "renderer/frame/frame_batch.h"
 #include "renderer/passes/debug.h"
 #include "renderer/passes/pick.h"
+#include "renderer/passes/probe_light.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/skin.h"
 #include "renderer/passes/triangle_cache.h"
 #include "shaders/shared/debug.h"
+#include "shaders/shared/features.h"
 #include "shaders/shared/unlit_tiles.h"
 
 // --- what does not depend on the sample ----------------------------------------------------------
@@ -153,6 +155,36 @@ static void declare_visibility(struct hg_batch *f)
                     {f->visibility, HG_GRAPH_COLOR_KEEP, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
 }
 
+// --- light from probes ---------------------------------------------------------------------------
+
+static enum hg_status record_probe_light(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct hg_batch *f = hg_batch_of(run);
+    (void)user;
+    const struct hg_probe_light light = {.visibility = hg_graph_run_image(run, f->visibility),
+        .target = hg_graph_run_image(run, f->probe_light)};
+    return hg_probe_light_record(&f->pass, &light, err);
+}
+
+// Of pictures in motion. Samples that are added up look up the field themselves, at random texels;
+// so do surfaces that need the light behind them as well.
+static void declare_probe_light(struct hg_batch *f)
+{
+    const bool apart = f->gathered > 0 || (f->pass.features & HG_FEATURE_DIFFUSE_TRANSMISSION) != 0;
+    if (!hg_draw_is(f->draw, HG_DRAW_DIRECT) || apart ||
+        (f->pass.features2 & HG_FEATURE2_PROBES) == 0)
+        return;
+    f->probe_light = hg_graph_image(f->graph,
+        &(struct hg_graph_image_params){
+            .name = "probe light", .format = HG_PROBE_LIGHT_FORMAT, .size = HG_GRAPH_QUARTER});
+    hg_batch_add(
+        f, &(struct hg_graph_pass){.name = "probe light",
+               .record = record_probe_light,
+               .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_COLOR, 0}}});
+}
+
 // --- the scene behind glass ----------------------------------------------------------------------
 
 // The opaque scene that transmissive layers refract.
@@ -165,6 +197,7 @@ static enum hg_status record_behind(
         .depth = hg_graph_run_image(run, f->depth),
         .target = hg_graph_run_image(run, f->behind),
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
+        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
         .clear = true,
         .alone = true};
     return hg_shade_record(&f->pass, &shade, err);
@@ -177,7 +210,8 @@ static void declare_behind(struct hg_batch *f)
                .record = record_behind,
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
@@ -225,7 +259,8 @@ static enum hg_status record_shading(
         .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
         .unlit = f->skips_unlit,
         .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL,
-        .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL};
+        .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
+        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
@@ -238,7 +273,7 @@ static void declare_shading(struct hg_batch *f, bool keep)
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->blend.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
                    {f->cache, HG_GRAPH_READ, 0}, {f->gathered, HG_GRAPH_SAMPLE, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->probe_light, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
                .keep = keep});
@@ -360,6 +395,7 @@ static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
                blend = has_blend(draw) || only_behind;
     const bool seen_through = only_behind || (blend && hg_frame_transmits(draw));
     declare_visibility(f);
+    declare_probe_light(f);
     if (seen_through) {
         const enum hg_status status =
             hg_draw_make_image(draw, HG_COLOR_FORMAT, "scene behind", &draw->targets->behind, err);

@@ -1,6 +1,7 @@
 // gather_view.c - see gather_view.h.
 #include "renderer/frame/gather_view.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -11,8 +12,9 @@
 #include "shaders/shared/path.h"
 
 #define FILTER_BOX  1u // enum hg_filter of renderer.h
-#define LEAST       8  // samples of a pixel
-#define MOST        64
+#define FULL_PX     921600.0 // pictures of so many pixels, or more, have 2 samples for each
+#define LEAST_BITS  1        // log2 of samples
+#define MOST_BITS   6
 #define MOST_BOUNCE 6    // of paths that do not find the field
 #define REACH       0.5f // spacings of the field
 
@@ -38,14 +40,13 @@ void hg_gather_view_finish(struct hg_view_state *view)
     view->gi.gather = (struct hg_view_gather){0};
 }
 
-// Small pictures have more samples, as there is less room for the filter in them.
+// Small pictures have more samples, as there is less room for the filter in them: a power of two
+// that grows as their number of pixels shrinks to the power of 3/4.
 static uint32_t samples_of(const struct hg_view_settings *s)
 {
-    uint64_t px = (uint64_t)s->width * s->height;
-    uint32_t samples = LEAST;
-    for (; px * 2 < 921600 && samples < MOST; px *= 4)
-        samples *= 2;
-    return samples;
+    const double smaller = log2(FULL_PX / ((double)s->width * s->height));
+    const double bits = round(LEAST_BITS + 0.75 * smaller);
+    return 1u << (uint32_t)fmin(fmax(bits, LEAST_BITS), MOST_BITS);
 }
 
 static struct hg_path_request request_of(const struct hg_view_state *view)

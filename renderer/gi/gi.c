@@ -25,7 +25,11 @@
 #define WARM_KEEP    0.4f
 #define MAIN_KEEP    0.9f
 #define MOVE_RAYS    16
-#define MOVE_MOST    10 // updates after which older ones fade
+#define FIRST_RAYS   8 // of the first updates since a change, so that light bounces on sooner
+#define FIRST_ROUNDS 12
+#define MOVE_MOST    10 // updates that a mean is of
+#define MOVE_FADE    3  // for each so many since the change it is of one more
+#define MOVE_ENOUGH  40 // updates of all probes since a change, after which none are needed
 
 struct build { // of a field
     struct hg_gi_field field;
@@ -39,7 +43,8 @@ struct hg_gi {
     struct hg_rays_scene *rays;
     struct hg_gi_surfaces surfaces;
     struct build rest, moving;
-    uint32_t moving_at; // the probe that is updated next
+    uint32_t moving_at;      // the probe that is updated next
+    uint64_t moving_updates; // of probes since the last change
     struct hg_gpu_buffer wave_rays, wave_hits, shadow_rays, blocked;
     struct hg_gi_ray *brought; // [WAVE_PROBES * MOST_RAYS]
     struct hg_gi_direct *direct;
@@ -243,12 +248,13 @@ static void shade_probe(void *user, size_t index)
         shade_ray(w, index * w->rays + i);
 }
 
+// Of the moving field's probes the first updates fade soon: they had less light that bounced.
 static float keep_of(const struct wave *w, uint32_t probe)
 {
-    const uint32_t seen = w->field->updates[probe];
+    const float seen = (float)w->field->updates[probe];
     if (w->keep >= 0)
         return w->keep;
-    return seen == 0 ? 0 : seen < MOVE_MOST ? 1 : 1 - 1.0f / MOVE_MOST;
+    return 1 - 1 / fminf(1 + seen / MOVE_FADE, MOVE_MOST);
 }
 
 static void gather_probe(void *user, size_t index)
@@ -432,6 +438,8 @@ static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
     float min[3], max[3];
     struct hg_gi_field now = {0};
     const bool changed = !same_key(b, key);
+    if (changed)
+        gi->moving_updates = 0;
     if (changed && hg_geometry_bounds(gi->params.geometry, min, max))
         hg_gi_field_grid(&now, min, max);
     const bool same_grid = b->field.count > 0 &&
@@ -457,21 +465,25 @@ enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
 {
     struct build *b = &gi->moving;
     const uint64_t begin = hg_clock_now_ns();
+    if (same_key(b, key) && gi->moving_updates >= (uint64_t)MOVE_ENOUGH * b->field.count)
+        return HG_OK;
     enum hg_status status = sync_rays(gi, false, err);
     if (status == HG_OK)
         status = follow(gi, key, sources, err);
     for (uint64_t cast = 0; cast < rays && status == HG_OK && b->field.count > 0;) {
         const uint32_t left = b->field.count - gi->moving_at;
+        const bool first = gi->moving_updates < (uint64_t)FIRST_ROUNDS * b->field.count;
         struct wave w = {.gi = gi,
             .sources = sources,
             .field = &b->field,
             .first = gi->moving_at,
             .count = left < WAVE_PROBES ? left : WAVE_PROBES,
-            .rays = MOVE_RAYS,
+            .rays = first ? FIRST_RAYS : MOVE_RAYS,
             .round = ROUNDS + b->field.updates[gi->moving_at],
             .keep = -1};
         status = run(&w, err);
         cast += (uint64_t)w.count * w.rays;
+        gi->moving_updates += w.count;
         gi->moving_at = (gi->moving_at + w.count) % b->field.count;
     }
     if (status == HG_OK && b->field.count > 0)

@@ -42,7 +42,8 @@ enum hg_gi_field_kind { HG_GI_NO_FIELD, HG_GI_MOVING, HG_GI_REST };
 // HG_E_NOMEM, device errors: then there is no field of rest.
 enum hg_status hg_gi_rest(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, uint64_t rays, struct hg_error *err) HG_MUST_CHECK;
-// The same for the moving field, which the picture of now is shown with.
+// The same for the moving field, which the picture of now is shown with. No rays once all of it has
+// been updated often enough since the last change.
 enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, uint64_t rays, struct hg_error *err) HG_MUST_CHECK;
 // The field of rest is that of the key, and complete.

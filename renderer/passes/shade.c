@@ -42,9 +42,9 @@ static struct hg_gpu_pipeline_params pipeline_of(
     if (!style->background)
         features2 &= ~HG_FEATURE2_GROUND;
     else
-        features2 &= ~(HG_FEATURE2_PROBES | HG_FEATURE2_GATHERED);
+        features2 &= ~(HG_FEATURE2_PROBES | HG_FEATURE2_GATHERED | HG_FEATURE2_PROBE_LIGHT);
     if (style->variant == LAYER || style->variant == LAYERS)
-        features2 &= ~HG_FEATURE2_GATHERED;
+        features2 &= ~(HG_FEATURE2_GATHERED | HG_FEATURE2_PROBE_LIGHT);
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
@@ -125,7 +125,7 @@ enum hg_status hg_shade_record(
 {
     const struct shade_inputs inputs = {.visibility = {.image = shade->visibility},
         .front = {.image = shade->layer ? shade->behind : shade->front},
-        .gathered = {.image = shade->gathered}};
+        .gathered = {.image = shade->gathered != NULL ? shade->gathered : shade->probe_light}};
     const bool picture = shade->picture != NULL, unlit = shade->unlit;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->lists           ? LAYERS
@@ -138,6 +138,8 @@ enum hg_status hg_shade_record(
         .picture = picture ? shade->tonemap + 1 : 0};
     if (shade->gathered != NULL)
         pass->features2 |= HG_FEATURE2_GATHERED;
+    else if (shade->probe_light != NULL)
+        pass->features2 |= HG_FEATURE2_PROBE_LIGHT;
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
         status = make_all(pass, &style, unlit, err);

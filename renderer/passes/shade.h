@@ -28,7 +28,8 @@ struct hg_shade {
     // count.
     bool alone;
     struct hg_gpu_image *behind; // of layers: that picture
-    struct hg_gpu_image *gathered; // light on opaque surfaces (shaders/shared/gi.h), NULL = none
+    // Light on opaque surfaces (shaders/shared/gi.h): gathered, else of the probes; NULL = none.
+    struct hg_gpu_image *gathered, *probe_light;
 };
 
 enum hg_status hg_shade_record(

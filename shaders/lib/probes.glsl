@@ -52,6 +52,24 @@ float hg_probe_weight(uint probe, vec3 at_ws, vec3 pos_ws, vec3 lifted_ws, vec3 
     return weight < 0.2 ? weight * weight * weight * 25.0 : weight;
 }
 
+// Irradiance of a probe, from the first word of its table. HG_PROBES_BILINEAR: of the four texels about n,
+// as the mean of many xi would have it.
+vec3 hg_probe_irradiance(uint first, vec3 n, vec2 xi)
+{
+#ifdef HG_PROBES_BILINEAR
+    vec2 f = fract((hg_oct_encode(n) * 0.5 + 0.5) * float(HG_PROBE_IRRADIANCE_SIDE) - 0.5);
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < 4; i++) {
+        vec2 off = vec2(i & 1, i >> 1), w = mix(1.0 - f, f, off);
+        uint texel = hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, off);
+        sum += hg_rgb9e5(hg_frame.probes.words.v[first + texel]) * (w.x * w.y);
+    }
+    return sum;
+#else
+    return hg_rgb9e5(hg_frame.probes.words.v[first + hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, xi)]);
+#endif
+}
+
 // The light at a surface: n its shading normal, n_geometric faces the eye, r where it mirrors.
 void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, vec3 xi)
 {
@@ -62,7 +80,6 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
     vec3 at = (lifted - p.origin_ws) / p.spacing;
     ivec3 base = clamp(ivec3(floor(at)), ivec3(0), max(most - 1, ivec3(0)));
     vec3 f = clamp(at - vec3(base), 0.0, 1.0);
-    uint texel = hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, xi.xy);
     vec4 sum = vec4(0.0);
     uint chosen = 0u;
     float pick = xi.z;
@@ -77,7 +94,7 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         vec3 probe_ws = p.origin_ws + (vec3(cell) + moved) * p.spacing;
         float w = tri.x * tri.y * tri.z * hg_probe_weight(k, probe_ws, pos_ws, lifted, n_geometric, xi.yz);
         w = (place & HG_PROBE_AWAKE) != 0u ? w : 0.0;
-        sum += vec4(hg_rgb9e5(p.words.v[p.count + k * HG_PROBE_IRRADIANCE_TEXELS + texel]), 1.0) * w;
+        sum += vec4(hg_probe_irradiance(p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
         // One of them by weight, for the reflection.
         float share = sum.w > 0.0 ? w / sum.w : 0.0;
         bool take = pick < share;

@@ -39,6 +39,7 @@ HG_SHADE_IO(HG_IO_DECLARE)
 #define NOTHING 1e30
 
 #include "lib/gathered.glsl"
+#include "lib/probe_light.glsl"
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
@@ -176,6 +177,8 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     if (HG_HAS2(HG_FEATURE2_GATHERED)) {
         hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.base.n);
         s.occlusion = 1.0;
+    } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
+        hg_probe_light_look(gl_FragCoord.xy, v.depth, b.base.n);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 15u);
         vec3 r = reflect(-view, b.base.n);
@@ -230,6 +233,8 @@ vec4 surface(uvec2 id, out float depth)
     if (HG_HAS2(HG_FEATURE2_GATHERED)) {
         hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.n);
         s.occlusion = 1.0;
+    } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
+        hg_probe_light_look(gl_FragCoord.xy, v.depth, b.n);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
             hg_random3(uvec2(gl_FragCoord.xy), 15u));

@@ -600,7 +600,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
-    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_ends(p, hit.t);
+    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && !HG_PATH_CAN(HG_PATH_FIRST) && hg_gather_ends(p, hit.t);
     if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && hg_gather_is_drawn(light.e) != ends)
         light.light = vec3(0.0);
     uint status = HG_PATH_DONE;

@@ -11,6 +11,10 @@
 // middle: light that scatters (irradiance over pi) and mean radiance under the specular lobe, both
 // RGB9E5 and without what lights and a sky's sun bring directly; the shading normal (lib/octahedral.glsl);
 // depth along the view direction in metres as a float, 0: there is no surface.
+//
+// Probe light, RGBA32UI at a quarter of the picture's sides, rounded up (lib/probe_light.glsl): irradiance over pi
+// and what reflections need of surfaces, both RGB9E5; normal in twice 12 bits and the share of the environment
+// that is seen in 8; depth as above. Of the surface in the middle of 4 x 4 px.
 #ifndef HG_SHADERS_SHARED_GI_H
 #define HG_SHADERS_SHARED_GI_H
 
@@ -28,6 +32,7 @@
 // normal and towards the eye.
 #define HG_PROBE_BIAS_NORMAL 0.15f
 #define HG_PROBE_BIAS_VIEW   0.10f
+#define HG_PROBE_LIGHT_PX    4 // of the picture along a side of a texel
 
 struct hg_gpu_probes {
     HG_PTR(hg_word_stream) words;

@@ -6,7 +6,7 @@
 #include "shared/io.h"
 
 // shade*.frag; front: of layers the opaque scene, else the layers in front of it (lib/shade.glsl);
-// gathered: shared/gi.h.
+// gathered: gathered light or probe light, shared/gi.h.
 #define HG_SHADE_IO(X)                                                                             \
     X(0, NEAREST_U2D, visibility)                                                                  \
     X(1, NEAREST_2D, front)                                                                        \
@@ -15,6 +15,7 @@
 #define HG_ALPHA_MASK_IO(X) X(0, NEAREST_2D, opaque_depth)
 // unlit_tiles_cells.comp
 #define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
+#define HG_PROBE_LIGHT_IO(X) X(0, NEAREST_U2D, visibility)
 #define HG_PICK_IO(X)  X(0, NEAREST_U2D, visibility)
 #define HG_DEBUG_IO(X)                                                                             \
     X(0, NEAREST_U2D, visibility)                                                                  \

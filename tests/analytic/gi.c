@@ -196,11 +196,16 @@ static void compare(const char *name, const struct hg_refbuf *got, const struct 
 }
 
 // Walls that emit 0.5 and send back about half: the light in the room is 0.5 / (1 - albedo).
+static void furnace_room(struct rig *rig)
+{
+    rig_scene(rig);
+    room(rig, grey(rig, 0.5f, 0.5f), box);
+}
+
 static void test_furnace_room(void **state)
 {
     struct rig *rig = *state;
-    rig_scene(rig);
-    room(rig, grey(rig, 0.5f, 0.5f), box);
+    furnace_room(rig);
     struct shot shot = inside;
     struct hg_refbuf *pixels[2];
     take_both(rig, &shot, pixels);
@@ -235,14 +240,19 @@ static void test_open_furnace(void **state)
 
 // --- against path tracing ------------------------------------------------------------------------
 
-static void test_panel_room(void **state)
+static void panel_room(struct rig *rig)
 {
-    struct rig *rig = *state;
     rig_scene(rig);
     room(rig, grey(rig, 0.6f, 0), box);
     const float panel[2][3] = {{-1, 2.9f, -1.5f}, {1, 2.95f, 1.5f}};
     face(rig, grey(rig, 0, 5), panel, -1, 2); // its lower side
     face(rig, grey(rig, 0, 0), panel, -1, 3);
+}
+
+static void test_panel_room(void **state)
+{
+    struct rig *rig = *state;
+    panel_room(rig);
     struct shot shot = inside;
     struct hg_refbuf *pixels[2];
     take_both(rig, &shot, pixels);
@@ -411,9 +421,9 @@ static void test_lamp_switched(void **state)
     struct hg_frame_info info;
     lamp->intensity = 0.001f;
     struct hg_view *view = open_view(rig, &inside);
-    double seen[16] = {0}, final = 0;
+    double seen[64] = {0}, final = 0;
     struct hg_refbuf *pixels;
-    for (int i = 0; i < 45; i++) {
+    for (int i = 0; i < 200; i++) {
         struct hg_view_camera camera = {.vfov_rad = 1.2f};
         memcpy(camera.eye, inside.eye, sizeof camera.eye);
         memcpy(camera.target, inside.target, sizeof camera.target);
@@ -424,15 +434,78 @@ static void test_lamp_switched(void **state)
         test_ok(hg_view_step(view, 1, &info, &err), &err);
         test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
         final = mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
-        if (i >= 5 && i < 21)
+        if (i >= 5 && i < 69)
             seen[i - 5] = final;
         hg_refbuf_unref(pixels);
     }
-    print_message("lamp switched on: after 1, 5, 10 and 15 pictures %.2f %.2f %.2f %.2f of %.4f\n",
-        seen[0] / final, seen[4] / final, seen[9] / final, seen[14] / final, final);
+    settle(view, 8);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+    const double rest = mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
+    print_message("lamp switched on: after 1, 5, 10, 15 and 60 pictures %.2f %.2f %.2f %.2f %.2f "
+                  "of %.4f; at rest "
+                  "%.4f\n",
+        seen[0] / final, seen[4] / final, seen[9] / final, seen[14] / final, seen[59] / final,
+        final, rest);
     assert_true(final > 0.001);
-    assert_true(fabs(seen[14] / final - 1) <= 0.10);
+    assert_true(fabs(seen[14] / final - 1) <= 0.10 && fabs(seen[59] / final - 1) <= 0.03);
+    assert_true(fabs(final / rest - 1) <= 0.08);
+    hg_refbuf_unref(pixels);
     hg_view_destroy(view);
+}
+
+// The camera a little aside, and one picture of the way there.
+static struct hg_refbuf *take_in_motion(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    struct hg_refbuf *pixels;
+    struct hg_writer graph = {0};
+    struct hg_view_camera camera = {.vfov_rad = 1.2f};
+    memcpy(camera.eye, inside.eye, sizeof camera.eye);
+    memcpy(camera.target, inside.target, sizeof camera.target);
+    camera.eye[0] += 1e-4f;
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    assert_false(info.settled);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+    hg_view_print_graph(view, HG_GRAPH_TEXT, &graph);
+    hg_write_u8(&graph, 0);
+    assert_non_null(strstr((const char *)graph.data, "probe light"));
+    hg_writer_finish(&graph);
+    return pixels;
+}
+
+// Light from probes in motion, looked up at every fourth pixel, is that of pictures at rest.
+static void test_motion_agrees(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    for (int scene = 0; scene < 2; scene++) {
+        struct shot shot = inside;
+        shot.samples = 64;
+        if (scene == 0)
+            furnace_room(rig);
+        else
+            panel_room(rig);
+        struct hg_view *view = open_view(rig, &shot);
+        struct hg_refbuf *rest, *motion;
+        double worst = 0;
+        settle(view, 8);
+        test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &rest, &err), &err);
+        motion = take_in_motion(view);
+        for (int i = 0; i < 16; i++) {
+            const int x = i % 4 * 2, y = i / 4 * 2, cells[4] = {x, y, x + 2, y + 2};
+            const double want = mean_of_bytes(rest, cells), seen = mean_of_bytes(motion, cells);
+            worst = fmax(worst, fabs(seen / want - 1));
+        }
+        print_message("motion: worst region off by %.1f %%, in all %+.1f %%\n", 100 * worst,
+            100 * (mean_of_bytes(motion, all) / mean_of_bytes(rest, all) - 1));
+        assert_true(worst < 0.08); // of 16 x 12 texels
+        assert_true(fabs(mean_of_bytes(motion, all) / mean_of_bytes(rest, all) - 1) < 0.02);
+        hg_refbuf_unref(rest);
+        hg_refbuf_unref(motion);
+        hg_view_destroy(view);
+    }
 }
 
 // Nothing of it is in pictures that do not ask for it.
@@ -467,6 +540,7 @@ int main(void)
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_no_memory),
         cmocka_unit_test(test_lamp_switched),
+        cmocka_unit_test(test_motion_agrees),
         cmocka_unit_test(test_none_is_as_before),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);

@@ -1,0 +1,57 @@
+// probe_light.glsl - light from the field of probes on the opaque surfaces of a picture in motion, looked
+// up at every fourth pixel along each side (shared/gi.h).
+//
+// A pixel blends the four nearest of them bilinearly, those of its own surface alone (joint bilateral
+// upsampling: Kopf et al. 2007). Declare hg_gathered and include lib/probes.glsl first.
+#ifndef HG_LIB_PROBE_LIGHT_GLSL
+#define HG_LIB_PROBE_LIGHT_GLSL
+
+#define HG_PROBE_LIGHT_LEAST 1e-5 // weight of another surface
+#define HG_PROBE_LIGHT_APART 0.06 // relative difference of depth at which the weight is a half
+
+// The pixel whose surface a texel is of.
+ivec2 hg_probe_light_pixel(ivec2 texel)
+{
+    return min(texel * HG_PROBE_LIGHT_PX + HG_PROBE_LIGHT_PX / 2, ivec2(hg_frame.width, hg_frame.height) - 1);
+}
+
+// Normal with 12 bits for each coordinate, and a share.
+uint hg_probe_light_pack(vec3 n, float share)
+{
+    uvec2 e = uvec2(round((hg_oct_encode(n) * 0.5 + 0.5) * 4095.0));
+    return e.x | e.y << 12 | uint(round(clamp(share, 0.0, 1.0) * 255.0)) << 24;
+}
+
+vec3 hg_probe_light_normal(uint word)
+{
+    return hg_oct_decode(vec2(word & 4095u, word >> 12 & 4095u) * (2.0 / 4095.0) - 1.0);
+}
+
+// depth: metres along the view direction; n: shading normal.
+void hg_probe_light_look(vec2 pixel, float depth, vec3 n)
+{
+    ivec2 last = (ivec2(hg_frame.width, hg_frame.height) + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX - 1;
+    vec2 at = pixel * (1.0 / float(HG_PROBE_LIGHT_PX)) - (0.5 + 0.5 / float(HG_PROBE_LIGHT_PX));
+    vec2 low = floor(at), f = at - low;
+    vec3 irradiance = vec3(0.0), surfaces = vec3(0.0);
+    vec2 sum = vec2(0.0); // of the share of sky, of weights
+    for (int i = 0; i < 4; i++) {
+        ivec2 off = ivec2(i & 1, i >> 1);
+        uvec4 t = texelFetch(hg_gathered, clamp(ivec2(low) + off, ivec2(0), last), 0);
+        vec2 axis = mix(1.0 - f, f, vec2(off));
+        float deep = uintBitsToFloat(t.w), apart = (deep - depth) / (HG_PROBE_LIGHT_APART * depth);
+        float facing = max(dot(hg_probe_light_normal(t.z), n), 0.0);
+        facing *= facing;
+        float w = axis.x * axis.y * facing * facing / (1.0 + apart * apart) + HG_PROBE_LIGHT_LEAST;
+        w = deep > 0.0 ? w : 0.0;
+        irradiance += w * hg_rgb9e5(t.x);
+        surfaces += w * hg_rgb9e5(t.y);
+        sum += w * vec2(float(t.z >> 24), 1.0);
+    }
+    float scale = 1.0 / max(sum.y, 1e-20);
+    hg_probes_irradiance = irradiance * scale;
+    hg_probes_surfaces = surfaces * scale;
+    hg_probes_sky = sum.x * scale * (1.0 / 255.0);
+}
+
+#endif

@@ -1,0 +1,45 @@
+// Light from the field of probes on every fourth opaque surface along each side of a picture (shared/gi.h).
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference2 : require
+
+#define HG_PROBES_BILINEAR // few pixels are looked at, and none of them a second time
+
+#include "lib/frame.glsl"
+#include "lib/tables.glsl"
+#include "lib/vertex.glsl"
+#include "lib/triangle_cache.glsl"
+#include "lib/probes.glsl"
+#include "shared/pass_io.h"
+
+HG_PROBE_LIGHT_IO(HG_IO_DECLARE)
+#define hg_gathered hg_visibility // texels of which nothing is looked up here
+#include "lib/probe_light.glsl"
+
+layout(location = 0) out uvec4 out_light;
+
+uint pack_rgb9e5(vec3 c)
+{
+    c = clamp(c, 0.0, 65408.0);
+    float most = max(c.r, max(c.g, c.b));
+    float exponent = clamp(floor(log2(max(most, 1e-20))) + 16.0, 0.0, 31.0);
+    uvec3 m = uvec3(min(round(c * exp2(24.0 - exponent)), 511.0));
+    return m.r | m.g << 9 | m.b << 18 | uint(exponent) << 27;
+}
+
+void main()
+{
+    ivec2 pixel = hg_probe_light_pixel(ivec2(gl_FragCoord.xy));
+    uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
+    hg_vertex v = hg_fetch_surface(max(id.x, 1u) - 1u, id.y, vec2(pixel) + 0.5);
+    vec3 view = -hg_frame.camera.forward_ws;
+    if (hg_frame.camera.orthographic == 0u)
+        view = normalize(hg_frame.camera.eye_ws - v.position_ws);
+    float side = v.front ? 1.0 : -1.0;
+    vec3 n = v.normal_ws * side;
+    hg_probes_look(v.position_ws, v.geometric_ws * side, n, view, reflect(-view, n),
+        hg_random3(uvec2(pixel), 15u));
+    out_light = uvec4(pack_rgb9e5(hg_probes_irradiance), pack_rgb9e5(hg_probes_surfaces),
+        hg_probe_light_pack(n, hg_probes_sky), id.x != 0u ? floatBitsToUint(v.depth) : 0u);
+}
