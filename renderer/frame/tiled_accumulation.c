@@ -85,6 +85,13 @@ float hg_tiled_accumulation_error_px(const struct hg_tiled_accumulation *s, floa
 
 // --- turning to exact ----------------------------------------------------------------------------
 
+// The host reads the progress of pixels where it lies, or a copy of it.
+static bool reads_progress(const struct hg_draw *draw)
+{
+    return draw->accumulation->progress.mapped != NULL &&
+           hg_gpu_strategy(draw->context->gpu)->host_reads;
+}
+
 static enum hg_status reserve(const struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_gpu *gpu = draw->context->gpu;
@@ -93,7 +100,7 @@ static enum hg_status reserve(const struct hg_draw *draw, struct hg_error *err)
     const uint64_t bytes = (uint64_t)settings->width * settings->height * 4;
     enum hg_status status = hg_gpu_buffer_reserve(
         gpu, HG_GPU_BUFFER_DEVICE, bytes, "pixel progress", &s->progress, err);
-    if (status == HG_OK && s->progress.mapped == NULL)
+    if (status == HG_OK && !reads_progress(draw))
         status = hg_gpu_buffer_reserve(
             gpu, HG_GPU_BUFFER_READBACK, bytes, "progress readback", &s->progress_read, err);
     return status == HG_OK
@@ -233,7 +240,7 @@ static uint32_t least_samples(const struct hg_draw *draw, VkRect2D rect)
 {
     const struct hg_tiled_accumulation *s = draw->accumulation;
     const uint32_t *words =
-        s->progress.mapped != NULL ? s->progress.mapped : s->progress_read.mapped;
+        reads_progress(draw) ? s->progress.mapped : s->progress_read.mapped;
     uint32_t least = UINT32_MAX;
     for (uint32_t y = 0; y < rect.extent.height; y++) {
         const uint32_t *row =
@@ -306,7 +313,7 @@ static enum hg_status run_batch(struct hg_draw *draw, uint32_t samples, bool sha
         return status;
     }
     hg_page_cache_end(pages_of(draw), cmd);
-    if (s->progress.mapped == NULL) {
+    if (!reads_progress(draw)) {
         const VkBufferCopy copy = {.size = s->progress_read.size_bytes < s->progress.size_bytes
                                                ? s->progress_read.size_bytes
                                                : s->progress.size_bytes};

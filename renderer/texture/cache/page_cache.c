@@ -241,7 +241,7 @@ static enum hg_status place_table(struct hg_page_cache *c)
 static enum hg_status reserve_buffers(struct hg_page_cache *c, struct hg_error *err)
 {
     const uint64_t bytes = (uint64_t)c->table.count * sizeof *c->table.entries;
-    const bool mapped = hg_gpu_get_caps(c->gpu)->mapped;
+    const bool mapped = hg_gpu_get_caps(c->gpu)->mapped && hg_gpu_strategy(c->gpu)->host_reads;
     if (c->table.buffer.size_bytes >= bytes && c->feedback.size_bytes >= 2 * bytes)
         return HG_OK;
     enum hg_status status = hg_gpu_buffer_reserve(

@@ -274,7 +274,7 @@ void hg_page_cache_wait(struct hg_page_cache *c, uint64_t timeout_ns)
 
 void hg_page_cache_begin(struct hg_page_cache *c, struct hg_gpu_cmd *cmd)
 {
-    if (c->feedback.mapped != NULL || c->feedback.handle == VK_NULL_HANDLE)
+    if (c->readback.handle == VK_NULL_HANDLE)
         return; // cleared when it was read
     vkCmdFillBuffer(hg_gpu_cmd_handle(cmd), c->feedback.handle, 0, VK_WHOLE_SIZE, 0);
     hg_gpu_memory_barrier(cmd);
@@ -415,7 +415,7 @@ void hg_page_cache_collect(
     if (mode == HG_PAGES_PREFETCH)
         limit_ahead(c, &tally);
     *out = (struct hg_page_demand){.fits = true};
-    const bool mapped = c->feedback.mapped != NULL;
+    const bool mapped = c->readback.handle == VK_NULL_HANDLE;
     uint32_t *words = mapped ? c->feedback.mapped : c->readback.mapped;
     if (words == NULL)
         return;
