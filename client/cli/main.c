@@ -54,13 +54,14 @@ static void open_streams(void)
 // A command line that is wrong has no options yet, but what reads JSON has asked for it.
 static const char *progress_of(int argc, char **argv)
 {
-    const char *mode = "none";
+    const char *mode = NULL;
     for (int i = 1; i < argc; i++) {
-        if (strcmp(argv[i], "--progress=json") == 0 ||
-            (strcmp(argv[i], "--progress") == 0 && i + 1 < argc &&
-                strcmp(argv[i + 1], "json") == 0))
-            mode = "json";
+        if (strncmp(argv[i], "--progress=", 11) == 0)
+            mode = argv[i] + 11;
+        else if (strcmp(argv[i], "--progress") == 0 && i + 1 < argc)
+            mode = argv[i + 1];
     }
+    mode = mode && strcmp(mode, "json") == 0 ? mode : "none";
     return mode;
 }
 

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "client/cli/suggest.h"
 
@@ -156,7 +157,7 @@ static bool parse_display_color(const char *text, double out[3])
         {"teal", "#008080"}, {"blue", "#0000ff"}, {"navy", "#000080"}, {"fuchsia", "#ff00ff"},
         {"purple", "#800080"}};
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (strcmp(text, names[i][0]) == 0)
+        if (strcasecmp(text, names[i][0]) == 0)
             text = names[i][1];
     const size_t digits = *text == '#' ? strspn(text + 1, "0123456789abcdefABCDEF") : 0;
     if ((digits != 3 && digits != 6) || text[1 + digits])

@@ -58,8 +58,7 @@ void hg_suggest_offer(struct hg_suggestion *s, const char *word, size_t length)
         return;
     const bool begun =
         s->length >= 3 && length > s->length && begins_with(word, s->typed, s->length);
-    const bool sign = length == 2 && s->length == 1 && strchr("+-", word[0]); // an axis without it
-    const uint32_t limit = length < 3 ? sign : length < 6 ? 1 + (length > 3) : (uint32_t)length / 3;
+    const uint32_t limit = length < 3 ? 0 : length < 6 ? 1 + (length > 3) : (uint32_t)length / 3;
     if (!begun && distance > limit)
         return;
     if (distance < s->distance) {

@@ -239,8 +239,7 @@ enum hg_status hg_tiled_accumulation_shown(const struct hg_draw *draw, struct hg
 static uint32_t least_samples(const struct hg_draw *draw, VkRect2D rect)
 {
     const struct hg_tiled_accumulation *s = draw->accumulation;
-    const uint32_t *words =
-        reads_progress(draw) ? s->progress.mapped : s->progress_read.mapped;
+    const uint32_t *words = reads_progress(draw) ? s->progress.mapped : s->progress_read.mapped;
     uint32_t least = UINT32_MAX;
     for (uint32_t y = 0; y < rect.extent.height; y++) {
         const uint32_t *row =

@@ -219,6 +219,20 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
         }
 }
 
+#define DOUBT 0.3f // what old distances are worth
+
+void hg_gi_field_doubt_distances(struct hg_gi_field *field)
+{
+    for (uint32_t i = 0; i < field->count; i++) {
+        struct hg_gi_moments *m = &field->moments[i];
+        for (uint32_t t = 0; t < HG_PROBE_MOMENT_TEXELS && field->updates[i] > 0; t++) {
+            m->distance[t] *= DOUBT;
+            m->squared[t] *= DOUBT;
+            m->weight[t] *= DOUBT;
+        }
+    }
+}
+
 void hg_gi_probe_gather(
     struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count, float keep)
 {

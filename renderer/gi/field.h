@@ -60,6 +60,10 @@ void hg_gi_probe_relocate(
 void hg_gi_probe_gather(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
     uint32_t count, float keep);
 
+// Geometry has changed: what rays meet from now on counts more than the distances that the probes
+// hold which were updated since it last did.
+void hg_gi_field_doubt_distances(struct hg_gi_field *field);
+
 // Irradiance over pi on a surface. xi: three numbers in [0, 1), as in the shader.
 struct hg_gi_point {
     float position[3], normal[3], view[3];

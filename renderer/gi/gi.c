@@ -437,7 +437,7 @@ static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
     struct build *b = &gi->moving;
     float min[3], max[3];
     struct hg_gi_field now = {0};
-    const bool changed = !same_key(b, key);
+    const bool changed = !same_key(b, key), moved = b->key.geometry != key->geometry;
     if (changed)
         gi->moving_updates = 0;
     if (changed && hg_geometry_bounds(gi->params.geometry, min, max))
@@ -453,6 +453,8 @@ static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
         while (status == HG_OK && b->field.count > 0 && b->round < PLACE_ROUNDS)
             status = advance(gi, b, sources, 1, err);
     } else if (changed) {
+        if (moved)
+            hg_gi_field_doubt_distances(&b->field);
         memset(b->field.updates, 0, b->field.count * sizeof *b->field.updates);
     }
     b->key = *key;
@@ -479,7 +481,7 @@ enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
             .first = gi->moving_at,
             .count = left < WAVE_PROBES ? left : WAVE_PROBES,
             .rays = first ? FIRST_RAYS : MOVE_RAYS,
-            .round = ROUNDS + b->field.updates[gi->moving_at],
+            .round = ROUNDS + (uint32_t)(gi->moving_updates / b->field.count),
             .keep = -1};
         status = run(&w, err);
         cast += (uint64_t)w.count * w.rays;

@@ -86,7 +86,8 @@ static enum hg_up_axis axis_of_exporter(const char *format, const struct hg_refb
 
 // Modellers put a thing on the ground around the origin: it stands on z = 0, has some height, and
 // the origin lies well inside of its other extents. A thing that is modelled Y-up has y = 0 there.
-// CAD programs also put its corner there, and are Z-up.
+// CAD programs also put its corner there, and are Z-up; unless y is the odd one of its extents, as
+// of terrains (flat) and towers that are modelled Y-up.
 static bool stands_on_z(const struct hg_asset *asset)
 {
     float min[3], max[3];
@@ -99,7 +100,9 @@ static bool stands_on_z(const struct hg_asset *asset)
         around += min[i] < -0.1f * extent[i] && max[i] > 0.1f * extent[i];
         corner += fabsf(min[i]) <= 1e-3f * extent[i];
     }
-    return (around == 2 || corner == 2) && fabsf(min[2]) <= 1e-3f * extent[2] &&
+    const float low = fminf(extent[0], extent[2]), high = fmaxf(extent[0], extent[2]);
+    const bool odd_y = extent[1] < 0.8f * low || extent[1] > 1.25f * high;
+    return (around == 2 || (corner == 2 && !odd_y)) && fabsf(min[2]) <= 1e-3f * extent[2] &&
            extent[2] >= 0.1f * across;
 }
 

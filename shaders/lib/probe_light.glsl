@@ -2,30 +2,14 @@
 // up at every fourth pixel along each side (shared/gi.h).
 //
 // A pixel blends the four nearest of them bilinearly, those of its own surface alone (joint bilateral
-// upsampling: Kopf et al. 2007). Declare hg_gathered and include lib/probes.glsl first.
+// upsampling: Kopf et al. 2007). Declare hg_gathered and include lib/environment.glsl and lib/probes.glsl first.
 #ifndef HG_LIB_PROBE_LIGHT_GLSL
 #define HG_LIB_PROBE_LIGHT_GLSL
 
+#include "lib/probe_light_texel.glsl"
+
 #define HG_PROBE_LIGHT_LEAST 1e-5 // weight of another surface
 #define HG_PROBE_LIGHT_APART 0.06 // relative difference of depth at which the weight is a half
-
-// The pixel whose surface a texel is of.
-ivec2 hg_probe_light_pixel(ivec2 texel)
-{
-    return min(texel * HG_PROBE_LIGHT_PX + HG_PROBE_LIGHT_PX / 2, ivec2(hg_frame.width, hg_frame.height) - 1);
-}
-
-// Normal with 12 bits for each coordinate, and a share.
-uint hg_probe_light_pack(vec3 n, float share)
-{
-    uvec2 e = uvec2(round((hg_oct_encode(n) * 0.5 + 0.5) * 4095.0));
-    return e.x | e.y << 12 | uint(round(clamp(share, 0.0, 1.0) * 255.0)) << 24;
-}
-
-vec3 hg_probe_light_normal(uint word)
-{
-    return hg_oct_decode(vec2(word & 4095u, word >> 12 & 4095u) * (2.0 / 4095.0) - 1.0);
-}
 
 // depth: metres along the view direction; n: shading normal.
 void hg_probe_light_look(vec2 pixel, float depth, vec3 n)
@@ -48,10 +32,14 @@ void hg_probe_light_look(vec2 pixel, float depth, vec3 n)
         surfaces += w * hg_rgb9e5(t.y);
         sum += w * vec2(float(t.z >> 24), 1.0);
     }
+    // What no block has seen is thin, and has nothing about it that would hide the environment.
+    bool none = sum.y <= 0.0;
     float scale = 1.0 / max(sum.y, 1e-20);
-    hg_probes_irradiance = irradiance * scale;
+    bool dark = hg_frame.lighting.env_kind == HG_ENV_KIND_NONE;
+    vec3 open = dark ? vec3(0.0) : hg_environment_irradiance(n);
+    hg_probes_irradiance = none ? open : irradiance * scale;
     hg_probes_surfaces = surfaces * scale;
-    hg_probes_sky = sum.x * scale * (1.0 / 255.0);
+    hg_probes_sky = none ? 1.0 : sum.x * scale * (1.0 / 255.0);
 }
 
 #endif

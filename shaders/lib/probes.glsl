@@ -81,6 +81,11 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
     ivec3 base = clamp(ivec3(floor(at)), ivec3(0), max(most - 1, ivec3(0)));
     vec3 f = clamp(at - vec3(base), 0.0, 1.0);
     vec4 sum = vec4(0.0);
+#ifdef HG_PROBES_BILINEAR
+    vec4 reflection = vec4(0.0);
+    uint mirrored = hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx);
+    xi.yz = vec2(0.5);
+#endif
     uint chosen = 0u;
     float pick = xi.z;
     for (int i = 0; i < 8; i++) {
@@ -95,6 +100,11 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         float w = tri.x * tri.y * tri.z * hg_probe_weight(k, probe_ws, pos_ws, lifted, n_geometric, xi.yz);
         w = (place & HG_PROBE_AWAKE) != 0u ? w : 0.0;
         sum += vec4(hg_probe_irradiance(p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
+#ifdef HG_PROBES_BILINEAR
+        uint both = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
+            2u * (k * HG_PROBE_IRRADIANCE_TEXELS + mirrored);
+        reflection += w * vec4(hg_rgb9e5(p.words.v[both]), uintBitsToFloat(p.words.v[both + 1u]));
+#endif
         // One of them by weight, for the reflection.
         float share = sum.w > 0.0 ? w / sum.w : 0.0;
         bool take = pick < share;
@@ -102,6 +112,11 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         pick = take ? pick / max(share, 1e-6) : (pick - share) / max(1.0 - share, 1e-6);
     }
     hg_probes_irradiance = sum.rgb / max(sum.w, 1e-12);
+#ifdef HG_PROBES_BILINEAR
+    hg_probes_surfaces = reflection.rgb / max(sum.w, 1e-12);
+    hg_probes_sky = reflection.a / max(sum.w, 1e-12);
+    return;
+#endif
     uint k = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
         2u * (chosen * HG_PROBE_IRRADIANCE_TEXELS +
             hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx));

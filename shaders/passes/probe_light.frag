@@ -14,8 +14,7 @@
 #include "shared/pass_io.h"
 
 HG_PROBE_LIGHT_IO(HG_IO_DECLARE)
-#define hg_gathered hg_visibility // texels of which nothing is looked up here
-#include "lib/probe_light.glsl"
+#include "lib/probe_light_texel.glsl"
 
 layout(location = 0) out uvec4 out_light;
 
@@ -30,8 +29,19 @@ uint pack_rgb9e5(vec3 c)
 
 void main()
 {
-    ivec2 pixel = hg_probe_light_pixel(ivec2(gl_FragCoord.xy));
+    ivec2 texel = ivec2(gl_FragCoord.xy), pixel = hg_probe_light_pixel(texel, 0);
     uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
+    for (int i = 1; i < HG_PROBE_LIGHT_TRIES; i++) {
+        ivec2 other = hg_probe_light_pixel(texel, i);
+        uvec2 there = texelFetch(hg_visibility, other, 0).xy;
+        bool take = id.x == 0u && there.x != 0u;
+        pixel = take ? other : pixel;
+        id = take ? there : id;
+    }
+    if (id.x == 0u) {
+        out_light = uvec4(0u);
+        return;
+    }
     hg_vertex v = hg_fetch_surface(max(id.x, 1u) - 1u, id.y, vec2(pixel) + 0.5);
     vec3 view = -hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
@@ -41,5 +51,5 @@ void main()
     hg_probes_look(v.position_ws, v.geometric_ws * side, n, view, reflect(-view, n),
         hg_random3(uvec2(pixel), 15u));
     out_light = uvec4(pack_rgb9e5(hg_probes_irradiance), pack_rgb9e5(hg_probes_surfaces),
-        hg_probe_light_pack(n, hg_probes_sky), id.x != 0u ? floatBitsToUint(v.depth) : 0u);
+        hg_probe_light_pack(n, hg_probes_sky), floatBitsToUint(v.depth));
 }

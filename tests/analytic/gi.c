@@ -508,6 +508,35 @@ static void test_motion_agrees(void **state)
     }
 }
 
+// Bars as wide as a pixel before a sky: each gets light, though few of the pixels that are looked
+// up show one.
+static void test_motion_has_thin_things(void **state)
+{
+    struct rig *rig = *state;
+    struct shot shot = inside;
+    rig_scene(rig);
+    for (int i = 0; i < 9; i++) {
+        const float x = -2 + 0.47f * (float)i, bar[2][3] = {{x, 0, -2}, {x + 0.13f, 3, -1.9f}};
+        solid(rig, grey(rig, 0.5f, 0), bar);
+    }
+    sky(rig, 1);
+    struct hg_view *view = open_view(rig, &shot);
+    settle(view, 8);
+    struct hg_refbuf *pixels = take_in_motion(view);
+    uint32_t seen = 0;
+    double least = 1;
+    for (size_t i = 0; i < WIDTH * HEIGHT; i++) {
+        const uint8_t *px = pixels->data + 4 * i;
+        seen += px[3] == 255;
+        if (px[3] == 255)
+            least = fmin(least, px[1] / 255.0);
+    }
+    print_message("bars in motion: %u px, the darkest %.3f (sRGB)\n", seen, least);
+    assert_true(seen > 100 && least > 0.55); // 0.5 of light is 0.735
+    hg_refbuf_unref(pixels);
+    hg_view_destroy(view);
+}
+
 // Nothing of it is in pictures that do not ask for it.
 static void test_none_is_as_before(void **state)
 {
@@ -541,6 +570,7 @@ int main(void)
         cmocka_unit_test(test_no_memory),
         cmocka_unit_test(test_lamp_switched),
         cmocka_unit_test(test_motion_agrees),
+        cmocka_unit_test(test_motion_has_thin_things),
         cmocka_unit_test(test_none_is_as_before),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);

@@ -242,7 +242,8 @@ static enum hg_status reserve_buffers(struct hg_page_cache *c, struct hg_error *
 {
     const uint64_t bytes = (uint64_t)c->table.count * sizeof *c->table.entries;
     const bool mapped = hg_gpu_get_caps(c->gpu)->mapped && hg_gpu_strategy(c->gpu)->host_reads;
-    if (c->table.buffer.size_bytes >= bytes && c->feedback.size_bytes >= 2 * bytes)
+    if (c->table.buffer.size_bytes >= bytes && c->feedback.size_bytes >= 2 * bytes &&
+        (mapped || c->readback.size_bytes >= 2 * bytes))
         return HG_OK;
     enum hg_status status = hg_gpu_buffer_reserve(
         c->gpu, HG_GPU_BUFFER_DEVICE, bytes, "page-table", &c->table.buffer, err);
@@ -252,7 +253,7 @@ static enum hg_status reserve_buffers(struct hg_page_cache *c, struct hg_error *
     if (status == HG_OK && !mapped)
         status = hg_gpu_buffer_reserve(
             c->gpu, HG_GPU_BUFFER_READBACK, 2 * bytes, "page-readback", &c->readback, err);
-    if (status == HG_OK && c->feedback.mapped != NULL)
+    if (status == HG_OK && mapped)
         memset(c->feedback.mapped, 0, c->feedback.size_bytes);
     c->table.dirty_first = 0;
     c->table.dirty_end = c->table.count;

@@ -359,6 +359,9 @@ static void test_usage_json(void **state)
     expect_run(
         0, "", "", "$HELIO help render | grep -q '|motion|history'"); // in full, however long
     expect_run(2, "unknown command", "", "$HELIO fly render");
+    expect_run(0, "wrote", "", "$HELIO render s.gltf -o up.png --up z --background Teal");
+    expect_run(
+        2, "helio: rendr: unknown command", "", "$HELIO rendr --progress json --progress none");
     expect_run(2, "did you mean helio --version?", "", "$HELIO --verison");
 }
 

@@ -166,7 +166,6 @@ static void test_suggestions(void **state)
         expect_reason(4, (const char *[]){"helio", "render", "a", options[i][0]}, options[i][1]);
     expect_reason(5, (const char *[]){"helio", "render", "a", "--mode", "Pth"}, "mean 'path'?");
     expect_reason(5, (const char *[]){"helio", "render", "a", "--mode", "Realtime"}, "'realtime'?");
-    assert_int_equal(hg_suggest_distance("Z", 1, "+Z", 2), 1);
     struct hg_error err;
     assert_int_equal(
         parse(5, (const char *[]){"helio", "render", "a", "--mode", "x"}, &err), HG_E_INVAL);
