@@ -293,7 +293,9 @@ static enum hg_status parse_choice(
     size_t length = strlen(text);
     for (const char *at = choices; length;) {
         size_t n = strcspn(at, "|");
-        if (n == length && memcmp(at, text, n) == 0) {
+        const bool unsigned_axis = // "z" is "+Z"
+            *at == '+' && n == length + 1 && strncasecmp(at + 1, text, length) == 0;
+        if ((n == length && memcmp(at, text, n) == 0) || unsigned_axis) {
             *out = text;
             return HG_OK;
         }
