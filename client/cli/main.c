@@ -61,8 +61,7 @@ static const char *progress_of(int argc, char **argv)
         else if (strcmp(argv[i], "--progress") == 0 && i + 1 < argc)
             mode = argv[i + 1];
     }
-    mode = mode && strcmp(mode, "json") == 0 ? mode : "none";
-    return mode;
+    return mode && strcmp(mode, "json") == 0 ? "json" : "none";
 }
 
 static int refuse(int argc, char **argv, const struct hg_error *err)

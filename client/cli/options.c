@@ -216,8 +216,7 @@ enum hg_status hg_cli_parse_background(
     *out = (struct hg_cli_background){0};
     return hg_error_set(err, HG_E_INVAL, what, NULL,
         "'%s' is not env, none, blur, #rrggbb, a basic colour of CSS such as white or teal, or "
-        "three "
-        "linear components R,G,B",
+        "three linear components R,G,B",
         text);
 }
 

@@ -225,7 +225,9 @@ void hg_gi_field_doubt_distances(struct hg_gi_field *field)
 {
     for (uint32_t i = 0; i < field->count; i++) {
         struct hg_gi_moments *m = &field->moments[i];
-        for (uint32_t t = 0; t < HG_PROBE_MOMENT_TEXELS && field->updates[i] > 0; t++) {
+        if (field->updates[i] == 0)
+            continue;
+        for (uint32_t t = 0; t < HG_PROBE_MOMENT_TEXELS; t++) {
             m->distance[t] *= DOUBT;
             m->squared[t] *= DOUBT;
             m->weight[t] *= DOUBT;

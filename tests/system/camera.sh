@@ -72,6 +72,7 @@ grep -q "focus_distance: a camera of the scene looks at no point" "$temp/out" ||
     echo "set exposure 0"
     echo "load $startup"
     echo "expect stat camera.source == node"
+    echo "expect stat frame.mode == realtime"
     echo "expect stat camera.node == Camera"
     echo "expect stat camera.vfov_deg < 23"
     echo "camera fit view front"
