@@ -12,8 +12,8 @@
 #include "shaders/shared/path.h"
 
 #define FILTER_BOX  1u // enum hg_filter of renderer.h
-#define FULL_PX     921600.0 // pictures of so many pixels, or more, have 4 samples for each
-#define LEAST_BITS  2        // log2 of samples
+#define FULL_PX     921600.0 // pictures of so many pixels, or more, have 2 samples for each
+#define LEAST_BITS  1        // log2 of samples
 #define MOST_BITS   6
 #define MOST_BOUNCE 6    // of paths that do not find the field
 #define REACH       0.5f // spacings of the field

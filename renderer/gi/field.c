@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/jobs.h"
+#include "base/simd.h"
 #include "renderer/gi/words.h"
 #include "renderer/math/vec.h"
 
@@ -100,18 +101,20 @@ enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], cons
     hg_gi_field_finish(f, NULL);
     hg_gi_field_grid(&next, min, max);
     next.offsets = hg_calloc(next.count, sizeof *next.offsets);
-    next.awake = hg_calloc(next.count, sizeof *next.awake);
+    next.inside = hg_calloc(next.count, sizeof *next.inside);
+    next.needed = hg_calloc(next.count, sizeof *next.needed);
     next.updates = hg_calloc(next.count, sizeof *next.updates);
     next.irradiance = hg_calloc(next.count, sizeof *next.irradiance);
     next.moments = hg_calloc(next.count, sizeof *next.moments);
+    next.means = hg_calloc(next.count, sizeof *next.means);
     next.words = hg_calloc((size_t)next.count * PROBE_WORDS, sizeof *next.words);
     *f = next;
-    if (!f->offsets || !f->awake || !f->updates || !f->irradiance || !f->moments || !f->words) {
+    if (!f->offsets || !f->inside || !f->needed || !f->updates || !f->irradiance || !f->moments ||
+        !f->means || !f->words) {
         hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
     }
-    for (uint32_t i = 0; i < f->count; i++)
-        f->awake[i] = true;
+    memset(f->needed, true, f->count * sizeof *f->needed);
     return HG_OK;
 }
 
@@ -120,18 +123,21 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
     if (gpu)
         hg_gpu_buffer_destroy(gpu, &f->buffer);
     hg_free(f->offsets);
-    hg_free(f->awake);
+    hg_free(f->inside);
+    hg_free(f->needed);
     hg_free(f->updates);
     hg_free(f->irradiance);
     hg_free(f->moments);
+    hg_free(f->means);
     hg_free(f->words);
     *f = (struct hg_gi_field){.buffer = f->buffer};
 }
 
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
 {
-    return f->count * (sizeof *f->offsets + sizeof *f->awake + sizeof *f->updates +
-                          sizeof *f->irradiance + sizeof *f->moments + PROBE_WORDS * 4ull) +
+    return f->count * (sizeof *f->offsets + sizeof *f->inside + sizeof *f->needed +
+                          sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments +
+                          sizeof *f->means + PROBE_WORDS * 4ull) +
            f->buffer.size_bytes;
 }
 
@@ -169,7 +175,7 @@ void hg_gi_probe_relocate(
         f->offsets[probe][a] =
             rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) / HG_PROBE_OFFSET_STEPS -
             0.5f;
-    f->awake[probe] = !inside;
+    f->inside[probe] = inside;
 }
 
 // --- gathering -----------------------------------------------------------------------------------
@@ -180,7 +186,7 @@ static void keep_share(float *values, size_t count, float keep)
         values[i] = keep > 0 ? values[i] * keep : 0;
 }
 
-static void add_light(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
+HG_SIMD_LOOP static void add_light(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
     const float directions[3][IRRADIANCE_TEXELS])
 {
     const float *d = ray->direction, hit = ray->distance < FLT_MAX ? 1.0f : 0.0f;
@@ -196,7 +202,13 @@ static void add_light(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
     }
 }
 
-static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing)
+struct lobes { // directions of texels
+    float irradiance[3][IRRADIANCE_TEXELS];
+    float moments[MOMENT_TEXELS][3];
+};
+
+static void add_distance(
+    struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing, const struct lobes *lobes)
 {
     float e[2];
     oct_encode(ray->direction, e);
@@ -208,9 +220,7 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
     for (int y = y0 - 1; y <= y0 + 1; y++)
         for (int x = x0 - 1; x <= x0 + 1; x++) {
             const uint32_t t = wrapped_texel(x, y, MOMENT_SIDE);
-            float d[3];
-            texel_direction(t, MOMENT_SIDE, d);
-            float w = fmaxf(hg_dot3(d, ray->direction), 0);
+            float w = fmaxf(hg_dot3(lobes->moments[t], ray->direction), 0);
             for (int power = 1; power < LOBE_POWER; power *= 2)
                 w *= w;
             to->distance[t] += w * distance;
@@ -235,25 +245,17 @@ void hg_gi_field_doubt_distances(struct hg_gi_field *field)
     }
 }
 
-void hg_gi_probe_gather(
-    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count, float keep)
+static void set_lobes(struct lobes *out)
 {
-    float directions[3][IRRADIANCE_TEXELS];
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         float d[3];
         texel_direction(t, IRRADIANCE_SIDE, d);
         for (int a = 0; a < 3; a++)
-            directions[a][t] = d[a];
+            out->irradiance[a][t] = d[a];
     }
-    struct hg_gi_irradiance *to = &f->irradiance[probe];
-    keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
-    for (uint32_t i = 0; i < count; i++) {
-        add_light(to, &rays[i], (const float(*)[IRRADIANCE_TEXELS])directions);
-        add_distance(&f->moments[probe], &rays[i], f->spacing);
-    }
+    for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
+        texel_direction(t, MOMENT_SIDE, out->moments[t]);
 }
-
-// --- looking -------------------------------------------------------------------------------------
 
 static void moments_at(const struct hg_gi_moments *m, uint32_t t, float *mean, float *variance)
 {
@@ -262,19 +264,53 @@ static void moments_at(const struct hg_gi_moments *m, uint32_t t, float *mean, f
     *variance = w > 0 ? fmaxf(m->squared[t] / w - *mean * *mean, 1e-4f) : 1;
 }
 
+static void set_means(struct hg_gi_field *f, uint32_t probe)
+{
+    struct hg_gi_means *to = &f->means[probe];
+    const struct hg_gi_irradiance *from = &f->irradiance[probe];
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++)
+        for (int c = 0; c < 3; c++)
+            to->light[t][c] = from->weight[t] > 0 ? from->light[c][t] / from->weight[t] : 0;
+    for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
+        moments_at(&f->moments[probe], t, &to->reach[t][0], &to->reach[t][1]);
+}
+
+void hg_gi_probe_gather(
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count, float keep)
+{
+    struct hg_gi_irradiance *to = &f->irradiance[probe];
+    struct lobes lobes;
+    set_lobes(&lobes);
+    keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
+    for (uint32_t i = 0; i < count; i++) {
+        add_light(to, &rays[i], (const float(*)[IRRADIANCE_TEXELS])lobes.irradiance);
+        add_distance(&f->moments[probe], &rays[i], f->spacing, &lobes);
+    }
+    set_means(f, probe);
+}
+
+// Rays have come from all around: every direction has its share.
+static bool is_lit(const struct hg_gi_field *f, uint32_t probe)
+{
+    const float *weight = f->irradiance[probe].weight;
+    return weight[0] > 0 && weight[IRRADIANCE_TEXELS / 2 + IRRADIANCE_SIDE / 2] > 0;
+}
+
+// --- looking -------------------------------------------------------------------------------------
+
 static float probe_weight(const struct hg_gi_field *f, uint32_t probe, const struct hg_gi_point *p,
     const float lifted[3], const float xi[3])
 {
-    float at[3], to[3], from[3], mean, variance;
+    float at[3], to[3], from[3];
     hg_gi_probe_position(f, probe, at);
     hg_sub3(at, p->position, to);
     hg_normalize3(to);
     hg_sub3(lifted, at, from);
     const float wrap = hg_dot3(to, p->normal) * 0.5f + 0.5f;
     const float distance = hg_length3(from) / f->spacing;
-    moments_at(&f->moments[probe], texel_of(from, MOMENT_SIDE, xi[1], xi[2]), &mean, &variance);
-    const float beyond = fmaxf(distance - mean, 0);
-    const float seen = variance / (variance + beyond * beyond);
+    const float *reach = f->means[probe].reach[texel_of(from, MOMENT_SIDE, xi[1], xi[2])];
+    const float beyond = fmaxf(distance - reach[0], 0);
+    const float seen = reach[1] / (reach[1] + beyond * beyond);
     const float weight = fmaxf((wrap * wrap + 0.02f) * seen * seen * seen, 1e-6f);
     return weight < 0.2f ? weight * weight * weight * 25 : weight;
 }
@@ -303,12 +339,11 @@ void hg_gi_field_irradiance(
             cell[a] = base[a] + off < f->counts[a] ? base[a] + off : f->counts[a] - 1;
         }
         const uint32_t k = (cell[2] * f->counts[1] + cell[1]) * f->counts[0] + cell[0];
-        const struct hg_gi_irradiance *from = &f->irradiance[k];
-        if (weight <= 0 || !f->awake[k] || from->weight[t] <= 0)
+        if (weight <= 0 || !hg_gi_probe_is_awake(f, k) || f->irradiance[k].weight[t] <= 0)
             continue;
         weight *= probe_weight(f, k, p, lifted, xi);
         for (int c = 0; c < 3; c++)
-            sum[c] += weight * from->light[c][t] / from->weight[t];
+            sum[c] += weight * f->means[k].light[t][c];
         sum[3] += weight;
     }
     for (int c = 0; c < 3; c++)
@@ -319,7 +354,7 @@ void hg_gi_field_irradiance(
 
 static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
 {
-    uint32_t word = f->awake[probe] ? HG_PROBE_AWAKE : 0;
+    uint32_t word = hg_gi_probe_is_awake(f, probe) && is_lit(f, probe) ? HG_PROBE_AWAKE : 0;
     for (int a = 0; a < 3; a++)
         word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) << (10 * a);
     return word;
@@ -345,9 +380,8 @@ static void pack_probe(void *user, size_t probe)
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);
     }
     for (uint32_t t = 0; t < MOMENT_TEXELS; t++) {
-        float mean, variance;
-        moments_at(&f->moments[probe], t, &mean, &variance);
-        moments[t] = (uint32_t)hg_half(mean) | (uint32_t)hg_half(variance) << 16;
+        const float *reach = f->means[probe].reach[t];
+        moments[t] = (uint32_t)hg_half(reach[0]) | (uint32_t)hg_half(reach[1]) << 16;
     }
 }
 

@@ -24,14 +24,22 @@ struct hg_gi_moments { // weighted by a narrow lobe about the texel's direction;
     float weight[HG_PROBE_MOMENT_TEXELS];
 };
 
+// What lookups on the host read: the means of both.
+struct hg_gi_means {
+    float light[HG_PROBE_IRRADIANCE_TEXELS][3];
+    float reach[HG_PROBE_MOMENT_TEXELS][2]; // of distances, and their variance
+};
+
 struct hg_gi_field { // zeroed: none
     uint32_t counts[3], count;
     float origin[3], spacing;
     float (*offsets)[3]; // [count] from the grid, in spacings
-    bool *awake;         // [count]
+    bool *inside;        // [count] of something solid
+    bool *needed;        // [count] surfaces are near (occupancy.h); set by who places the field
     uint32_t *updates;   // [count] since what they hold was last out of date
     struct hg_gi_irradiance *irradiance;
     struct hg_gi_moments *moments;
+    struct hg_gi_means *means;
     uint32_t *words; // as the device reads them
     struct hg_gpu_buffer buffer;
 };
@@ -46,12 +54,17 @@ struct hg_gi_ray {
 
 // counts, count, origin and spacing for these bounds.
 void hg_gi_field_grid(struct hg_gi_field *field, const float min[3], const float max[3]);
-// Probes for these bounds (relative to the geometry's origin), all empty. HG_E_NOMEM.
+// Probes for these bounds (relative to the geometry's origin), all empty and needed. HG_E_NOMEM.
 enum hg_status hg_gi_field_place(
     struct hg_gi_field *field, const float min[3], const float max[3]) HG_MUST_CHECK;
 void hg_gi_field_finish(struct hg_gi_field *field, struct hg_gpu *gpu);
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *field);
 
+// The probe takes part: it is updated, and lookups read it once it has been.
+static inline bool hg_gi_probe_is_awake(const struct hg_gi_field *field, uint32_t probe)
+{
+    return field->needed[probe] && !field->inside[probe];
+}
 void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float out[3]);
 // Moves a probe out of and away from what its rays met, and says whether it is inside of something.
 void hg_gi_probe_relocate(

@@ -11,7 +11,9 @@
 #include "renderer/math/vec.h"
 #include "shaders/shared/path.h"
 
-#define FINEST       48 // the widest step is at most this part of the picture's height, or 1 px
+#define FINEST       16 // the widest step is at most this part of the picture's height, or 1 px,
+#define FINEST_OF    4  // of so many samples; of more a smaller part,
+#define FINEST_MOST  3  // down to this share of it
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
 #define STRIP        8  // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
@@ -20,7 +22,7 @@
 #define NORMAL_SQUARINGS 3     // the cosine between normals to the power of 8
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
-#define LIGHT_REACH      3.0f  // standard deviations of luminance
+#define LIGHT_REACH      4.0f  // standard deviations of luminance
 #define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
@@ -207,7 +209,7 @@ HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin,
                           DEPTH_REACH * px * z[x] + 1e-6f;
         const float lx = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
         const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
-        const float deviation = LIGHT_REACH * sqrtf(variance[x]) + 1e-2f * lx + 1e-7f;
+        const float deviation = LIGHT_REACH * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
         const float like = approach_zero(looks * fabsf(lx - lq) / deviation);
         float weight = kernel * n * approach_zero(apart / may) * like * worth[q];
         const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
@@ -330,14 +332,22 @@ static void swap_planes(struct work *w, int kind, int plane)
     w->to[kind][plane] = other;
 }
 
+static uint32_t widest_step(const struct hg_gi_gather_input *in)
+{
+    const uint32_t more = in->samples / FINEST_OF;
+    const uint32_t part = FINEST * (more < 1 ? 1 : more < FINEST_MOST ? more : FINEST_MOST);
+    return in->height > part ? in->height / part : 1;
+}
+
 static void filter(struct work *w, struct hg_jobs *jobs)
 {
     const size_t height = w->in->height;
+    const uint32_t widest = widest_step(w->in);
     hg_jobs_for(jobs, height, load_row, w);
     hg_jobs_for(jobs, height, prepare_row, w);
     for (w->kind = 0; w->kind < KINDS; w->kind++) {
         swap_planes(w, w->kind, VARIANCE);
-        for (w->step = 1; w->step == 1 || w->step * FINEST <= height; w->step *= 2) {
+        for (w->step = 1; w->step <= widest; w->step *= 2) {
             hg_jobs_for(jobs, strips_of(w), filter_strip, w);
             for (int plane = 0; plane < LIGHT_PLANES; plane++)
                 swap_planes(w, w->kind, plane);

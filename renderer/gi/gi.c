@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "renderer/gi/direct.h"
 #include "renderer/gi/field.h"
+#include "renderer/gi/occupancy.h"
 #include "renderer/gi/surfaces.h"
 #include "renderer/math/vec.h"
 
@@ -35,7 +36,8 @@ struct build { // of a field
     struct hg_gi_field field;
     struct hg_gi_key key;
     bool keyed;
-    uint32_t round, next; // next: probe of the round
+    uint32_t *list, listed; // probes that a round is of, ascending
+    uint32_t round, next;   // next: of the list
 };
 
 struct hg_gi {
@@ -43,7 +45,7 @@ struct hg_gi {
     struct hg_rays_scene *rays;
     struct hg_gi_surfaces surfaces;
     struct build rest, moving;
-    uint32_t moving_at;      // the probe that is updated next
+    uint32_t moving_at;      // of the list: what is updated next
     uint64_t moving_updates; // of probes since the last change
     struct hg_gpu_buffer wave_rays, wave_hits, shadow_rays, blocked;
     struct hg_gi_ray *brought; // [WAVE_PROBES * MOST_RAYS]
@@ -56,8 +58,9 @@ struct wave {
     struct hg_gi *gi;
     const struct hg_lighting_sources *sources;
     struct hg_gi_field *field;
-    uint32_t first, count; // probes
-    uint32_t rays;         // of each
+    const uint32_t *probes; // [count]
+    uint32_t count;
+    uint32_t rays; // of each
     uint32_t round;
     float keep;  // < 0: by what each probe has seen since the last change
     bool places; // finds out where probes stand; no light
@@ -114,6 +117,8 @@ void hg_gi_destroy(struct hg_gi *gi)
     hg_gi_surfaces_finish(&gi->surfaces);
     hg_gi_field_finish(&gi->rest.field, gpu);
     hg_gi_field_finish(&gi->moving.field, gpu);
+    hg_free(gi->rest.list);
+    hg_free(gi->moving.list);
     hg_gpu_buffer_destroy(gpu, &gi->wave_rays);
     hg_gpu_buffer_destroy(gpu, &gi->wave_hits);
     hg_gpu_buffer_destroy(gpu, &gi->shadow_rays);
@@ -173,16 +178,15 @@ static void cast_probe(void *user, size_t index)
     const struct wave *w = user;
     struct hg_gpu_ray *rays = (struct hg_gpu_ray *)w->gi->wave_rays.mapped + index * w->rays;
     float m[9], at[3];
-    const uint32_t probe = w->first + (uint32_t)index;
+    const uint32_t probe = w->probes[index];
     random_rotation(probe, w->round, m);
     hg_gi_probe_position(w->field, probe, at);
-    const bool none = !w->places && !w->field->awake[probe];
     for (uint32_t i = 0; i < w->rays; i++) {
         float p[3];
         fibonacci(i, w->rays, p);
         rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
             .direction_ws = {hg_dot3(m, p), hg_dot3(m + 3, p), hg_dot3(m + 6, p)},
-            .t_max = none ? -1 : FLT_MAX,
+            .t_max = FLT_MAX,
             .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
     }
 }
@@ -194,7 +198,7 @@ static void receive(const struct wave *w, size_t i, const struct hg_gi_surface *
     struct hg_gi_receiver r;
     struct hg_gi_point point;
     float xi[3], bounced[3];
-    random3((uint32_t)(w->first * w->rays + i), w->round, 0x686974u, xi);
+    random3((uint32_t)(w->probes[i / w->rays] * w->rays + i % w->rays), w->round, 0x686974u, xi);
     const float from[3] = {ray->origin_ws.x, ray->origin_ws.y, ray->origin_ws.z};
     hg_mad3(from, out->direction, out->distance, r.position);
     hg_copy3(surface->normal, r.normal);
@@ -228,7 +232,7 @@ static void shade_ray(const struct wave *w, size_t i)
     w->gi->direct[i] = (struct hg_gi_direct){0};
     for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
         w->gi->direct[i].rays[k].t_max = -1;
-    if (hit->draw == HG_HIT_NONE || ray->t_max < 0) {
+    if (hit->draw == HG_HIT_NONE) {
         hg_gi_environment(w->sources, out->direction, out->light);
     } else {
         struct hg_gi_surface surface;
@@ -260,15 +264,13 @@ static float keep_of(const struct wave *w, uint32_t probe)
 static void gather_probe(void *user, size_t index)
 {
     const struct wave *w = user;
-    const uint32_t probe = w->first + (uint32_t)index;
+    const uint32_t probe = w->probes[index];
     const uint32_t *blocked = w->gi->blocked.mapped;
     struct hg_gi_ray *rays = w->gi->brought + index * w->rays;
     if (w->places) {
         hg_gi_probe_relocate(w->field, probe, rays, w->rays);
         return;
     }
-    if (!w->field->awake[probe])
-        return;
     for (uint32_t i = 0; i < w->rays; i++) {
         const size_t at = index * w->rays + i;
         for (int k = 0; k < HG_GI_SHADOW_RAYS; k++) {
@@ -344,17 +346,42 @@ static bool same_key(const struct build *b, const struct hg_gi_key *key)
     return b->keyed && memcmp(&b->key, key, sizeof *key) == 0;
 }
 
+// The probes that the rounds to come are of: those that take part, and before it is known which are
+// inside of something all.
+static void list_probes(struct build *b)
+{
+    b->listed = b->next = 0;
+    for (uint32_t i = 0; i < b->field.count; i++)
+        if (b->round < PLACE_ROUNDS || hg_gi_probe_is_awake(&b->field, i))
+            b->list[b->listed++] = i;
+}
+
+static enum hg_status place_within(
+    struct hg_gi *gi, struct build *b, const float min[3], const float max[3])
+{
+    const enum hg_status status = hg_gi_field_place(&b->field, min, max);
+    hg_free(b->list);
+    b->list = status == HG_OK ? hg_calloc(b->field.count, sizeof *b->list) : NULL;
+    if (!b->list) {
+        hg_gi_field_finish(&b->field, NULL);
+        return HG_E_NOMEM;
+    }
+    hg_gi_occupy(&b->field, &gi->surfaces);
+    list_probes(b);
+    return HG_OK;
+}
+
 // Probes for the scene as it is now; none where there is nothing to put them around.
 static enum hg_status place(struct hg_gi *gi, struct build *b, struct hg_error *err)
 {
     float min[3], max[3];
-    b->round = b->next = 0;
+    b->round = b->next = b->listed = 0;
     if (!hg_geometry_bounds(gi->params.geometry, min, max)) {
         hg_gi_field_finish(&b->field, NULL);
         b->round = ROUNDS;
         return HG_OK;
     }
-    const enum hg_status status = hg_gi_field_place(&b->field, min, max);
+    const enum hg_status status = place_within(gi, b, min, max);
     return status == HG_OK ? HG_OK
                            : hg_error_set(err, status, "probes", NULL, "out of host memory");
 }
@@ -364,11 +391,11 @@ static enum hg_status place(struct hg_gi *gi, struct build *b, struct hg_error *
 static struct wave wave_of(
     struct hg_gi *gi, struct build *b, const struct hg_lighting_sources *from)
 {
-    const uint32_t left = b->field.count - b->next;
+    const uint32_t left = b->listed - b->next;
     struct wave w = {.gi = gi,
         .sources = from,
         .field = &b->field,
-        .first = b->next,
+        .probes = b->list + b->next,
         .count = left < WAVE_PROBES ? left : WAVE_PROBES,
         .round = b->round};
     if (b->round < PLACE_ROUNDS) {
@@ -393,10 +420,14 @@ static enum hg_status advance(struct hg_gi *gi, struct build *b,
         status = run(&w, err);
         cast += (uint64_t)w.count * w.rays;
         b->next += w.count;
-        if (b->next == b->field.count) {
+        if (b->next == b->listed) {
             b->next = 0;
             b->round++;
         }
+        if (b->next == 0 && b->round == PLACE_ROUNDS)
+            list_probes(b);
+        if (b->listed == 0) // nothing that light could reach
+            b->round = ROUNDS;
     }
     return status;
 }
@@ -453,8 +484,12 @@ static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
         while (status == HG_OK && b->field.count > 0 && b->round < PLACE_ROUNDS)
             status = advance(gi, b, sources, 1, err);
     } else if (changed) {
-        if (moved)
+        if (moved) { // surfaces may come anywhere
             hg_gi_field_doubt_distances(&b->field);
+            memset(b->field.needed, true, b->field.count * sizeof *b->field.needed);
+            list_probes(b);
+            gi->moving_at = b->listed > 0 ? gi->moving_at % b->listed : 0;
+        }
         memset(b->field.updates, 0, b->field.count * sizeof *b->field.updates);
     }
     b->key = *key;
@@ -467,26 +502,26 @@ enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
 {
     struct build *b = &gi->moving;
     const uint64_t begin = hg_clock_now_ns();
-    if (same_key(b, key) && gi->moving_updates >= (uint64_t)MOVE_ENOUGH * b->field.count)
+    if (same_key(b, key) && gi->moving_updates >= (uint64_t)MOVE_ENOUGH * b->listed)
         return HG_OK;
     enum hg_status status = sync_rays(gi, false, err);
     if (status == HG_OK)
         status = follow(gi, key, sources, err);
-    for (uint64_t cast = 0; cast < rays && status == HG_OK && b->field.count > 0;) {
-        const uint32_t left = b->field.count - gi->moving_at;
-        const bool first = gi->moving_updates < (uint64_t)FIRST_ROUNDS * b->field.count;
+    for (uint64_t cast = 0; cast < rays && status == HG_OK && b->listed > 0;) {
+        const uint32_t left = b->listed - gi->moving_at;
+        const bool first = gi->moving_updates < (uint64_t)FIRST_ROUNDS * b->listed;
         struct wave w = {.gi = gi,
             .sources = sources,
             .field = &b->field,
-            .first = gi->moving_at,
+            .probes = b->list + gi->moving_at,
             .count = left < WAVE_PROBES ? left : WAVE_PROBES,
             .rays = first ? FIRST_RAYS : MOVE_RAYS,
-            .round = ROUNDS + (uint32_t)(gi->moving_updates / b->field.count),
+            .round = ROUNDS + (uint32_t)(gi->moving_updates / b->listed),
             .keep = -1};
         status = run(&w, err);
         cast += (uint64_t)w.count * w.rays;
         gi->moving_updates += w.count;
-        gi->moving_at = (gi->moving_at + w.count) % b->field.count;
+        gi->moving_at = (gi->moving_at + w.count) % b->listed;
     }
     if (status == HG_OK && b->field.count > 0)
         status = hg_gi_field_upload(&b->field, gi->params.gpu, gi->params.jobs, err);
@@ -521,6 +556,6 @@ void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out)
     out->probes = f->count;
     out->spacing = f->spacing;
     for (uint32_t i = 0; i < f->count; i++)
-        out->asleep += !f->awake[i];
+        out->asleep += !hg_gi_probe_is_awake(f, i);
     out->bytes = hg_gi_field_bytes(&gi->rest.field) + hg_gi_field_bytes(&gi->moving.field);
 }

@@ -19,11 +19,12 @@ bool hg_gather_is_drawn(hg_emitter_sample e)
         (e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction));
 }
 
-// A path that met a surface after t metres ends there. Every second sample goes on for a bounce more, which
-// halves the error of the field.
+// A path that met a surface after t metres ends there. Every second one goes on for a bounce more, which
+// halves the error of the field; pairs of samples and pixels take turns.
 bool hg_gather_ends(path p, float t)
 {
-    uint least = 1u + (hg_path_sample(p.slot) >> 1u & 1u);
+    uvec2 pixel = hg_path_pixel(p.slot);
+    uint least = 1u + ((hg_path_sample(p.slot) >> 1u) + pixel.x + pixel.y & 1u);
     return p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u && t >= hg_path.gather.reach;
 }
 
