@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/frame/gather_view.h"
+#include "renderer/passes/skin.h"
 
 #define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
 #define MOVE_RAYS 8000  // of a picture in motion
@@ -49,6 +50,13 @@ bool hg_gi_view_is_done(const struct hg_view_state *view)
            (hg_gi_view_has_rest(view) && (!gathers(view) || hg_gather_view_is_done(view)));
 }
 
+enum hg_gi_view_stage hg_gi_view_stage(const struct hg_view_state *view)
+{
+    if (!hg_gi_view_is_on(view) || !hg_gi_view_has_rest(view))
+        return HG_GI_VIEW_MOVES;
+    return hg_gi_view_is_done(view) ? HG_GI_VIEW_DONE : HG_GI_VIEW_FIELD;
+}
+
 static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_scene_gpu *s = view->scene_gpu;
@@ -64,7 +72,9 @@ static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_
 {
     const struct hg_gi_key key = key_of(view);
     struct hg_lighting_sources sources;
-    const enum hg_status status = create(view, err);
+    enum hg_status status = create(view, err);
+    if (status == HG_OK) // rays meet what is posed
+        status = hg_skin_run(view->context->gpu, view->scene_gpu->geometry, err);
     if (status != HG_OK)
         return status;
     hg_lighting_sources(view->lighting, &sources);
@@ -121,7 +131,8 @@ enum hg_status hg_gi_view_step(
         status = refuse_gathering(view, status, err);
     if (status != HG_OK)
         return status;
-    *waits = rests && !hg_gi_view_is_done(view);
+    const bool shows = !had && hg_gi_view_has_rest(view) && !view->final;
+    *waits = rests && !shows && !hg_gi_view_is_done(view);
     view->gi.gathered = gathers(view) && hg_gather_view_is_done(view);
     hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);
     return HG_OK;

@@ -39,7 +39,7 @@ struct hg_tiled_areas {
 // What the accumulated samples were made of; any difference restarts.
 struct hg_view_key {
     uint64_t scene, environment, geometry, settings, camera;
-    uint64_t gi; // 1: drawn with the probes of rest
+    uint64_t gi; // enum hg_gi_view_stage
 };
 
 // Texture page requests of the newest batch.

@@ -176,7 +176,7 @@ static struct hg_view_key present_key(const struct hg_view_state *view)
         .geometry = view->scene_gpu->geometry_revision,
         .settings = view->settings_revision,
         .camera = view->camera_revision,
-        .gi = hg_gi_view_is_on(view) && hg_gi_view_is_done(view)};
+        .gi = hg_gi_view_stage(view)};
 }
 
 static bool bakes(const struct hg_view_state *view)

@@ -25,6 +25,8 @@
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
 #define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
+#define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
+#define LOBE_SHARE       0.5f  // and half the squared share of alpha by which their normals may
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
 // Light of one kind: radiance, how much it is worth, variance of its luminance.
@@ -199,8 +201,8 @@ HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin,
     const float looks = w->step >> BLIND > 0 ? 1.0f : 0.0f;
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
-        float n = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
-        n = n > 0 ? n : 0;
+        const float cosine = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
+        float n = cosine > 0 ? cosine : 0;
         for (int i = 0; i < NORMAL_SQUARINGS; i++)
             n *= n;
         const float plane = z[x] + zx[x] * dx + zy[x] * dy;
@@ -214,7 +216,10 @@ HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin,
         float weight = kernel * n * approach_zero(apart / may) * like * worth[q];
         const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
         const float other = fabsf(rough[x] - rough[q]) * (1 / ROUGH_REACH);
-        const float lobe = approach_zero(2 * reach) * approach_zero(2 * other);
+        const float width = rough[x] * rough[x] + LOBE_LEAST;
+        const float bend = (1 - cosine) / (LOBE_SHARE * width * width);
+        const float lobe =
+            approach_zero(2 * reach) * approach_zero(2 * other) * approach_zero(bend);
         weight *= 1 - mirrored * (1 - lobe);
         sr[x] += weight * r[q];
         sg[x] += weight * g[q];
@@ -316,8 +321,15 @@ static void pack_row(void *user, size_t y)
         const float n[3] = {
             w->guides[NORMAL_X][at], w->guides[NORMAL_Y][at], w->guides[NORMAL_Z][at]};
         const float a = despeckle(w, SCATTERED, at), b = despeckle(w, MIRRORED, at);
-        out[0] = hg_gi_rgb9e5(a * s[RED][at], a * s[GREEN][at], a * s[BLUE][at]);
-        out[1] = hg_gi_rgb9e5(b * m[RED][at], b * m[GREEN][at], b * m[BLUE][at]);
+        // Of metals nothing scatters but what facets send on to each other: about what they mirror.
+        const float scatters = s[WORTH][at];
+        float irradiance[3], radiance[3];
+        for (int c = RED; c <= BLUE; c++) {
+            radiance[c] = b * m[c][at];
+            irradiance[c] = scatters * a * s[c][at] + (1 - scatters) * radiance[c];
+        }
+        out[0] = hg_gi_rgb9e5(irradiance[0], irradiance[1], irradiance[2]);
+        out[1] = hg_gi_rgb9e5(radiance[0], radiance[1], radiance[2]);
         out[2] = hg_pack_normal(n);
         memcpy(&out[3], &depth, sizeof depth);
     }

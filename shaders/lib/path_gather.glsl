@@ -19,6 +19,21 @@ bool hg_gather_is_drawn(hg_emitter_sample e)
         (e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction));
 }
 
+// What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and
+// hg_environment_bsdf.
+vec3 hg_gather_scattering(hg_bsdf b)
+{
+    if (HG_HAS(HG_FEATURE_LOBES)) {
+        vec3 scattering = (b.base.diffuse + b.behind) * b.enter_v;
+        if (HG_HAS(HG_FEATURE_SHEEN))
+            scattering += b.sheen * (b.sheen_albedo_v.y * b.coat_v);
+        return scattering;
+    }
+    float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
+    return b.base.diffuse * clamp(1.0 - b.base.f0_dielectric * b.base.dfg_v.x - b.base.dfg_v.y -
+        b.base.f_ms_dielectric * miss, 0.0, 1.0);
+}
+
 // A path that met a surface after t metres ends there. Every second one goes on for a bounce more, which
 // halves the error of the field; pairs of samples and pixels take turns.
 bool hg_gather_ends(path p, float t)

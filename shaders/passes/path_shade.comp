@@ -231,12 +231,7 @@ void note_seen(path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
 void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
 {
     uint guide = hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE]);
-    vec3 scattering = hg_features_scattering(b);
-    if (HG_PATH_CAN(HG_PATH_GATHERS)) { // as hg_environment_brdf multiplies irradiance
-        float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
-        scattering *= clamp(1.0 - b.base.f0_dielectric * b.base.dfg_v.x - b.base.dfg_v.y -
-            b.base.f_ms_dielectric * miss, 0.0, 1.0);
-    }
+    vec3 scattering = HG_PATH_CAN(HG_PATH_GATHERS) ? hg_gather_scattering(b) : hg_features_scattering(b);
     hg_path_set3(guide + HG_PATH_GUIDE_ALBEDO, p.slot, scattering);
     hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_features_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);

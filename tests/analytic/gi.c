@@ -120,6 +120,7 @@ static void take_both(struct rig *rig, const struct shot *shot, struct hg_refbuf
     struct shot rays = *shot;
     rays.gi = HG_GI_RAYS;
     struct hg_view *view = open_view(rig, shot);
+    hg_view_set_final(view, true); // the very first step is one of the field of rest
     settle(view, 8);
     out[0] = read_floats(view);
     out[1] = take(rig, &rays);
@@ -220,21 +221,54 @@ static void test_furnace_room(void **state)
     hg_refbuf_unref(path);
 }
 
-// Under a uniform sky a white ball in the open is as bright as the sky.
+// A sphere whose vertices a target brings from its middle to where they belong.
+static void morph(struct rig *rig, struct hg_node *node)
+{
+    struct hg_mesh *mesh = node->mesh;
+    struct hg_mesh_part *part = &mesh->parts[0];
+    struct hg_morph_target *target = part->targets = hg_calloc(1, sizeof *target);
+    mesh->target_count = 1;
+    mesh->weights = hg_calloc(1, sizeof(float));
+    node->weights = hg_calloc(1, sizeof(float));
+    assert_true(target != NULL && mesh->weights != NULL && node->weights != NULL);
+    target->positions = hg_calloc(part->vertex_count * 3, sizeof(float));
+    assert_non_null(target->positions);
+    for (uint32_t i = 0; i < part->vertex_count * 3; i++) {
+        target->positions[i] = 0.999f * part->positions[i];
+        part->positions[i] -= target->positions[i];
+    }
+    node->weights[0] = 1;
+    hg_scene_touch(rig->scene, &node->head);
+}
+
+// Under a uniform sky a white ball in the open is as bright as the sky, whatever the way that its
+// surface sends light back.
 static void test_open_furnace(void **state)
 {
+    static const char *const balls[] = {
+        "white", "rough metal", "metal", "smooth", "cloth", "morphed"};
     struct rig *rig = *state;
-    rig_scene(rig);
-    rig_sphere(rig, grey(rig, 1, 0), (const float[3]){0, 0, 0}, 1, 24);
-    sky(rig, 1);
-    const struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
-    struct hg_refbuf *pixels[2];
-    take_both(rig, &shot, pixels);
-    for (int i = 0; i < 2; i++) {
-        const double white = mean(pixels[i], (const int[4]){3, 3, 5, 5});
-        print_message("white ball under a sky of 1, %s: %.4f\n", ways[i], white);
-        assert_true(fabs(white - 1) <= 0.03);
-        hg_refbuf_unref(pixels[i]);
+    for (int ball = 0; ball < 6; ball++) {
+        rig_scene(rig);
+        struct hg_material *m = grey(rig, 1, 0);
+        m->metallic = ball == 1 || ball == 2 ? 1 : 0;
+        m->roughness = ball == 2 ? 0.4f : ball == 3 ? 0.1f : 1;
+        for (int c = 0; c < 3 && ball == 4; c++)
+            m->sheen.color[c] = 1;
+        m->sheen.roughness = 0.5f;
+        struct hg_node *node = rig_sphere(rig, m, (const float[3]){0, 0, 0}, 1, 24);
+        if (ball == 5)
+            morph(rig, node);
+        sky(rig, 1);
+        const struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
+        struct hg_refbuf *pixels[2];
+        take_both(rig, &shot, pixels);
+        for (int i = 0; i < 2; i++) {
+            const double white = mean(pixels[i], (const int[4]){3, 3, 5, 5});
+            print_message("%s ball under a sky of 1, %s: %.4f\n", balls[ball], ways[i], white);
+            assert_true(fabs(white - 1) <= 0.03);
+            hg_refbuf_unref(pixels[i]);
+        }
     }
 }
 
@@ -453,6 +487,39 @@ static void test_lamp_switched(void **state)
     hg_view_destroy(view);
 }
 
+// Of a view that comes to rest one picture more is displayed once the field of rest is complete,
+// while light is still to be gathered.
+static void test_shown_on_the_way(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    panel_room(rig);
+    struct shot shot = inside;
+    shot.gi = HG_GI_RAYS;
+    struct hg_view *view = open_view(rig, &shot);
+    struct hg_frame_info info = {0}, first, shown = {0};
+    struct hg_refbuf *pixels[2];
+    test_ok(hg_view_step(view, 1, &first, &err), &err);
+    assert_int_equal(first.samples, 1);
+    for (int i = 0; i < 4000 && shown.number == 0; i++) {
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+        shown = info.number != first.number ? info : shown;
+    }
+    assert_int_equal(shown.number, first.number + 1);
+    assert_int_equal(shown.samples, 1);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels[0], &err), &err);
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    assert_int_equal(info.number, shown.number); // now light is gathered
+    settle(view, 8);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels[1], &err), &err);
+    const double here = mean_of_bytes(pixels[0], all), rest = mean_of_bytes(pixels[1], all);
+    print_message("on the way %.4f, at rest %.4f\n", here, rest);
+    assert_true(fabs(here / rest - 1) <= 0.06);
+    hg_refbuf_unref(pixels[0]);
+    hg_refbuf_unref(pixels[1]);
+    hg_view_destroy(view);
+}
+
 // The camera a little aside, and one picture of the way there.
 static struct hg_refbuf *take_in_motion(struct hg_view *view)
 {
@@ -569,6 +636,7 @@ int main(void)
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_no_memory),
         cmocka_unit_test(test_lamp_switched),
+        cmocka_unit_test(test_shown_on_the_way),
         cmocka_unit_test(test_motion_agrees),
         cmocka_unit_test(test_motion_has_thin_things),
         cmocka_unit_test(test_none_is_as_before),
