@@ -103,6 +103,8 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     f->exposure = s->exposure;
     f->tonemap = s->tonemap;
     f->flags = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FRAME_COARSE_SHADOWS : 0;
+    f->flags |=
+        draw->gathered != NULL && hg_lighting_has_sky_sun(draw->lighting) ? HG_FRAME_SUN_DISC : 0;
     hg_lighting_fill(draw->lighting, sample, &f->lighting);
     fill_slack(draw, &f->lighting);
     fill_textures(draw, &f->textures);

@@ -335,6 +335,12 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
     return &l->atlas;
 }
 
+bool hg_lighting_has_sky_sun(const struct hg_lighting *l)
+{
+    const float *sun = l->sun.towards_ws;
+    return sun[0] != 0 || sun[1] != 0 || sun[2] != 0;
+}
+
 void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources *out)
 {
     const struct hg_gpu_lighting *b = &l->block;

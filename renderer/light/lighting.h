@@ -89,6 +89,9 @@ struct hg_lighting_sources {
 };
 void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);
 
+// The sun that lights the scene is that of its sky.
+bool hg_lighting_has_sky_sun(const struct hg_lighting *lighting);
+
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
     uint32_t local_lights;      // point and spot lights

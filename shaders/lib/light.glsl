@@ -72,12 +72,48 @@ float hg_shadow_tap(hg_gpu_shadow s, hg_shadow_receiver r, vec2 receiver_px, vec
     return mix(low.x, low.y, f.y);
 }
 
-float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r)
+// Tap of a filter that is `scale` times as wide, within the map.
+vec2 hg_shadow_offset(hg_gpu_shadow s, vec2 px, int i, float scale)
+{
+    vec2 at = px + hg_frame.lighting.shadow_taps_px[i] * scale;
+    return clamp(at, s.rect_px + 1.0, s.rect_px + s.size_px - 1.0) - px;
+}
+
+// How much wider than that of a point the filter of the sun's disc is: by the mean distance of what is
+// in the way, among texels that the disc is seen through at their distance.
+// Source: Fernando 2005, "Percentage-Closer Soft Shadows".
+float hg_shadow_penumbra(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px)
+{
+    const float widest = HG_PENUMBRA_MOST_PX / HG_SHADOW_RADIUS_PX;
+    float per_m = HG_SUN_RADIUS / (s.texel_size * HG_SHADOW_RADIUS_PX); // widths of the filter
+    float most_m = (1.0 - r.depth) / s.depth_scale; // to the map's near end
+    float search = clamp(per_m * most_m, 1.0, widest);
+    vec2 sum = vec2(0.0);
+    for (int i = 0; i < HG_SHADOW_TAPS; i++) {
+        vec2 off = hg_shadow_offset(s, px, i, search);
+        vec4 stored = textureGather(hg_shadow_atlas, (px + off) * hg_frame.lighting.shadow_inv_size);
+        float plane = max(off.x * r.gradient.x - off.y * r.gradient.y, 0.0);
+        vec4 above = (stored - (r.depth + r.bias + plane)) / s.depth_scale; // m
+        float apart = length(off) / HG_SHADOW_RADIUS_PX - 1.0;
+        vec4 counts = step(vec4(1e-6), above) * step(vec4(apart), above * per_m);
+        sum += vec2(dot(counts, above), dot(counts, vec4(1.0)));
+    }
+    return clamp(per_m * sum.x / max(sum.y, 1.0), 1.0, widest);
+}
+
+// soft: for the sun's disc where the frame says so.
+float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r, bool soft)
 {
     vec2 px = s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
-    float sum = 0.0;
-    for (int i = 0; i < HG_SHADOW_TAPS; i++)
-        sum += hg_shadow_tap(s, r, px, hg_frame.lighting.shadow_taps_px[i]);
+    float sum = 0.0, scale = 1.0;
+    if (HG_HAS2(HG_FEATURE2_GATHERED) && soft && (hg_frame.flags & HG_FRAME_SUN_DISC) != 0u)
+        scale = hg_shadow_penumbra(s, r, px);
+    for (int i = 0; i < HG_SHADOW_TAPS; i++) {
+        vec2 off = hg_frame.lighting.shadow_taps_px[i];
+        if (HG_HAS2(HG_FEATURE2_GATHERED))
+            off = hg_shadow_offset(s, px, i, scale);
+        sum += hg_shadow_tap(s, r, px, off);
+    }
     return sum / float(HG_SHADOW_TAPS);
 }
 
@@ -138,7 +174,7 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
         // take it past the edge by a texel, which the map's margin has.
         inside = light.shadow_count == 6u || hg_shadow_holds(s, r, i == last);
     } while (!inside && ++i <= last);
-    float lit = hg_shadow_filter(s, r);
+    float lit = hg_shadow_filter(s, r, light.kind == HG_LIGHT_KIND_DIRECTIONAL);
     return inside ? lit : 1.0;
 }
 
@@ -165,7 +201,7 @@ float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
             }
         } while (!found && ++i < last);
     }
-    float lit = hg_shadow_filter(s, r);
+    float lit = hg_shadow_filter(s, r, true);
     return inside ? lit : 1.0;
 }
 #endif

@@ -21,7 +21,8 @@ HG_DEPTH_IO(HG_IO_DECLARE) // 0 = nothing
 #define REACH_PX 3.0
 // Distance in texels of what is compared with a receiver's plane, and its steepest slope (that of
 // HG_SHADOW_MIN_COS): how far along the light its depth may be raised, with its bias.
-#define RAISE_PX (2.93 * 20.0 + 0.5)
+#define STEEPEST 20.0
+#define RAISE_PX (2.93 * STEEPEST + 0.5)
 // Surface points by way of facets and of depth differ by less than this, of their distance.
 #define ERROR 1e-3
 
@@ -99,6 +100,8 @@ float farthest(vec2 low, vec2 high)
 // over.
 uint in_map(hg_gpu_shadow s, piece p, bool last, out bool whole)
 {
+    bool disc = (hg_frame.flags & HG_FRAME_SUN_DISC) != 0u;
+    float wider = disc ? HG_PENUMBRA_MOST_PX : 0.0;
     vec3 eye = hg_frame.camera.eye_ws - s.origin_ws;
     vec2 x = along(p, s.right_ws) + dot(eye, s.right_ws);
     vec2 y = along(p, s.up_ws) + dot(eye, s.up_ws);
@@ -117,11 +120,11 @@ uint in_map(hg_gpu_shadow s, piece p, bool last, out bool whole)
     // What lies past the edge falls to the next map, or is lit when this is the last one.
     edges = clamp(edges, -s.extent, s.extent);
     vec2 middle = s.rect_px + 0.5 * s.size_px;
-    vec2 low = middle + vec2(edges.x, -edges.w) * (0.5 * s.size_px) - REACH_PX;
-    vec2 high = middle + vec2(edges.y, -edges.z) * (0.5 * s.size_px) + REACH_PX;
+    vec2 low = middle + vec2(edges.x, -edges.w) * (0.5 * s.size_px) - REACH_PX - wider;
+    vec2 high = middle + vec2(edges.y, -edges.z) * (0.5 * s.size_px) + REACH_PX + wider;
     low = max(low, s.rect_px);
     high = min(high, s.rect_px + s.size_px - 1.0);
-    float depth = 1.0 - (z.x - RAISE_PX * s.texel_size) * s.depth_scale;
+    float depth = 1.0 - (z.x - (RAISE_PX + wider * STEEPEST) * s.texel_size) * s.depth_scale;
     return farthest(low, high) > depth + 1e-5 ? DARK : LIT;
 }
 

@@ -15,6 +15,10 @@
 #define HG_SHADOW_TAPS    4 // of one filtered lookup
 #define HG_CASCADE_COUNT  4
 
+#define HG_SUN_RADIUS       0.004675f // angular, of the sun of skies
+#define HG_SHADOW_RADIUS_PX 1.5f      // of the filter, in texels
+#define HG_PENUMBRA_MOST_PX 40.0f     // as far as the filter widens for the sun's disc
+
 #define HG_ENV_KIND_NONE  0 // black
 #define HG_ENV_KIND_COLOR 1 // the same radiance from everywhere: no images are read
 #define HG_ENV_KIND_IMAGE 2

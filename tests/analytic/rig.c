@@ -203,6 +203,7 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
     struct hg_frame_info info = {0};
     struct hg_refbuf *pixels;
     const struct hg_view_params params = {.width = c->width,
+        .gi = c->gi,
         .height = c->height,
         .tonemap = HG_TONEMAP_LINEAR,
         .background = HG_BACKGROUND_NONE,

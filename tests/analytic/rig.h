@@ -53,6 +53,7 @@ struct rig_camera {
     uint32_t width, height, samples;
     enum hg_render_mode mode; // PATH: box filter
     uint32_t max_bounces;
+    enum hg_view_gi gi; // REALTIME
 };
 
 // Settled linear pixels, 4 floats each, from the top; free with hg_refbuf_unref.

@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/refbuf.h"
 #include "renderer/light/env/sky.h"
+#include "shaders/shared/light.h"
 #include "tests/analytic/rig.h"
 #include "tests/support/folder.h"
 
@@ -292,12 +293,77 @@ static int tear_down(void **state)
     return !test_folder_remove(folder);
 }
 
+// --- penumbra ------------------------------------------------------------------------------------
+
+// Where light from the sun's disc passes `share` of its full amount, px along the picture's middle
+// row.
+static double crossing(const double *light, double full, double share)
+{
+    for (uint32_t x = 0; x + 1 < WIDTH; x++) {
+        const double a = light[x] / full - share, b = light[x + 1] / full - share;
+        if ((a <= 0) != (b <= 0))
+            return x + 0.5 + a / (a - b);
+    }
+    return -1;
+}
+
+// A roof 12 m above the ground whose edge runs along z, seen from between. The shadow's edge is
+// where the disc's middle is behind the roof's; half of the disc more is the penumbra. A disc is
+// seen by a tenth and by nine tenths 0.687 of its radius either side of that.
+static void test_penumbra(void **state)
+{
+    static const float ground[4][3] = {{-20, 0, 20}, {20, 0, 20}, {20, 0, -20}, {-20, 0, -20}};
+    static const float roof[4][3] = {{-20, 12, -20}, {0, 12, -20}, {0, 12, 20}, {-20, 12, 20}};
+    struct rig *rig = *state;
+    const double tall = 12, elevation = 75, e = elevation * M_PI / 180, edge = -tall / tan(e);
+    const double radius = tall * HG_SUN_RADIUS / pow(sin(e), 2);
+    struct rig_camera camera = {.eye = {edge, 6, 0},
+        .target = {edge, 0, 0.001},
+        .vfov_rad = 0.1,
+        .width = WIDTH,
+        .height = HEIGHT,
+        .samples = 32};
+    const double per_px = 2 * 6 * tan(camera.vfov_rad / 2) / HEIGHT;
+    rig_scene(rig);
+    struct hg_material *grey = rig_material(rig), *black = rig_material(rig);
+    grey->ior = black->ior = 1;
+    for (int c = 0; c < 3; c++)
+        black->base_color[c] = 0; // no light from it to the ground
+    (void)rig_quad(rig, grey, ground);
+    (void)rig_quad(rig, black, roof);
+    for (int soft = 0; soft < 2; soft++) {
+        double light[WIDTH], full = 0;
+        camera.gi = soft ? HG_GI_RAYS : HG_GI_NONE;
+        set_sky(rig, 90, elevation, HG_SKY_SUN_ON);
+        struct hg_refbuf *with = rig_render(rig, &camera);
+        set_sky(rig, 90, elevation, HG_SKY_SUN_OFF);
+        struct hg_refbuf *without = rig_render(rig, &camera);
+        for (uint32_t x = 0; x < WIDTH; x++) {
+            const uint32_t i = HEIGHT / 2 * WIDTH + x;
+            light[x] = green(with, i) - green(without, i);
+            full = fmax(full, light[x]);
+        }
+        const double middle = (crossing(light, full, 0.5) - WIDTH / 2.0) * per_px;
+        const double width = fabs(crossing(light, full, 0.9) - crossing(light, full, 0.1)) * per_px;
+        print_message("%s: edge %.4f m off, 10 to 90 %% within %.4f m of %.4f\n",
+            soft ? "rays" : "none", middle, width, 2 * 0.687 * radius);
+        assert_true(fabs(middle) <= 0.02);
+        if (soft)
+            assert_true(fabs(width / (2 * 0.687 * radius) - 1) <= 0.25);
+        else
+            assert_true(width <= 0.6 * 2 * 0.687 * radius);
+        hg_refbuf_unref(with);
+        hg_refbuf_unref(without);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sun_and_shadow),
         cmocka_unit_test(test_scene_has_sun),
         cmocka_unit_test(test_rotation_and_intensity),
+        cmocka_unit_test(test_penumbra),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

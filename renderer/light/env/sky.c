@@ -2,6 +2,7 @@
 
 #include "base/alloc.h"
 #include "renderer/math/vec.h"
+#include "shaders/shared/light.h"
 
 // Kilometres; coefficients per kilometre at sea level (Hillaire 2020, table 1).
 #define GROUND_KM     6360.0f
@@ -9,7 +10,6 @@
 #define EYE_KM        0.05f
 #define MIE_G         0.8f
 #define GROUND_ALBEDO 0.3f
-#define SUN_RADIUS    0.004675f // radians
 
 static const float rayleigh_scattering[3] = {5.802e-3f, 13.558e-3f, 33.1e-3f};
 static const float ozone_absorption[3] = {0.650e-3f, 1.881e-3f, 0.085e-3f};
@@ -151,7 +151,7 @@ static struct sun_place sun_place(float r)
 static hg_v4 sun_light(
     const struct atmosphere *a, const struct sun_place *at, float mu, struct table_place mu_at)
 {
-    float seen = hg_clampf((mu - at->horizon) / (2 * SUN_RADIUS) + 0.5f, 0, 1);
+    float seen = hg_clampf((mu - at->horizon) / (2 * HG_SUN_RADIUS) + 0.5f, 0, 1);
     return table_read(a->transmittance, at->height, mu_at) * (seen * seen * (3 - 2 * seen));
 }
 
@@ -288,7 +288,7 @@ static float disc_cover(const float dir[3], const float sun[3])
     float d[3], texel = (float)(2 * HG_PI / HG_SKY_WIDTH);
     hg_sub3(dir, sun, d);
     float angle = 2 * asinf(hg_clampf(0.5f * hg_length3(d), 0, 1));
-    return hg_clampf((SUN_RADIUS + texel - angle) / texel, 0, 1);
+    return hg_clampf((HG_SUN_RADIUS + texel - angle) / texel, 0, 1);
 }
 
 static void sky_row(void *user, size_t row)

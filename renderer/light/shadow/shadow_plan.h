@@ -8,7 +8,6 @@
 #include "renderer/light/lighting.h"
 #include "renderer/light/lights.h"
 
-#define HG_SHADOW_RADIUS_PX     1.5f // of the filter
 #define HG_SHADOW_REACH_PX      4.0f // texels past a map's edge that filter and normal offset may touch
 #define HG_SHADOW_MIN_SIDE_PX   128
 #define HG_SHADOW_SUN_SIDE_PX   2048 // wished for, per cascade
