@@ -26,7 +26,7 @@
 #define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
-#define LOBE_SHARE       0.5f  // and half the squared share of alpha by which their normals may
+#define LOBE_SHARE       1.0f  // and half the squared share of alpha by which their normals may
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
 // Light of one kind: radiance, how much it is worth, variance of its luminance.
