@@ -101,36 +101,3 @@ void hg_gi_direct_at(const struct hg_lighting_sources *sources, const struct hg_
     if (sources->count > suns)
         ask_one(sources, suns, r, out, 2);
 }
-
-// --- environment ---------------------------------------------------------------------------------
-
-// Face and place after the Vulkan specification, "Cube Map Face Selection".
-static uint32_t cube_texel(const float d[3], uint32_t side)
-{
-    const float x = fabsf(d[0]), y = fabsf(d[1]), z = fabsf(d[2]);
-    const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
-    const float major = fmaxf(fabsf(d[axis]), 1e-20f);
-    const bool minus = d[axis] < 0;
-    const float s = axis == 0 ? (minus ? d[2] : -d[2]) : axis == 1 ? d[0] : minus ? -d[0] : d[0];
-    const float t = axis == 1 ? (minus ? -d[2] : d[2]) : -d[1];
-    const float u = (s / major * 0.5f + 0.5f) * (float)side;
-    const float v = (t / major * 0.5f + 0.5f) * (float)side;
-    const uint32_t column = (uint32_t)hg_clampf(u, 0, (float)side - 1);
-    const uint32_t row = (uint32_t)hg_clampf(v, 0, (float)side - 1);
-    return (((uint32_t)axis * 2 + minus) * side + row) * side + column;
-}
-
-void hg_gi_environment(
-    const struct hg_lighting_sources *sources, const float direction[3], float out[3])
-{
-    const float c = sources->env_rotation_cos, s = sources->env_rotation_sin;
-    const float d[3] = {
-        c * direction[0] - s * direction[2], direction[1], s * direction[0] + c * direction[2]};
-    const bool image = sources->env_kind == HG_ENV_KIND_IMAGE && sources->env_faces;
-    const float *texel =
-        image ? sources->env_faces + (size_t)cube_texel(d, sources->env_side) * 3 : NULL;
-    for (int k = 0; k < 3; k++)
-        out[k] = sources->env_kind == HG_ENV_KIND_NONE
-                     ? 0
-                     : sources->env_color[k] * (image ? texel[k] : 1);
-}

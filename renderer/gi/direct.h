@@ -22,8 +22,4 @@ struct hg_gi_receiver {
 void hg_gi_direct_at(const struct hg_lighting_sources *sources,
     const struct hg_gi_receiver *receiver, struct hg_gi_direct *out);
 
-// Radiance of the environment in a direction, a sky's sun not included.
-void hg_gi_environment(
-    const struct hg_lighting_sources *sources, const float direction[3], float out[3]);
-
 #endif

@@ -275,17 +275,36 @@ static void set_means(struct hg_gi_field *f, uint32_t probe)
         moments_at(&f->moments[probe], t, &to->reach[t][0], &to->reach[t][1]);
 }
 
+// Light that comes in one direction, as sums over `count` rays from all around have it.
+HG_SIMD_LOOP static void add_peak(struct hg_gi_irradiance *to, const struct hg_gi_peak *peak,
+    float scale, const float directions[3][IRRADIANCE_TEXELS])
+{
+    const float *d = peak->direction;
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        const float c = d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
+        const float w = (c > 0 ? c : 0) * scale;
+        for (int k = 0; k < 3; k++)
+            to->light[k][t] += w * peak->light[k];
+    }
+}
+
 void hg_gi_probe_gather(
-    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count, float keep)
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_brought *brought, float keep)
 {
     struct hg_gi_irradiance *to = &f->irradiance[probe];
     struct lobes lobes;
     set_lobes(&lobes);
     keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
-    for (uint32_t i = 0; i < count; i++) {
-        add_light(to, &rays[i], (const float(*)[IRRADIANCE_TEXELS])lobes.irradiance);
-        add_distance(&f->moments[probe], &rays[i], f->spacing, &lobes);
+    for (uint32_t i = 0; i < brought->count; i++) {
+        add_light(to, &brought->rays[i], (const float(*)[IRRADIANCE_TEXELS])lobes.irradiance);
+        add_distance(&f->moments[probe], &brought->rays[i], f->spacing, &lobes);
     }
+    // A ray stands for 4 pi / count steradians.
+    const float scale = (float)brought->count /
+                        (float)(4 * HG_PI * (brought->peak_count > 0 ? brought->peak_count : 1));
+    for (uint32_t i = 0; i < brought->peak_count; i++)
+        add_peak(
+            to, &brought->peaks[i], scale, (const float(*)[IRRADIANCE_TEXELS])lobes.irradiance);
     set_means(f, probe);
 }
 

@@ -69,9 +69,18 @@ void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float
 // Moves a probe out of and away from what its rays met, and says whether it is inside of something.
 void hg_gi_probe_relocate(
     struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count);
+// What a ray to a peak of the environment brought: illuminance across the direction.
+struct hg_gi_peak {
+    float direction[3], light[3];
+};
+struct hg_gi_brought { // rays from all around and rays to peaks; of these the mean counts
+    const struct hg_gi_ray *rays;
+    const struct hg_gi_peak *peaks;
+    uint32_t count, peak_count;
+};
 // Adds rays to sums of light that are multiplied by `keep` first, and to the moments.
-void hg_gi_probe_gather(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
-    uint32_t count, float keep);
+void hg_gi_probe_gather(
+    struct hg_gi_field *field, uint32_t probe, const struct hg_gi_brought *brought, float keep);
 
 // Geometry has changed: what rays meet from now on counts more than the distances that the probes
 // hold which were updated since it last did.

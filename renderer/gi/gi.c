@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/gi/direct.h"
+#include "renderer/gi/environment.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/occupancy.h"
 #include "renderer/gi/surfaces.h"
@@ -14,6 +15,8 @@
 
 #define WAVE_PROBES 128
 #define MOST_RAYS   96 // of a probe in a wave
+#define PEAK_SHARE  8  // rays for each that goes to a peak of the environment
+#define MOST_PEAKS  (MOST_RAYS / PEAK_SHARE)
 
 // Rounds of the schedule: every probe once in each.
 #define PLACE_ROUNDS 3
@@ -44,11 +47,13 @@ struct hg_gi {
     struct hg_gi_params params;
     struct hg_rays_scene *rays;
     struct hg_gi_surfaces surfaces;
+    struct hg_gi_environment environment;
     struct build rest, moving;
     uint32_t moving_at;      // of the list: what is updated next
     uint64_t moving_updates; // of probes since the last change
-    struct hg_gpu_buffer wave_rays, wave_hits, shadow_rays, blocked;
+    struct hg_gpu_buffer wave_rays, wave_hits, shadow_rays, blocked, peak_rays, peak_blocked;
     struct hg_gi_ray *brought; // [WAVE_PROBES * MOST_RAYS]
+    struct hg_gi_peak *peaks;  // [WAVE_PROBES * MOST_PEAKS]
     struct hg_gi_direct *direct;
     struct hg_gi_stats stats;
 };
@@ -60,7 +65,7 @@ struct wave {
     struct hg_gi_field *field;
     const uint32_t *probes; // [count]
     uint32_t count;
-    uint32_t rays; // of each
+    uint32_t rays, peaks; // of each
     uint32_t round;
     float keep;  // < 0: by what each probe has seen since the last change
     bool places; // finds out where probes stand; no light
@@ -78,7 +83,9 @@ static enum hg_status create_buffers(struct hg_gi *gi, struct hg_error *err)
     } rows[] = {{&gi->wave_rays, most * sizeof(struct hg_gpu_ray), "probe rays"},
         {&gi->wave_hits, most * sizeof(struct hg_gpu_hit), "probe hits"},
         {&gi->shadow_rays, most * HG_GI_SHADOW_RAYS * sizeof(struct hg_gpu_ray), "probe shadows"},
-        {&gi->blocked, most * HG_GI_SHADOW_RAYS * sizeof(uint32_t), "probe shadows blocked"}};
+        {&gi->blocked, most * HG_GI_SHADOW_RAYS * sizeof(uint32_t), "probe shadows blocked"},
+        {&gi->peak_rays, WAVE_PROBES * MOST_PEAKS * sizeof(struct hg_gpu_ray), "rays to peaks"},
+        {&gi->peak_blocked, WAVE_PROBES * MOST_PEAKS * sizeof(uint32_t), "rays to peaks blocked"}};
     enum hg_status status = HG_OK;
     for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
         status = hg_gpu_buffer_create(gi->params.gpu, HG_GPU_BUFFER_READBACK, rows[i].bytes,
@@ -96,9 +103,11 @@ enum hg_status hg_gi_create(
     gi->params = *params;
     gi->brought = hg_calloc(WAVE_PROBES * MOST_RAYS, sizeof *gi->brought);
     gi->direct = hg_calloc(WAVE_PROBES * MOST_RAYS, sizeof *gi->direct);
-    enum hg_status status = gi->brought && gi->direct ? HG_OK
-                                                      : hg_error_set(err, HG_E_NOMEM, "probes",
-                                                            NULL, "out of host memory");
+    gi->peaks = hg_calloc(WAVE_PROBES * MOST_PEAKS, sizeof *gi->peaks);
+    enum hg_status status =
+        gi->brought && gi->direct && gi->peaks
+            ? HG_OK
+            : hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
     if (status == HG_OK)
         status = create_buffers(gi, err);
     if (status != HG_OK)
@@ -123,7 +132,11 @@ void hg_gi_destroy(struct hg_gi *gi)
     hg_gpu_buffer_destroy(gpu, &gi->wave_hits);
     hg_gpu_buffer_destroy(gpu, &gi->shadow_rays);
     hg_gpu_buffer_destroy(gpu, &gi->blocked);
+    hg_gpu_buffer_destroy(gpu, &gi->peak_rays);
+    hg_gpu_buffer_destroy(gpu, &gi->peak_blocked);
+    hg_gi_environment_finish(&gi->environment);
     hg_free(gi->brought);
+    hg_free(gi->peaks);
     hg_free(gi->direct);
     hg_free(gi);
 }
@@ -173,6 +186,25 @@ static void fibonacci(uint32_t i, uint32_t count, float out[3])
 
 // --- stages of a wave ----------------------------------------------------------------------------
 
+// Rays to peaks of the environment: each in another part of what they bring.
+static void cast_peaks(const struct wave *w, size_t index, const float at[3])
+{
+    const size_t first = index * w->peaks;
+    struct hg_gpu_ray *rays = (struct hg_gpu_ray *)w->gi->peak_rays.mapped + first;
+    for (uint32_t i = 0; i < w->peaks; i++) {
+        struct hg_gi_peak *peak = &w->gi->peaks[first + i];
+        const float *d = peak->direction;
+        float xi[3];
+        random3(w->probes[index] * MOST_PEAKS + i, w->round, 0x7065616bu, xi);
+        xi[0] = ((float)i + xi[0]) / (float)w->peaks;
+        hg_gi_environment_peak(&w->gi->environment, w->sources, xi, peak->direction, peak->light);
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
+            .direction_ws = {d[0], d[1], d[2]},
+            .t_max = FLT_MAX,
+            .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
+    }
+}
+
 static void cast_probe(void *user, size_t index)
 {
     const struct wave *w = user;
@@ -189,6 +221,7 @@ static void cast_probe(void *user, size_t index)
             .t_max = FLT_MAX,
             .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
     }
+    cast_peaks(w, index, at);
 }
 
 static void receive(const struct wave *w, size_t i, const struct hg_gi_surface *surface)
@@ -233,7 +266,7 @@ static void shade_ray(const struct wave *w, size_t i)
     for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
         w->gi->direct[i].rays[k].t_max = -1;
     if (hit->draw == HG_HIT_NONE) {
-        hg_gi_environment(w->sources, out->direction, out->light);
+        hg_gi_environment_even(&w->gi->environment, w->sources, out->direction, out->light);
     } else {
         struct hg_gi_surface surface;
         hg_gi_surface_at(&w->gi->surfaces, hit, out->direction, &surface);
@@ -280,7 +313,13 @@ static void gather_probe(void *user, size_t index)
                 rays[i].light[c] += d->light[k][c];
         }
     }
-    hg_gi_probe_gather(w->field, probe, rays, w->rays, keep_of(w, probe));
+    const uint32_t *hidden = (const uint32_t *)w->gi->peak_blocked.mapped + index * w->peaks;
+    struct hg_gi_peak *peaks = w->gi->peaks + index * w->peaks;
+    for (uint32_t i = 0; i < w->peaks; i++)
+        for (int c = 0; c < 3 && hidden[i]; c++)
+            peaks[i].light[c] = 0;
+    const struct hg_gi_brought brought = {rays, peaks, w->rays, w->peaks};
+    hg_gi_probe_gather(w->field, probe, &brought, keep_of(w, probe));
     w->field->updates[probe]++;
 }
 
@@ -291,6 +330,7 @@ static void count_wave(const struct wave *w)
     struct hg_gi_stats *s = &w->gi->stats;
     const uint64_t rays = (uint64_t)w->count * w->rays;
     s->rays += rays;
+    s->shadow_rays += (uint64_t)w->count * w->peaks;
     s->updates += w->places ? 0 : w->count;
     for (uint64_t i = 0; i < rays; i++) {
         s->misses += w->gi->brought[i].distance == FLT_MAX;
@@ -304,6 +344,8 @@ static enum hg_status run(struct wave *w, struct hg_error *err)
     struct hg_gi *gi = w->gi;
     struct hg_jobs *jobs = gi->params.jobs;
     struct hg_trace *trace = hg_rays_trace(gi->rays);
+    const bool has_peaks = !w->places && gi->environment.has_peaks;
+    w->peaks = has_peaks ? (w->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
     hg_jobs_for(jobs, w->count, cast_probe, w);
     struct hg_trace_wave wave = {
         .rays = &gi->wave_rays, .hits = &gi->wave_hits, .count = w->count * w->rays};
@@ -317,6 +359,11 @@ static enum hg_status run(struct wave *w, struct hg_error *err)
             .count = w->count * w->rays * HG_GI_SHADOW_RAYS};
         status = hg_trace_blocked(trace, &wave, err);
     }
+    if (status == HG_OK && has_peaks) {
+        wave = (struct hg_trace_wave){
+            .rays = &gi->peak_rays, .blocked = &gi->peak_blocked, .count = w->count * w->peaks};
+        status = hg_trace_blocked(trace, &wave, err);
+    }
     if (status != HG_OK)
         return status;
     hg_jobs_for(jobs, w->count, gather_probe, w);
@@ -325,6 +372,15 @@ static enum hg_status run(struct wave *w, struct hg_error *err)
 }
 
 // --- what rays meet ------------------------------------------------------------------------------
+
+static enum hg_status sync_environment(struct hg_gi *gi, const struct hg_gi_key *key,
+    const struct hg_lighting_sources *sources, struct hg_error *err)
+{
+    const enum hg_status status =
+        hg_gi_environment_sync(&gi->environment, sources, key->environment);
+    return status == HG_OK ? HG_OK
+                           : hg_error_set(err, status, "probes", NULL, "out of host memory");
+}
 
 static enum hg_status sync_rays(struct hg_gi *gi, bool rests, struct hg_error *err)
 {
@@ -440,6 +496,8 @@ enum hg_status hg_gi_rest(struct hg_gi *gi, const struct hg_gi_key *key,
     if (hg_gi_is_rest(gi, key))
         return HG_OK;
     enum hg_status status = sync_rays(gi, true, err);
+    if (status == HG_OK)
+        status = sync_environment(gi, key, sources, err);
     if (status == HG_OK && !same_key(b, key)) {
         status = place(gi, b, err);
         b->key = *key;
@@ -505,6 +563,8 @@ enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
     if (same_key(b, key) && gi->moving_updates >= (uint64_t)MOVE_ENOUGH * b->listed)
         return HG_OK;
     enum hg_status status = sync_rays(gi, false, err);
+    if (status == HG_OK)
+        status = sync_environment(gi, key, sources, err);
     if (status == HG_OK)
         status = follow(gi, key, sources, err);
     for (uint64_t cast = 0; cast < rays && status == HG_OK && b->listed > 0;) {

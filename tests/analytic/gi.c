@@ -272,7 +272,69 @@ static void test_open_furnace(void **state)
     }
 }
 
+// An environment with a lamp in it that few rays would find: 3 degrees wide, half of all light.
+static void lamp_in_environment(struct rig *rig)
+{
+    struct hg_environment *e = &rig->scene->environment;
+    const uint32_t width = 256, height = 128;
+    hg_image_finish(&e->image);
+    test_ok(hg_image_create(width, height, HG_PIXEL_RGBA32F, NULL, &e->image), NULL);
+    float *p = (float *)(void *)e->image.pixels;
+    for (uint32_t i = 0; i < width * height; i++)
+        for (uint32_t c = 0; c < 4; c++)
+            p[i * 4 + c] = i % width / 2 == 75 && i / width / 2 == 20 ? 3000 : 1;
+    e->kind = HG_ENV_IMAGE;
+    e->intensity = 1;
+    e->rotation_rad = 0.7f;
+    e->revision++;
+}
+
+// A ball in the open has the light of the whole environment, which is known: probes agree
+// everywhere on it, also where each of them found it by rays of its own.
+static void test_lamp_in_environment(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    rig_sphere(rig, grey(rig, 1, 0), (const float[3]){0, 0, 0}, 1, 24);
+    lamp_in_environment(rig);
+    struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 32};
+    struct hg_refbuf *probes = take(rig, &shot);
+    shot.gi = HG_GI_NONE;
+    struct hg_refbuf *whole = take(rig, &shot);
+    compare("lamp in the environment", probes, whole, 2, (double[2]){0.06, 0.03});
+    hg_refbuf_unref(probes);
+    hg_refbuf_unref(whole);
+}
+
 // --- against path tracing ------------------------------------------------------------------------
+
+// Probes and rays from within the box; limits as of compare.
+static void against_path(struct rig *rig, int first, double limits[2][2])
+{
+    struct shot shot = inside;
+    struct hg_refbuf *pixels[2];
+    take_both(rig, &shot, pixels);
+    shot.mode = HG_MODE_PATH;
+    shot.samples = 256;
+    struct hg_refbuf *path = take(rig, &shot);
+    for (int i = 0; i < 2; i++) {
+        compare(ways[i], pixels[i], path, first, limits[i]);
+        hg_refbuf_unref(pixels[i]);
+    }
+    hg_refbuf_unref(path);
+}
+
+// A court with that lamp above: a third of the light on its walls has come by way of others.
+static void test_court(void **state)
+{
+    struct rig *rig = *state;
+    rig_scene(rig);
+    for (int which = 0; which < 6; which++)
+        if (which != 3) // the ceiling
+            face(rig, grey(rig, 0.6f, 0), box, 1, which);
+    lamp_in_environment(rig);
+    against_path(rig, 4, (double[2][2]){{0.15, 0.05}, {0.08, 0.03}});
+}
 
 static void panel_room(struct rig *rig)
 {
@@ -287,17 +349,7 @@ static void test_panel_room(void **state)
 {
     struct rig *rig = *state;
     panel_room(rig);
-    struct shot shot = inside;
-    struct hg_refbuf *pixels[2];
-    take_both(rig, &shot, pixels);
-    shot.mode = HG_MODE_PATH;
-    shot.samples = 256;
-    struct hg_refbuf *path = take(rig, &shot);
-    compare("panel room, probes", pixels[0], path, 2, (double[2]){0.10, 0.05});
-    compare("panel room, rays", pixels[1], path, 2, (double[2]){0.05, 0.03});
-    hg_refbuf_unref(pixels[0]);
-    hg_refbuf_unref(pixels[1]);
-    hg_refbuf_unref(path);
+    against_path(rig, 2, (double[2][2]){{0.10, 0.05}, {0.05, 0.03}});
 }
 
 // Two rooms with a wall of 10 cm between; all light is in one of them.
@@ -631,6 +683,8 @@ int main(void)
         cmocka_unit_test(test_closed_box),
         cmocka_unit_test(test_furnace_room),
         cmocka_unit_test(test_open_furnace),
+        cmocka_unit_test(test_lamp_in_environment),
+        cmocka_unit_test(test_court),
         cmocka_unit_test(test_panel_room),
         cmocka_unit_test(test_wall),
         cmocka_unit_test(test_same_bytes),
