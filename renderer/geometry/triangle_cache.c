@@ -75,7 +75,9 @@ static void list_jobs(struct hg_geometry *g)
         const uint32_t count = hg_part_primitives(d->part);
         f->firsts[i] = first;
         f->next_keys[i] = key_of(g, d, first);
-        if (f->next_keys[i] != f->keys[i] || pose_changed(g, d))
+        if (pose_changed(g, d))
+            f->keys[i] = 0; // until it is made, also when the pose is done with before that
+        if (f->next_keys[i] != f->keys[i])
             f->jobs[f->job_count++] = (struct hg_triangle_cache_job){i, first, count};
         first += count;
     }

@@ -326,7 +326,7 @@ static void pack_row(void *user, size_t y)
         float irradiance[3], radiance[3];
         for (int c = RED; c <= BLUE; c++) {
             radiance[c] = b * m[c][at];
-            irradiance[c] = scatters * a * s[c][at] + (1 - scatters) * radiance[c];
+            irradiance[c] = a * s[c][at] + (1 - scatters) * radiance[c]; // s has its worth in it
         }
         out[0] = hg_gi_rgb9e5(irradiance[0], irradiance[1], irradiance[2]);
         out[1] = hg_gi_rgb9e5(radiance[0], radiance[1], radiance[2]);

@@ -536,7 +536,7 @@ static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
                            memcmp(now.origin, b->field.origin, sizeof now.origin) == 0 &&
                            now.spacing == b->field.spacing;
     enum hg_status status = HG_OK;
-    if (changed && !same_grid) {
+    if (changed && (!same_grid || b->round < PLACE_ROUNDS)) { // an error may have cut that short
         status = place(gi, b, err);
         gi->moving_at = 0;
         while (status == HG_OK && b->field.count > 0 && b->round < PLACE_ROUNDS)

@@ -5,6 +5,7 @@
 // Farthest that a lookup's point lies from its surface along an axis, in spacings, and a little for
 // rounding.
 #define REACH      (HG_PROBE_BIAS_NORMAL + HG_PROBE_BIAS_VIEW + 0.01f)
+#define SLIVER     1e-6f      // squared sine between edges
 #define MOST_TESTS (1u << 26) // of cells; more triangles than that fill them all anyway
 
 struct work {
@@ -15,6 +16,7 @@ struct work {
 
 struct triangle { // grid units: one is a spacing, the first probe stands at 0
     float corners[3][3], normal[3], offset;
+    bool sliver;              // the normal is not to be trusted
     uint32_t low[3], high[3]; // cells that its box touches
 };
 
@@ -46,6 +48,7 @@ static void load(const struct hg_gi_field *f, const struct hg_ray_geometry_piece
     hg_sub3(out->corners[2], out->corners[0], b);
     hg_cross3(a, b, out->normal);
     out->offset = hg_dot3(out->normal, out->corners[0]);
+    out->sliver = !(hg_dot3(out->normal, out->normal) > SLIVER * hg_dot3(a, a) * hg_dot3(b, b));
 }
 
 // The triangle's plane passes through the cell or within reach of it. Lookups beyond the grid
@@ -53,6 +56,8 @@ static void load(const struct hg_gi_field *f, const struct hg_ray_geometry_piece
 static bool meets(const struct hg_gi_field *f, const struct triangle *t, const uint32_t cell[3])
 {
     float middle = -t->offset, reach = 0;
+    if (t->sliver)
+        return true;
     for (int k = 0; k < 3; k++) {
         if (cell[k] == 0 || cell[k] + 2 >= f->counts[k])
             return true;

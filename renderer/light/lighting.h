@@ -89,7 +89,7 @@ struct hg_lighting_sources {
 };
 void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);
 
-// The sun that lights the scene is that of its sky.
+// The sky brings a sun, which is the first light.
 bool hg_lighting_has_sky_sun(const struct hg_lighting *lighting);
 
 struct hg_lighting_stats {

@@ -31,7 +31,7 @@ vec2 hg_ground_light(uint index, vec3 pos_ws)
     if (!(sum > 0.0))
         return vec2(0.0);
     bool shadow = HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE;
-    return vec2(shadow ? hg_shadow(light, pos_ws, n, l) : 1.0, 1.0) * sum;
+    return vec2(shadow ? hg_shadow(light, pos_ws, n, l, false) : 1.0, 1.0) * sum;
 }
 
 // Share of the light that reaches a point of the ground, luminance: as paths estimate it for a

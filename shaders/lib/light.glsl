@@ -144,7 +144,8 @@ bool hg_shadow_holds(hg_gpu_shadow s, hg_shadow_receiver r, bool last)
 // Lit share of a point; n_geometric faces the eye, cos_l > 0. First map of the light that holds it:
 // cascades come finest first and hand over at a distance from their edge that changes with every
 // sample, so that the settled image blends them.
-float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
+// soft: as of hg_shadow_filter.
+float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool soft)
 {
     uint first = light.shadow, last = light.shadow + light.shadow_count - 1u;
     if (light.shadow_count == 6u) { // faces of a cube: +x -x +y -y +z -z
@@ -174,7 +175,7 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
         // take it past the edge by a texel, which the map's margin has.
         inside = light.shadow_count == 6u || hg_shadow_holds(s, r, i == last);
     } while (!inside && ++i <= last);
-    float lit = hg_shadow_filter(s, r, light.kind == HG_LIGHT_KIND_DIRECTIONAL);
+    float lit = hg_shadow_filter(s, r, soft);
     return inside ? lit : 1.0;
 }
 
@@ -278,7 +279,7 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     vec3 sum = e * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l) : 0.0;
+        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l, index == 0u) : 0.0; // the sky's sun comes first
     return sum;
 }
 

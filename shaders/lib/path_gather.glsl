@@ -24,7 +24,7 @@ bool hg_gather_is_drawn(hg_emitter_sample e)
 vec3 hg_gather_scattering(hg_bsdf b)
 {
     if (HG_HAS(HG_FEATURE_LOBES)) {
-        vec3 scattering = (b.base.diffuse + b.behind) * b.enter_v;
+        vec3 scattering = b.base.diffuse * b.enter_v;
         if (HG_HAS(HG_FEATURE_SHEEN))
             scattering += b.sheen * (b.sheen_albedo_v.y * b.coat_v);
         return scattering;

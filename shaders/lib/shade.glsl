@@ -174,7 +174,9 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
 vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
 {
     hg_bsdf b = hg_bsdf_make(s, view, 1.0);
-    if (HG_HAS2(HG_FEATURE2_GATHERED)) {
+    // Light from behind is not gathered apart: probes know both sides.
+    bool thin = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
+    if (HG_HAS2(HG_FEATURE2_GATHERED) && !thin) {
         hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.base.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {

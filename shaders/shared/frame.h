@@ -43,7 +43,7 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 
 // Only the last shadow map of a directional light, the one of the whole scene, is up to date.
 #define HG_FRAME_COARSE_SHADOWS 1u
-// The directional light is the sun of a sky, whose disc counts: its shadows have penumbrae.
+// The first light is the sun of a sky, whose disc counts: its shadows have penumbrae.
 #define HG_FRAME_SUN_DISC       2u
 
 #define HG_FRAME_TONEMAP_ACES        0

@@ -241,14 +241,13 @@ static void morph(struct rig *rig, struct hg_node *node)
     hg_scene_touch(rig->scene, &node->head);
 }
 
-// Under a uniform sky a white ball in the open is as bright as the sky, whatever the way that its
-// surface sends light back.
+// Under a uniform sky a white ball or leaf is as bright as the sky, whatever way it sends light on.
 static void test_open_furnace(void **state)
 {
     static const char *const balls[] = {
-        "white", "rough metal", "metal", "smooth", "cloth", "morphed"};
+        "white", "rough metal", "metal", "smooth", "cloth", "morphed", "leaf"};
     struct rig *rig = *state;
-    for (int ball = 0; ball < 6; ball++) {
+    for (int ball = 0; ball < 7; ball++) {
         rig_scene(rig);
         struct hg_material *m = grey(rig, 1, 0);
         m->metallic = ball == 1 || ball == 2 ? 1 : 0;
@@ -256,8 +255,11 @@ static void test_open_furnace(void **state)
         for (int c = 0; c < 3 && ball == 4; c++)
             m->sheen.color[c] = 1;
         m->sheen.roughness = 0.5f;
-        struct hg_node *node = rig_sphere(rig, m, (const float[3]){0, 0, 0}, 1, 24);
-        if (ball == 5)
+        m->diffuse_transmission.factor = ball == 6 ? 1 : 0;
+        struct hg_node *node = ball < 6 ? rig_sphere(rig, m, (const float[3]){0}, 1, 24) : NULL;
+        if (!node) // flat, facing the eye
+            face(rig, m, (const float[2][3]){{-1, -1, -1}, {1, 1, 0}}, -1, 5);
+        else if (ball == 5)
             morph(rig, node);
         sky(rig, 1);
         const struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
