@@ -679,8 +679,7 @@ static void test_none_is_as_before(void **state)
 
 int main(void)
 {
-    if (getenv("GI_ONLY"))
-        cmocka_set_test_filter(getenv("GI_ONLY"));
+    cmocka_set_test_filter(getenv("GI_ONLY")); // NULL: all
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_closed_box),
         cmocka_unit_test(test_furnace_room),
