@@ -94,6 +94,18 @@ void hg_gi_field_grid(struct hg_gi_field *f, const float min[3], const float max
     }
 }
 
+static void set_lobes(struct hg_gi_lobes *out)
+{
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        float d[3];
+        texel_direction(t, IRRADIANCE_SIDE, d);
+        for (int a = 0; a < 3; a++)
+            out->irradiance[a][t] = d[a];
+    }
+    for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
+        texel_direction(t, MOMENT_SIDE, out->moments[t]);
+}
+
 enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], const float max[3])
 {
     struct hg_gi_field next = {.buffer = f->buffer};
@@ -115,6 +127,7 @@ enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], cons
         return HG_E_NOMEM;
     }
     memset(f->needed, true, f->count * sizeof *f->needed);
+    set_lobes(&f->lobes);
     return HG_OK;
 }
 
@@ -202,13 +215,8 @@ HG_SIMD_LOOP static void add_light(struct hg_gi_irradiance *to, const struct hg_
     }
 }
 
-struct lobes { // directions of texels
-    float irradiance[3][IRRADIANCE_TEXELS];
-    float moments[MOMENT_TEXELS][3];
-};
-
-static void add_distance(
-    struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing, const struct lobes *lobes)
+static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing,
+    const struct hg_gi_lobes *lobes)
 {
     float e[2];
     oct_encode(ray->direction, e);
@@ -243,18 +251,6 @@ void hg_gi_field_doubt_distances(struct hg_gi_field *field)
             m->weight[t] *= DOUBT;
         }
     }
-}
-
-static void set_lobes(struct lobes *out)
-{
-    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
-        float d[3];
-        texel_direction(t, IRRADIANCE_SIDE, d);
-        for (int a = 0; a < 3; a++)
-            out->irradiance[a][t] = d[a];
-    }
-    for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
-        texel_direction(t, MOMENT_SIDE, out->moments[t]);
 }
 
 static void moments_at(const struct hg_gi_moments *m, uint32_t t, float *mean, float *variance)
@@ -292,19 +288,18 @@ void hg_gi_probe_gather(
     struct hg_gi_field *f, uint32_t probe, const struct hg_gi_brought *brought, float keep)
 {
     struct hg_gi_irradiance *to = &f->irradiance[probe];
-    struct lobes lobes;
-    set_lobes(&lobes);
+    const struct hg_gi_lobes *lobes = &f->lobes;
     keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
     for (uint32_t i = 0; i < brought->count; i++) {
-        add_light(to, &brought->rays[i], (const float(*)[IRRADIANCE_TEXELS])lobes.irradiance);
-        add_distance(&f->moments[probe], &brought->rays[i], f->spacing, &lobes);
+        add_light(to, &brought->rays[i], (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance);
+        add_distance(&f->moments[probe], &brought->rays[i], f->spacing, lobes);
     }
     // A ray stands for 4 pi / count steradians.
     const float scale = (float)brought->count /
                         (float)(4 * HG_PI * (brought->peak_count > 0 ? brought->peak_count : 1));
     for (uint32_t i = 0; i < brought->peak_count; i++)
         add_peak(
-            to, &brought->peaks[i], scale, (const float(*)[IRRADIANCE_TEXELS])lobes.irradiance);
+            to, &brought->peaks[i], scale, (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance);
     set_means(f, probe);
 }
 

@@ -30,6 +30,11 @@ struct hg_gi_means {
     float reach[HG_PROBE_MOMENT_TEXELS][2]; // of distances, and their variance
 };
 
+struct hg_gi_lobes { // directions of texels
+    float irradiance[3][HG_PROBE_IRRADIANCE_TEXELS];
+    float moments[HG_PROBE_MOMENT_TEXELS][3];
+};
+
 struct hg_gi_field { // zeroed: none
     uint32_t counts[3], count;
     float origin[3], spacing;
@@ -40,6 +45,7 @@ struct hg_gi_field { // zeroed: none
     struct hg_gi_irradiance *irradiance;
     struct hg_gi_moments *moments;
     struct hg_gi_means *means;
+    struct hg_gi_lobes lobes;
     uint32_t *words; // as the device reads them
     struct hg_gpu_buffer buffer;
 };

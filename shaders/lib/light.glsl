@@ -278,8 +278,9 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
+    bool first = index == 0u; // the sky's sun, if there is one
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l, index == 0u) : 0.0; // the sky's sun comes first
+        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l, first) : 0.0;
     return sum;
 }
 

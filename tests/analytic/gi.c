@@ -274,7 +274,7 @@ static void test_open_furnace(void **state)
     }
 }
 
-// An environment with a lamp in it that few rays would find: 3 degrees wide, half of all light.
+// An environment with a lamp in it that few rays would find: 3 degrees wide, a third of all light.
 static void lamp_in_environment(struct rig *rig)
 {
     struct hg_environment *e = &rig->scene->environment;
@@ -326,7 +326,7 @@ static void against_path(struct rig *rig, int first, double limits[2][2])
     hg_refbuf_unref(path);
 }
 
-// A court with that lamp above: a third of the light on its walls has come by way of others.
+// A court with that lamp above.
 static void test_court(void **state)
 {
     struct rig *rig = *state;
