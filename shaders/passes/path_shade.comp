@@ -185,8 +185,10 @@ uint miss(path p)
         return HG_PATH_WAITS;
     if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && hg_gather_is_sky_sun(d))
         radiance = vec3(0.0);
-    hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
-        clamped(p.throughput * radiance, p.bounce));
+    vec3 light = clamped(p.throughput * radiance, p.bounce);
+    hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT, light);
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u)
+        hg_gather_saw_sky(p, light);
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u)
         hg_features_note(p.slot, hg_features_tint(p) * hg_features_light_color(radiance), HG_FEATURES_FAR, false);
     if (p.bounce == 0u && push.branch == 0u)
@@ -236,7 +238,8 @@ void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
     hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_features_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
-    hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness);
+    bool cloth = HG_PATH_CAN(HG_PATH_GATHERS) && HG_HAS(HG_FEATURE_SHEEN) && hg_max3(b.sheen) > 0.0;
+    hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness + (cloth ? HG_PATH_GUIDE_CLOTH : 0.0));
     hg_path_set(guide + HG_PATH_GUIDE_HITS, p.slot, 1.0);
 }
 
@@ -552,6 +555,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (HG_PATH_CAN(HG_PATH_SURFACES))
         return see(p, v, s, hit);
+    vec3 behind_it = HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u ? hg_gather_behind(p) : vec3(0.0);
     vec3 medium = hg_bsdf_attenuation(hg_media_attenuation(p.media), hit.t);
     p.throughput *= medium;
     // Lights count on the side of the normal, or on both; as stored, so that both ways agree.
@@ -567,6 +571,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     light_choice light = choose_light(b, v, s, side, ua);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u)
+        hg_path_add_sky(HG_PATH_GUIDE_OPEN_SKY, p.slot, 0u, behind_it);
 
     if (HG_PATH_CAN(HG_PATH_CATCHER) && p.bounce == 0u &&
         (hg_path_mark(hit.draw) & HG_PATH_MARK_CATCHER) != 0u) {
@@ -599,8 +605,10 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && hg_gather_is_drawn(light.e) != ends)
         light.light = vec3(0.0);
     uint status = HG_PATH_DONE;
-    if (ask_light(p, b, v, s, light, false))
-        status |= HG_PATH_SHADOW;
+    bool asks = ask_light(p, b, v, s, light, false);
+    status |= asks ? HG_PATH_SHADOW : 0u;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u && asks)
+        hg_gather_asked(p, light.e);
     if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
         light.e = hg_emitter_pick_apart(v.position_ws, side, ua.x);
         light.light = reflected(b, s, light.e, 1u, light.f);
