@@ -370,6 +370,8 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .cluster_overflow = l->cells.overflow,
         .environment_ns = l->env.prefilter_ns,
         .environment_cached = l->env.from_cache};
+    for (uint32_t i = 0; i < l->set.count; i++)
+        out->sized_lights += l->set.items[i].radiance > 0;
     for (uint32_t i = 0; i < l->plan.count; i++)
         out->shadow_maps_stale += l->plan.maps[i].stale;
     out->device_bytes = l->env.specular.memory.size_bytes + l->env.radiance.memory.size_bytes +

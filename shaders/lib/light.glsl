@@ -230,6 +230,29 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
     return light.color * e;
 }
 
+// Radiance of the surface of a light that has a size, as a point receives it. Cone and range go by the
+// light's middle, so that all of the surface has the same.
+vec3 hg_light_radiance(hg_gpu_light light, vec3 pos_ws)
+{
+    if (light.kind == HG_LIGHT_KIND_DIRECTIONAL)
+        return light.color * light.radiance;
+    vec3 d = light.position_ws - pos_ws, l;
+    float d2 = max(dot(d, d), 1e-8);
+    return hg_light_illuminance(light, pos_ws, l) * (d2 * light.radiance);
+}
+
+// Share of its greatest intensity that a light with a size has in a direction from it, -l, far away.
+float hg_light_lobe(hg_gpu_light light, vec3 l)
+{
+    if (light.kind == HG_LIGHT_KIND_RECTANGLE || light.kind == HG_LIGHT_KIND_DISC)
+        return max(-dot(l, light.direction_ws), 0.0);
+    float along = dot(l, light.axis_ws);
+    return light.kind == HG_LIGHT_KIND_TUBE ? sqrt(max(1.0 - along * along, 0.0)) : 1.0;
+}
+
+// The light of lights with a size was gathered for the surface that is shaded.
+bool hg_light_gathered = false;
+
 #ifdef HG_LIB_BSDF_GLSL
 hg_bsdf hg_light_bsdf; // what light falls on, where materials have lobes; set by the pass
 #endif
@@ -274,6 +297,11 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
+    if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0) {
+        if (hg_light_gathered)
+            return vec3(0.0);
+        e *= hg_light_lobe(light, l);
+    }
     if (!hg_light_reaches(b, l) || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);

@@ -11,12 +11,14 @@ bool hg_gather_is_sky_sun(vec3 direction_ws)
     return dot(direction_ws, hg_path.gather.sun_ws) > hg_path.gather.sun_cos;
 }
 
-// Of a gathering path: light that real-time pictures draw themselves at the first surface, and that the
-// field of probes does not hold.
-bool hg_gather_is_drawn(hg_emitter_sample e)
+// Of a gathering path: light that real-time pictures draw themselves at the first surface, or that the
+// field of probes holds where the path ends.
+// Lights with a size are not among what is drawn, nor does the field hold them.
+bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
 {
-    return e.group == HG_EMITTER_GROUP_PUNCTUAL ||
-        (e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction));
+    bool sun = e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction);
+    bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
+    return ends ? !(sun || lamp) : bounce == 0u && (sun || (lamp && e.delta));
 }
 
 // What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and
