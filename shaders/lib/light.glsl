@@ -241,6 +241,8 @@ vec3 hg_light_radiance(hg_gpu_light light, vec3 pos_ws)
     return hg_light_illuminance(light, pos_ws, l) * (d2 * light.radiance);
 }
 
+#include "lib/area_light.glsl"
+
 // Share of its greatest intensity that a light with a size has in a direction from it, -l, far away.
 float hg_light_lobe(hg_gpu_light light, vec3 l)
 {
@@ -290,6 +292,28 @@ vec3 hg_light_side(hg_brdf b, vec3 n_geometric, vec3 l)
     return n_geometric;
 }
 
+// The same from a light with a size, whose middle is at l. A shadow map shows what its middle sees.
+vec3 hg_light_sized(hg_brdf b, hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
+{
+    hg_area_outline outline = hg_area_outline_of(light, pos_ws);
+    vec3 radiance = hg_light_radiance(light, pos_ws), mean, sum;
+    if (outline.center == vec3(0.0) || max(radiance.r, max(radiance.g, radiance.b)) <= 0.0)
+        return vec3(0.0);
+#ifdef HG_LIB_BSDF_GLSL
+    if (HG_HAS(HG_FEATURE_LOBES))
+        sum = hg_area_reflected_by_lobes(hg_light_bsdf, outline, mean);
+    else
+#endif
+        sum = hg_area_reflected(b, outline, mean);
+    mean = dot(mean, mean) > 0.0 ? mean : l; // all of it is behind
+    n_geometric = hg_light_side(b, n_geometric, mean);
+    if (dot(n_geometric, mean) <= 0.0)
+        return vec3(0.0);
+    if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
+        sum *= hg_shadow(light, pos_ws, n_geometric, l, false);
+    return sum * radiance;
+}
+
 // Light that arrives at a surface from one light. A surface that faces away lies in its own shadow,
 // whatever its normal map says.
 vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
@@ -297,11 +321,8 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
-    if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0) {
-        if (hg_light_gathered)
-            return vec3(0.0);
-        e *= hg_light_lobe(light, l);
-    }
+    if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0)
+        return hg_light_gathered ? vec3(0.0) : hg_light_sized(b, light, pos_ws, n_geometric, l);
     if (!hg_light_reaches(b, l) || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);

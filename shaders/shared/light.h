@@ -93,6 +93,10 @@
             HG_BRUSHED_COSINES)
 #define HG_DFG_WORDS                                                                 \
     (HG_BRUSHED_MEANS + HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS)
+#define HG_LTC_FIRST           HG_DFG_WORDS // renderer/light/ltc/ltc.h, by address
+#define HG_LTC_SIZE            32
+#define HG_LTC_WORDS           (2 * HG_LTC_SIZE * HG_LTC_SIZE)
+#define HG_LTC_LEAST_ROUGHNESS 0.045f // of HG_MIN_ALPHA
 #define HG_BRUSHED_MOST    4.0f  // largest ratio of the means
 #define HG_GLASS_FAR       0.5f  // largest (ior - 1) / (ior + 1) of the table
 #define HG_DISPERSION_HALF_SPREAD 0.025f // of the index less 1, per unit of KHR_materials_dispersion

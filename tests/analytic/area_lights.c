@@ -136,10 +136,8 @@ static void check(
             const int y = b / (SIDE / BLOCK) * BLOCK + i / BLOCK;
             double p[3];
             block_got += (double)rgba[(y * SIDE + x) * 4 + 1];
-            if (x % 2 == 0 && y % 2 == 0) { // the corner that four pixels share
-                on_plane(x + 1, y + 1, p);
-                block_expected += 4 * irradiance(s, axes, p) / M_PI;
-            }
+            on_plane(x + 0.5, y + 0.5, p);
+            block_expected += irradiance(s, axes, p) / M_PI;
         }
         worst = fmax(worst, fabs(block_got / block_expected - 1));
         got += block_got;
@@ -153,15 +151,16 @@ static void check(
     assert_true(fabs(got / expected - 1) <= bias);
 }
 
+static const struct shape shapes[] = {
+    {"sphere", HG_LIGHT_POINT, {0, 5, 0}, {0, -1, 0}, 0.7, 0, 0},
+    {"rectangle", HG_LIGHT_RECTANGLE, {1, 5, -1}, {-0.05, -1, 0.02}, 0, 8, 5},
+    {"disc", HG_LIGHT_DISC, {-1, 4.5, 0}, {0.4, -1, 0.1}, 0.8, 0, 0},
+    {"tube", HG_LIGHT_TUBE, {0, 5, -1}, {0.1, -1, 0.4}, 0.2, 3, 0},
+};
+
 static void test_shapes(void **state)
 {
     struct rig *rig = *state;
-    static const struct shape shapes[] = {
-        {"sphere", HG_LIGHT_POINT, {0, 5, 0}, {0, -1, 0}, 0.7, 0, 0},
-        {"rectangle", HG_LIGHT_RECTANGLE, {1, 5, -1}, {-0.05, -1, 0.02}, 0, 8, 5},
-        {"disc", HG_LIGHT_DISC, {-1, 4.5, 0}, {0.4, -1, 0.1}, 0.8, 0, 0},
-        {"tube", HG_LIGHT_TUBE, {0, 5, -1}, {0.1, -1, 0.4}, 0.2, 3, 0},
-    };
     for (size_t i = 0; i < sizeof shapes / sizeof shapes[0]; i++) {
         double axes[3][3];
         add_plane(rig, 0, 1);
@@ -266,6 +265,68 @@ static void test_seen(void **state)
     hg_refbuf_unref(pixels);
 }
 
+// Real time without rays: the outline of the surface is integrated in closed form. Rounds are
+// polygons of twelve corners.
+static void test_realtime(void **state)
+{
+    struct rig *rig = *state;
+    const struct rig_camera paths = camera;
+    camera.mode = HG_MODE_REALTIME;
+    camera.gi = HG_GI_NONE;
+    camera.samples = 16;
+    for (size_t i = 0; i < sizeof shapes / sizeof shapes[0]; i++) {
+        double axes[3][3];
+        add_plane(rig, 0, 1);
+        add_shape(rig, &shapes[i], axes)->casts_shadow = false;
+        const bool exact = shapes[i].kind == HG_LIGHT_RECTANGLE;
+        check(rig, &shapes[i], axes, exact ? 0.002 : 0.006, exact ? 0.001 : 0.004);
+    }
+    camera = paths;
+}
+
+// Mean of each block, of a glossy plane.
+static void blocks_of(struct rig *rig, double out[SIDE / BLOCK * (SIDE / BLOCK)])
+{
+    struct hg_refbuf *pixels = rig_render(rig, &camera);
+    const float *rgba = (const float *)(const void *)pixels->data;
+    for (int b = 0; b < SIDE / BLOCK * (SIDE / BLOCK); b++)
+        out[b] = 0;
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const int x = i % SIDE, y = i / SIDE;
+        out[y / BLOCK * (SIDE / BLOCK) + x / BLOCK] += (double)rgba[4 * i + 1] / (BLOCK * BLOCK);
+    }
+    hg_refbuf_unref(pixels);
+}
+
+// Metals and dielectrics under every shape, against paths: differences of blocks over the mean.
+static void test_glossy(void **state)
+{
+    struct rig *rig = *state;
+    const struct rig_camera before = camera;
+    static const float roughs[] = {0.2f, 0.4f, 0.6f, 0.8f, 1};
+    enum { COUNT = SIDE / BLOCK * (SIDE / BLOCK) };
+    for (size_t i = 0; i < sizeof shapes / sizeof shapes[0]; i++) {
+        for (size_t r = 0; r < sizeof roughs / sizeof roughs[0]; r++) {
+            double blocks[2][COUNT], axes[3][3], mean = 0, square = 0;
+            add_plane(rig, 1, roughs[r]);
+            add_shape(rig, &shapes[i], axes)->casts_shadow = false;
+            for (int real_time = 0; real_time < 2; real_time++) {
+                camera.mode = real_time ? HG_MODE_REALTIME : HG_MODE_PATH;
+                camera.samples = real_time ? 16 : 256;
+                blocks_of(rig, blocks[real_time]);
+            }
+            for (int b = 0; b < COUNT; b++) {
+                mean += blocks[0][b] / COUNT;
+                square += pow(blocks[1][b] - blocks[0][b], 2) / COUNT;
+            }
+            print_message("%s, roughness %.1f: mean %.4f, difference of blocks %.2f %%\n",
+                shapes[i].name, (double)roughs[r], mean, sqrt(square) / mean * 100);
+            assert_true(sqrt(square) / mean < 0.04);
+        }
+    }
+    camera = before;
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -273,6 +334,8 @@ int main(void)
         cmocka_unit_test(test_far),
         cmocka_unit_test(test_sun),
         cmocka_unit_test(test_seen),
+        cmocka_unit_test(test_realtime),
+        cmocka_unit_test(test_glossy),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
