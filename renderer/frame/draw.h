@@ -18,6 +18,7 @@
 
 struct hg_tiled_accumulation;
 struct hg_tiled_area;
+struct hg_temporal_view;
 struct hg_view_camera_state;
 struct hg_view_settings;
 
@@ -33,6 +34,7 @@ enum hg_draw_flag {
     HG_DRAW_BEHIND = 1 << 6,         // the opaque scene behind transmissive surfaces
     HG_DRAW_MOTION = 1 << 7,         // depth is read back for motion vectors (temporal_view.h)
     HG_DRAW_MOTION_IDS = 1 << 8,     // and the visibility buffer: something moved by itself
+    HG_DRAW_MOTION_POSED = 1 << 9,   // and where posed surfaces were
 };
 
 struct hg_draw_request {
@@ -111,6 +113,7 @@ struct hg_draw {
     struct hg_gpu_frame *frame; // of the newest sample
     struct hg_view_buffers *buffers;
     struct hg_frame_history *history;
+    struct hg_temporal_view *temporal;
     struct hg_tiled_accumulation *accumulation;
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;

@@ -71,6 +71,28 @@ static void fill_lost(uint32_t first, uint32_t end, const struct hg_temporal_mot
     }
 }
 
+// Samples of posed surfaces: the rectangle says where they were.
+static void fill_posed(const struct hg_temporal_picture *p, const struct hg_temporal_way *way,
+    const uint32_t range[2], uint32_t y, const struct hg_temporal_motion_row *out)
+{
+    const struct hg_temporal_posed *r = &p->posed;
+    const float half[2] = {
+        0.5f * way->px[0][0] * (float)p->width, 0.5f * way->px[1][0] * (float)p->height};
+    for (uint32_t x = range[0]; x < range[1]; x++) {
+        // Numbers left of the rectangle or above it wrap around, and are outside as well.
+        const uint32_t column = x - r->x, row = y - r->y;
+        const bool inside = column < r->width && row < r->height;
+        const float *was = inside ? r->was[(size_t)row * r->width + column] : NULL;
+        if (!inside || was[2] < 0.0f) {
+            fill_lost(x, x + 1, out);
+            continue;
+        }
+        out->x[x] = (was[0] + 1.0f) * half[0] - (way->px[0][0] * (float)x + way->px[0][1]);
+        out->y[x] = (was[1] + 1.0f) * half[1] - (way->px[1][0] * (float)y + way->px[1][1]);
+        out->expect[x] = was[2];
+    }
+}
+
 // What moves by itself.
 static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temporal_way *ways,
     uint32_t y, struct hg_temporal_motion_row *out)
@@ -81,7 +103,7 @@ static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temp
         while (x < p->width && matrix_of(p, ids + 2 * (size_t)x) == matrix)
             x++;
         if (matrix == HG_TEMPORAL_DEFORMED)
-            fill_lost(first, x, out);
+            fill_posed(p, ways, (const uint32_t[2]){first, x}, y, out);
         else if (matrix > 0)
             fill(&ways[matrix], (const uint32_t[2]){first, x}, y, out);
     }
