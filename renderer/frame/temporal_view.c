@@ -18,8 +18,18 @@
 #define PLACE_BYTES    12u
 #define MARGIN_PX      2 // about the bounds of posed surfaces
 
-void hg_temporal_view_finish(struct hg_temporal_view *t)
+static void destroy_images(struct hg_gpu *gpu, struct hg_view_targets *t)
 {
+    hg_gpu_image_destroy(gpu, &t->visibility);
+    hg_gpu_image_destroy(gpu, &t->depth);
+    hg_gpu_image_destroy(gpu, &t->behind);
+    hg_gpu_image_destroy(gpu, &t->pixels[0]);
+}
+
+void hg_temporal_view_finish(struct hg_gpu *gpu, struct hg_temporal_view *t)
+{
+    destroy_images(gpu, &t->targets);
+    hg_graph_destroy(t->targets.graph);
     hg_temporal_destroy(t->history);
     hg_motion_table_finish(&t->places);
     hg_pose_snapshot_free(t->pose);
@@ -122,16 +132,29 @@ static VkRect2D find_posed(const struct hg_view_state *view, const struct hg_dra
 {
     const struct hg_temporal_view *t = &view->motion.temporal;
     const struct hg_geometry *geometry = view->scene_gpu->geometry;
-    const struct hg_view_settings *s = request->settings;
+    const VkExtent2D size = hg_draw_size(request);
     struct hg_gpu_camera camera;
     float min[3], max[3];
     if (t->pose == NULL || t->moment == 0 || !t->places.same_layout || !t->places.deformed ||
         !hg_motion_table_bounds(geometry, min, max))
         return (VkRect2D){0};
     const struct hg_camera_setup setup =
-        hg_scene_gpu_camera(view->scene_gpu, request->camera, s->width, s->height);
+        hg_scene_gpu_camera(view->scene_gpu, request->camera, size.width, size.height);
     hg_camera_fill(&setup, &camera);
-    return cover(&camera, (VkExtent2D){s->width, s->height}, min, max);
+    return cover(&camera, size, min, max);
+}
+
+static float wanted_scale(const struct hg_view_state *view)
+{
+    return view->settings.scale > 0.0f ? view->settings.scale : 1.0f;
+}
+
+// At least half of a side, and none where that is all.
+static VkExtent2D drawn_size(const struct hg_view_settings *s, float scale)
+{
+    const VkExtent2D size = {(uint32_t)ceilf((float)s->width * fmaxf(scale, 0.5f)),
+        (uint32_t)ceilf((float)s->height * fmaxf(scale, 0.5f))};
+    return size.width < s->width || size.height < s->height ? size : (VkExtent2D){0};
 }
 
 void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *request)
@@ -144,12 +167,30 @@ void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *
         return; // a picture without history
     if (!continues(view))
         t->moment = 0; // the next picture is the first of its own motion
+    request->drawn = drawn_size(request->settings, wanted_scale(view));
     t->posed = find_posed(view, request);
     request->moment = t->moment % (1u << 20) + 1;
     jitter(request->moment - 1, request->settings->seed, request->jitter_px);
     request->flags |= HG_DRAW_MOTION;
     request->flags |= t->places.moved_count > 1 || t->places.deformed ? HG_DRAW_MOTION_IDS : 0;
     request->flags |= t->posed.extent.width > 0 ? HG_DRAW_MOTION_POSED : 0;
+}
+
+enum hg_status hg_temporal_view_targets(
+    struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
+{
+    struct hg_view_targets *t = &view->motion.temporal.targets;
+    if (draw->request->drawn.width == 0)
+        return HG_OK;
+    draw->targets = t;
+    draw->gathered = NULL; // per pixel of the whole size
+    const VkExtent2D size = hg_draw_size(draw->request);
+    if (t->depth.width != size.width || t->depth.height != size.height)
+        destroy_images(view->context->gpu, t);
+    const enum hg_status status =
+        hg_draw_make_image(draw, HG_VISIBILITY_FORMAT, "visibility", &t->visibility, err);
+    return status == HG_OK ? hg_draw_make_image(draw, HG_DEPTH_FORMAT, "depth", &t->depth, err)
+                           : status;
 }
 
 // --- reading back --------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ static void destroy_extras(struct hg_view_state *view)
     view->blend.nodes = view->blend.strips = 0;
     hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
     hg_gpu_buffer_destroy(gpu, &view->buffers.motion);
-    hg_temporal_view_finish(&view->motion.temporal);
+    hg_temporal_view_finish(gpu, &view->motion.temporal);
 }
 
 // New images first, so that a refusal leaves the old ones.
@@ -115,7 +115,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gather_view_finish(view);
     hg_graph_destroy(view->targets.graph);
     hg_frame_history_finish(&view->history);
-    hg_temporal_view_finish(&view->motion.temporal);
+    hg_temporal_view_finish(gpu, &view->motion.temporal);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -298,7 +298,7 @@ static enum hg_status run_shown(
         return status;
     }
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
-        hg_view_record_copy(view, cmd, 0);
+        hg_view_record_copy(draw, cmd, 0);
     hg_page_cache_end(pages, cmd);
     status = hg_gpu_submit_and_wait(draw->context->gpu, cmd, err);
     if (status != HG_OK)
@@ -334,13 +334,15 @@ static enum hg_status draw_shown(struct hg_view_state *view, const struct hg_dra
     request.flags = shown_flags(&draw, changed);
     if (hg_draw_is(&draw, HG_DRAW_DIRECT))
         hg_temporal_view_begin(view, &request);
+    enum hg_status status = hg_temporal_view_targets(view, &draw, err);
     if (changed || a->phase != HG_VIEW_ACCUMULATING)
         a->samples = 0;
     hg_tiled_accumulation_note(
         a, HG_SHORT_OF_DETAIL, request.error_px > request.settings->error_px);
     hg_tiled_accumulation_note(a, HG_SHORT_OF_SHADOWS, hg_draw_is(&draw, HG_DRAW_COARSE_SHADOWS));
     uint32_t count = shown_samples(&draw);
-    enum hg_status status = hg_view_make_pixels(&draw, &view->buffers.readback, 0, err);
+    if (status == HG_OK)
+        status = hg_view_make_pixels(&draw, &view->buffers.readback, 0, err);
     if (status == HG_OK)
         status = hg_frame_cull(&draw, HG_FRAME_PICTURE, count, err);
     const bool clipped = draw.crowded && request.settings->debug == 0;
@@ -587,6 +589,8 @@ enum hg_status hg_view_state_step(
         hg_temporal_view_forget(&view->motion.temporal);
         if (view->targets.graph != NULL)
             hg_graph_reset(view->targets.graph);
+        if (view->motion.temporal.targets.graph != NULL)
+            hg_graph_reset(view->motion.temporal.targets.graph);
         if (view->prefetch.targets.graph != NULL)
             hg_graph_reset(view->prefetch.targets.graph);
     }

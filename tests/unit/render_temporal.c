@@ -24,15 +24,21 @@ static void open_rig(struct rig *rig, unsigned threads)
     rig_environment(rig->scene, 0.05f, 0.1f, 0.3f);
 }
 
-static void open_view(struct rig *rig, enum hg_view_temporal temporal)
+static void open_scaled(struct rig *rig, enum hg_view_temporal temporal, float scale)
 {
     const struct hg_view_params params = {.width = WIDTH,
         .height = HEIGHT,
         .samples = 32,
         .temporal = temporal,
+        .scale = scale,
         .tonemap = HG_TONEMAP_LINEAR};
     hg_scene_publish(rig->scene);
     rig_view(rig, &params);
+}
+
+static void open_view(struct rig *rig, enum hg_view_temporal temporal)
+{
+    open_scaled(rig, temporal, 0);
 }
 
 static void look(struct rig *rig, float x, float y)
@@ -257,6 +263,29 @@ static void test_error_falls(void **state)
     assert_true(errors[HG_TEMPORAL_AUTO] < 0.6 * errors[HG_TEMPORAL_NONE]);
 }
 
+// Pictures that are drawn smaller come to the whole size.
+static void test_scale(void **state)
+{
+    (void)state;
+    static const float scales[] = {100, 77, 67, 50};
+    double errors[4], one;
+    for (int i = 0; i < 5; i++) {
+        struct rig rig;
+        struct hg_refbuf *picture = NULL;
+        open_rig(&rig, i == 3 ? 0 : 2);
+        add_fence(&rig);
+        open_scaled(&rig, i < 4 ? HG_TEMPORAL_AUTO : HG_TEMPORAL_NONE, i < 4 ? scales[i] : 50);
+        *(i < 4 ? &errors[i] : &one) = error_after(&rig, 24, &picture);
+        hg_refbuf_unref(picture);
+        rig_close(&rig);
+    }
+    print_message(
+        "levels from the settled picture: %.3f %.3f %.3f %.3f of scales, %.3f of one sample\n",
+        errors[0], errors[1], errors[2], errors[3], one);
+    for (int i = 0; i < 4; i++)
+        assert_true(errors[i] < one);
+}
+
 // Same requests, same bytes, whatever the threads; a view that rests forgets its motion.
 static void test_same_bytes(void **state)
 {
@@ -266,7 +295,7 @@ static void test_same_bytes(void **state)
         struct rig rig;
         open_rig(&rig, i + 1);
         add_fence(&rig);
-        open_view(&rig, HG_TEMPORAL_AUTO);
+        open_scaled(&rig, HG_TEMPORAL_AUTO, i < 2 ? 67 : 0);
         look(&rig, STEP_M * 5, 0.3f * STEP_M * 5);
         if (i < 2)
             error_after(&rig, 5, &moved[i]);
@@ -380,8 +409,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_camera), cmocka_unit_test(test_node),
         cmocka_unit_test(test_morph), cmocka_unit_test(test_skin),
-        cmocka_unit_test(test_error_falls), cmocka_unit_test(test_same_bytes),
-        cmocka_unit_test(test_teleport), cmocka_unit_test(test_ghosts),
-        cmocka_unit_test(test_posed_edges)};
+        cmocka_unit_test(test_error_falls), cmocka_unit_test(test_scale),
+        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_teleport),
+        cmocka_unit_test(test_ghosts), cmocka_unit_test(test_posed_edges)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
