@@ -146,7 +146,9 @@ static VkRect2D find_posed(const struct hg_view_state *view, const struct hg_dra
 
 static float wanted_scale(const struct hg_view_state *view)
 {
-    return view->settings.scale > 0.0f ? view->settings.scale : 1.0f;
+    const struct hg_view_settings *s = &view->settings;
+    return s->scale > 0.0f ? s->scale
+                           : hg_quality_choose(&view->motion.quality, s->target_ms).scale;
 }
 
 // At least half of a side, and none where that is all.
@@ -406,6 +408,7 @@ enum hg_status hg_temporal_view_resolve(
     t->settings = view->settings_revision;
     t->scene = view->scene_gpu->scene->revision;
     t->moment = draw->request->moment;
+    t->drawn = hg_draw_size(draw->request);
     hg_view_stats_add_stage(draw->stats, "temporal", hg_clock_now_ns() - start);
     return status;
 }

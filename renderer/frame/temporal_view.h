@@ -30,6 +30,7 @@ struct hg_temporal_view {
     VkRect2D posed;                // pixels of the next picture that may show some; empty: none do
     uint64_t settings; // revision that the history is of
     uint64_t scene;    // revision of the poses in it
+    VkExtent2D drawn;  // size of the newest picture; zero: of none yet
     uint32_t moment;   // number of the newest picture, from 1
     struct hg_temporal_stats stats;
     float *motion; // vectors of the newest picture, as of hg_temporal_motion; NULL unless an

@@ -313,6 +313,42 @@ static void test_same_bytes(void **state)
     hg_refbuf_unref(moved[1]);
 }
 
+// A target that no frame holds brings half of the sides, and one that all hold none less; at rest
+// neither is seen.
+static void test_target(void **state)
+{
+    (void)state;
+    struct hg_refbuf *settled[2];
+    for (int i = 0; i < 2; i++) {
+        struct rig rig;
+        open_rig(&rig, 2);
+        add_fence(&rig);
+        const struct hg_view_params params = {.width = WIDTH,
+            .height = HEIGHT,
+            .samples = 32,
+            .temporal = HG_TEMPORAL_AUTO,
+            .target_ms = i == 0 ? 1e-3f : 1e5f};
+        hg_scene_publish(rig.scene);
+        rig_view(&rig, &params);
+        for (int k = 0; k < 8; k++)
+            hg_refbuf_unref(move_to(&rig, STEP_M * (float)k, 0));
+        const VkExtent2D drawn = rig.view->state.motion.temporal.drawn;
+        assert_int_equal(drawn.width, i == 0 ? WIDTH / 2 : WIDTH);
+        assert_int_equal(drawn.height, i == 0 ? HEIGHT / 2 : HEIGHT);
+        char *stats;
+        test_ok(hg_renderer_stats_json(rig.renderer, rig.view, &stats), &rig.err);
+        assert_non_null(strstr(stats, i == 0 ? "\"motion\":{\"width\":48,\"height\":32,"
+                                             : "\"motion\":{\"width\":96,\"height\":64,"));
+        hg_free(stats);
+        rig_settle(&rig, 16);
+        settled[i] = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        rig_close(&rig);
+    }
+    rig_assert_same(settled[0], settled[1]);
+    hg_refbuf_unref(settled[0]);
+    hg_refbuf_unref(settled[1]);
+}
+
 // A camera that jumps shows the picture of a view that never was elsewhere.
 static void test_teleport(void **state)
 {
@@ -410,7 +446,8 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_camera), cmocka_unit_test(test_node),
         cmocka_unit_test(test_morph), cmocka_unit_test(test_skin),
         cmocka_unit_test(test_error_falls), cmocka_unit_test(test_scale),
-        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_teleport),
-        cmocka_unit_test(test_ghosts), cmocka_unit_test(test_posed_edges)};
+        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_target),
+        cmocka_unit_test(test_teleport), cmocka_unit_test(test_ghosts),
+        cmocka_unit_test(test_posed_edges)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
