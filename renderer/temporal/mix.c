@@ -10,6 +10,7 @@
 #define LEAST_REACH 2e-5f // and what always goes, squared encoded values
 #define LEAST_TRUST 0.02f
 #define OPAQUE      0.9999f // what stored alphas come to again
+#define LESS_BETWEEN (HG_TEMPORAL_MOST_WEIGHT - HG_TEMPORAL_MOST_BETWEEN)
 #define CLIPPED     0.5f    // share of its weight that history keeps which was all clipped away
 
 // Stored colours to the planes of rows.h; planes take the place of about->spare.
@@ -39,20 +40,25 @@ static inline float smaller(float a, float b)
     return a < b ? a : b;
 }
 
-// plane: history in, the mixture out. weight: of history, then of the mixture.
+// plane: history in, the mixture out. Found weights: of history, then of the mixture.
 HG_SIMD_LOOP
-static void blend(const struct hg_temporal_about *about, float *const plane[4], float row_trust,
-    const float *restrict columns, uint32_t width, float *restrict weight)
+static void blend(const struct hg_temporal_about *about, float *const plane[4],
+    const struct hg_temporal_trust *row, uint32_t width, const struct hg_temporal_found *found)
 {
-    const hg_lanes none = {0}, most = none + HG_TEMPORAL_MOST_WEIGHT, least = none + LEAST_TRUST;
+    const hg_lanes least = (hg_lanes){0} + LEAST_TRUST;
+    float *weight = found->weight;
     for (uint32_t i = 0; i < width; i += HG_LANES) {
         const hg_lanes off = HG_LANES_AT(plane[0], i) - HG_LANES_AT(about->mean[0], i);
         const hg_lanes away = HG_LANES_MAX(off, -off);
         const hg_lanes reach = REACH * HG_LANES_AT(about->deviation[0], i) + LEAST_REACH;
-        const hg_lanes seen = row_trust * HG_LANES_AT(columns, i);
+        const hg_lanes seen = row->row * HG_LANES_AT(row->columns, i);
         const hg_lanes trust = HG_LANES_MAX(seen, least);
         const hg_lanes kept = reach / HG_LANES_MAX(reach, away);
         const hg_lanes had = HG_LANES_AT(weight, i) * (CLIPPED + (1.0f - CLIPPED) * kept);
+        const hg_lanes x = HG_LANES_AT(found->part_x, i), y = HG_LANES_AT(found->part_y, i);
+        const hg_lanes across = x * (1.0f - x), down = y * (1.0f - y);
+        const hg_lanes between = 4.0f * HG_LANES_MAX(across, down); // 1 half way
+        const hg_lanes most = HG_TEMPORAL_MOST_WEIGHT - LESS_BETWEEN * between;
         const hg_lanes sum = had + trust, share = trust / sum; // 1 without history
         for (int c = 0; c < about->channels;
              c++) { // history in the range of deviations about the mean
@@ -142,7 +148,7 @@ void hg_temporal_mix(const struct hg_temporal_about *about, struct hg_temporal_f
 {
     uint32_t *color = (uint32_t *)(void *)to->color, *pixels = (uint32_t *)(void *)rgba;
     unpack(found->color, width, about->spare);
-    blend(about, about->spare, trust->row, trust->columns, width, found->weight);
+    blend(about, about->spare, trust, width, found);
     encode(about->spare, width);
     if (about->channels < HG_TEMPORAL_CHANNELS || is_opaque(about->spare[3], width))
         store_opaque(about->spare, width, color, pixels);

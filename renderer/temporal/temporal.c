@@ -294,7 +294,7 @@ static void resolve_row(const struct job *j, struct scratch *s, uint32_t y)
         hg_temporal_look_up(was, size, y, about, &s->found);
     else
         memset(s->found.weight, 0, t->width * sizeof *s->found.weight);
-    float *had = s->found.part_x; // free by now
+    float *had = (float *)s->found.texel; // free by now
     memcpy(had, s->found.weight, t->width * sizeof *had);
     const struct hg_temporal_trust trust = {t->rows.trust[y], t->columns.trust};
     hg_temporal_mix(about, &s->found, &trust, t->width, &to, rgba);
