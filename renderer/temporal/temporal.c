@@ -270,11 +270,25 @@ static void show_history(const float *weight, uint32_t width, uint8_t *rgba)
     }
 }
 
-static void smooth_row(const struct job *j, const float *weight, uint32_t y, uint8_t *rgba)
+static bool lacks_any(const float *weight, uint32_t width)
+{
+    bool lacks = false;
+    for (uint32_t x = 0; x < width; x++)
+        lacks |= !(weight[x] > 0.0f);
+    return lacks;
+}
+
+static void smooth_row(
+    const struct job *j, struct scratch *s, const float *weight, uint32_t y, uint8_t *rgba)
 {
     const uint32_t size[2] = {j->t->width, j->t->height};
+    // Rows that are free by now; that of colours has four times the width.
+    int32_t *marks = s->found.nearest, *rows = (int32_t *)(void *)s->found.color;
+    if (!lacks_any(weight, size[0]))
+        return;
+    hg_temporal_smooth_mark(j->picture->rgba, size, y, rows, marks);
     for (uint32_t x = 0; x < size[0]; x++)
-        if (!(weight[x] > 0.0f))
+        if (marks[x] && !(weight[x] > 0.0f))
             hg_temporal_smooth(j->picture->rgba, size, x, y, rgba + 4 * x);
 }
 
@@ -304,7 +318,7 @@ static void resolve_row(const struct job *j, struct scratch *s, uint32_t y)
     else if (j->show == HG_TEMPORAL_HISTORY)
         show_history(had, t->width, rgba);
     else if (is_whole(j))
-        smooth_row(j, had, y, rgba);
+        smooth_row(j, s, had, y, rgba);
 }
 
 // One that no other band uses; what is in it does not matter.
