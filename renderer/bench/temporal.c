@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/json.h"
 #include "renderer/bench/bench.h"
+#include "renderer/bench/body.h"
 #include "renderer/bench/common.h"
 #include "renderer/image/metrics.h"
 #include "renderer/internal.h"
@@ -14,6 +15,9 @@
 #define DEFAULT_POSES   60
 #define DEFAULT_SAMPLES 64
 #define EVERY           5
+#define GHOST_STEPS     8    // of the body
+#define GHOST_STEP      0.1f // each, of its distance from the eye
+#define GHOST_HALF      0.08f
 #define WARM_UP_NS      UINT64_C(120000000000)
 
 // Ways of making pictures; the first finds the motion for all.
@@ -31,6 +35,7 @@ struct result {
     double flip, luma_error, change, cpu_ms;
     double temporal_ms; // of it, on the clock
     struct hg_bench_times frames;
+    double ghost;     // mean error of luma where a fast body was before
     double after_cut; // FLIP of the first picture after a jump
 };
 
@@ -42,6 +47,9 @@ struct run {
     const struct hg_bench_pose *path;
     uint32_t path_count, width, height, compared, done;
     struct hg_view *settled, *moving;
+    struct hg_node *body;
+    float distance;           // of it from the eye, metres
+    struct hg_refbuf *behind; // settled picture with the body where it comes to rest
     struct hg_refbuf **truth; // [path_count] settled pictures of those that are compared
     float **motion;           // [path_count] to the picture before, and whether it is there
     struct result results[MODES];
@@ -96,15 +104,14 @@ static enum hg_status tell(struct run *run, struct hg_error *err)
 
 // --- pictures ------------------------------------------------------------------------------------
 
-static enum hg_status settle(struct run *run, uint32_t pose, struct hg_error *err)
+static enum hg_status settle(
+    struct run *run, uint32_t pose, struct hg_refbuf **out, struct hg_error *err)
 {
     struct hg_frame_info info = {0};
     enum hg_status status = look(run, run->settled, pose, err);
     while (status == HG_OK && !info.settled)
         status = hg_view_step(run->settled, 16, &info, err);
-    return status == HG_OK
-               ? hg_view_read_pixels(run->settled, HG_PIXEL_RGBA8, &run->truth[pose], err)
-               : status;
+    return status == HG_OK ? hg_view_read_pixels(run->settled, HG_PIXEL_RGBA8, out, err) : status;
 }
 
 static float luma(const uint8_t *p)
@@ -280,6 +287,60 @@ static enum hg_status cut(struct run *run, struct result *result, struct hg_erro
     return status;
 }
 
+// The body at a step of its way across the picture of the first pose.
+static void place_body(struct run *run, uint32_t step)
+{
+    const struct hg_bench_pose *p = &run->path[0];
+    float ahead[3], at[3], length = 0;
+    for (int i = 0; i < 3; i++) {
+        ahead[i] = p->target[i] - p->eye[i];
+        length += ahead[i] * ahead[i];
+    }
+    const float across[3] = {-ahead[2], 0, ahead[0]}; // to the right, with y up
+    const float flat = hypotf(ahead[0], ahead[2]), d = run->distance;
+    const float right = d * GHOST_STEP * ((float)step - 0.5f * (GHOST_STEPS - 1));
+    for (int i = 0; i < 3; i++)
+        at[i] = p->eye[i] + d * ahead[i] / sqrtf(length) + right * across[i] / flat;
+    hg_bench_body_place(run->scene, run->body, at);
+}
+
+// Mean error in the rows of the body, from where it began to where it is.
+static double trail_error(const struct run *run, const struct hg_refbuf *picture)
+{
+    const float vfov = run->bench->vfov_rad > 0 ? run->bench->vfov_rad : 0.7853981634f;
+    const float px = 0.5f * (float)run->height / tanf(0.5f * vfov); // of one distance
+    const float reach = 0.5f * GHOST_STEP * (GHOST_STEPS - 1);
+    const float first = 0.5f * (float)run->width - reach * px;
+    const float end = 0.5f * (float)run->width + (reach - 1.2f * GHOST_HALF) * px;
+    const uint32_t half = (uint32_t)(0.8f * GHOST_HALF * px), middle = run->height / 2;
+    double sum = 0;
+    uint32_t count = 0;
+    for (uint32_t y = middle - half; y < middle + half; y++)
+        for (uint32_t x = (uint32_t)fmaxf(first, 0.0f); x < (uint32_t)fmaxf(end, 0.0f); x++) {
+            const size_t at = 4 * ((size_t)y * run->width + x);
+            sum += fabs((double)(luma(run->behind->data + at) - luma(picture->data + at)));
+            count++;
+        }
+    return count > 0 ? sum / count : 0;
+}
+
+// A body that crosses the picture, at about a sixth of its height with each picture.
+static enum hg_status haunt(struct run *run, struct result *result, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < GHOST_STEPS && status == HG_OK; i++) {
+        struct hg_refbuf *picture = NULL;
+        struct hg_frame_info info;
+        place_body(run, i);
+        status = draw(run, 0, &picture, &info, err);
+        if (status == HG_OK && i == GHOST_STEPS - 1)
+            result->ghost = trail_error(run, picture);
+        hg_refbuf_unref(picture);
+    }
+    hg_bench_body_place(run->scene, run->body, NULL);
+    return status;
+}
+
 static enum hg_status walk(struct run *run, uint32_t number, struct hg_error *err)
 {
     const struct mode *mode = &modes[number];
@@ -313,6 +374,8 @@ static enum hg_status walk(struct run *run, uint32_t number, struct hg_error *er
     }
     if (status == HG_OK)
         status = cut(run, result, err);
+    if (status == HG_OK)
+        status = haunt(run, result, err);
     hg_free(depth);
     hg_refbuf_unref(before);
     hg_view_destroy(run->moving);
@@ -327,10 +390,14 @@ static enum hg_status settle_all(struct run *run, struct hg_error *err)
         hg_view_set_final(run->settled, true);
     for (uint32_t i = 0; i < run->path_count && status == HG_OK; i++) {
         if (is_compared(i) || is_compared(i + 1))
-            status = settle(run, i, err);
+            status = settle(run, i, &run->truth[i], err);
         if (status == HG_OK)
             status = tell(run, err);
     }
+    place_body(run, GHOST_STEPS - 1);
+    if (status == HG_OK)
+        status = settle(run, 0, &run->behind, err);
+    hg_bench_body_place(run->scene, run->body, NULL);
     return status;
 }
 
@@ -357,10 +424,11 @@ static enum hg_status write_report(const struct run *run, char **text)
         const struct result *r = &run->results[m];
         const double median = hg_bench_times_at(&r->frames, 0.5);
         hg_json_put(&w,
-            ",\"%s\":{\"flip\":%.5f,\"luma_error\":%.6f,\"flicker\":%.4f,\"after_cut\":%.5f,"
+            ",\"%s\":{\"flip\":%.5f,\"luma_error\":%.6f,\"flicker\":%.4f,\"ghost\":%.6f,\"after_"
+            "cut\":%.5f,"
             "\"cpu_ms\":%.3f,\"temporal_ms\":%.3f,\"frame_ms\":%.3f,\"p95_over_median\":%.3f}",
             modes[m].name, r->flip / count, r->luma_error / count,
-            run->truth_change > 0 ? r->change / run->truth_change : 0, r->after_cut,
+            run->truth_change > 0 ? r->change / run->truth_change : 0, r->ghost, r->after_cut,
             r->cpu_ms / poses, r->temporal_ms / poses, median,
             median > 0 ? hg_bench_times_at(&r->frames, 0.95) / median : 0);
     }
@@ -378,6 +446,13 @@ static enum hg_status prepare(struct run *run, struct hg_error *err)
     hg_scene_update(run->scene);
     if (run->path_count == 0)
         make_line(run);
+    float min[3] = {-1, -1, -1}, max[3] = {1, 1, 1};
+    hg_scene_bounds(run->scene, NULL, min, max);
+    run->distance = 0.2f * fmaxf(fmaxf(max[0] - min[0], max[1] - min[1]), max[2] - min[2]);
+    const enum hg_status status =
+        hg_bench_body_add(run->scene, GHOST_HALF * run->distance, &run->body);
+    if (status != HG_OK)
+        return hg_error_set(err, status, "bench", NULL, "no body to move");
     run->truth = hg_calloc(run->path_count, sizeof *run->truth);
     run->motion = hg_calloc(run->path_count, sizeof *run->motion);
     return run->truth != NULL && run->motion != NULL
@@ -406,6 +481,7 @@ enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_sce
     }
     hg_view_destroy(run->moving);
     hg_view_destroy(run->settled);
+    hg_refbuf_unref(run->behind);
     for (uint32_t i = 0; i < run->path_count && run->truth != NULL && run->motion != NULL; i++) {
         hg_refbuf_unref(run->truth[i]);
         hg_free(run->motion[i]);
