@@ -79,7 +79,10 @@ static void weigh(const struct hg_temporal_past *past, const struct hg_temporal_
         const float expect = about->motion.expect[i];
         const float most = expect * (1.0f + DEPTH_REACH) + SLOPE_REACH * about->slope[i];
         const bool same = at >= 0 && past->depth[at] <= most;
-        out->weight[i] = same ? (float)past->weight[at] * (1.0f / 16.0f) : 0.0f;
+        // What was farther away then was seen with fewer texels: by the square of that.
+        const float now = about->motion.depth[i], farther = expect < now ? expect / now : 1.0f;
+        const float share = farther * farther * (1.0f / 16.0f);
+        out->weight[i] = same ? (float)past->weight[at] * share : 0.0f;
     }
 }
 
