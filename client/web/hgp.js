@@ -490,6 +490,7 @@ export const messages = {
             { name: "region", kind: "vec4", since: 1, optional: true },
             { name: "gi", kind: "enum", values: "gi", since: 1, optional: true },
             { name: "temporal", kind: "enum", values: "temporal", since: 1, optional: true },
+            { name: "scale", kind: "f32", least: 5e+01, most: 1e+02, since: 1, optional: true },
         ],
     },
     // drop a view

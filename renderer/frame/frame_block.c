@@ -12,15 +12,26 @@ VkExtent2D hg_frame_size(const struct hg_draw *draw)
 {
     const uint32_t less = draw->request->smaller > 0 ? draw->request->smaller : 1;
     const float wider = draw->request->wider > 0.0f ? draw->request->wider : 1.0f;
-    const uint32_t width = (uint32_t)((float)draw->request->settings->width * wider) / less;
-    const uint32_t height = (uint32_t)((float)draw->request->settings->height * wider) / less;
+    const VkExtent2D whole = hg_draw_size(draw->request);
+    const uint32_t width = (uint32_t)((float)whole.width * wider) / less;
+    const uint32_t height = (uint32_t)((float)whole.height * wider) / less;
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
 
 struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw)
 {
+    const struct hg_view_settings *s = draw->request->settings;
     const VkExtent2D size = hg_frame_size(draw);
-    return hg_scene_gpu_camera(draw->scene_gpu, draw->request->camera, size.width, size.height);
+    struct hg_camera_setup setup =
+        hg_scene_gpu_camera(draw->scene_gpu, draw->request->camera, size.width, size.height);
+    if (draw->request->drawn.width > 0) // the sides of whole pixels are not in that ratio
+        setup.aspect = (double)s->width / (double)s->height;
+    return setup;
+}
+
+float hg_frame_scale(const struct hg_draw *draw)
+{
+    return (float)hg_draw_size(draw->request).height / (float)draw->request->settings->height;
 }
 
 static void fill_textures(struct hg_draw *draw, struct hg_gpu_textures *out)
@@ -31,6 +42,8 @@ static void fill_textures(struct hg_draw *draw, struct hg_gpu_textures *out)
     s->pages.run = s->pages.run % HG_PROGRESS_RUNS + 1;
     if (draw->request->smaller > 0) // a smaller picture with the texels of the whole one
         out->bias -= log2f((float)draw->request->smaller);
+    if (draw->request->drawn.width > 0)
+        out->bias += log2f(hg_frame_scale(draw));
     out->mode = mode;
     out->run = s->pages.run;
     out->progress = hg_draw_is(draw, HG_DRAW_BEHIND)  ? s->behind.progress.address
@@ -106,6 +119,8 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     f->flags |=
         draw->gathered != NULL && hg_lighting_has_sky_sun(draw->lighting) ? HG_FRAME_SUN_DISC : 0;
     hg_lighting_fill(draw->lighting, sample, &f->lighting);
+    f->lighting.cluster_scale_x *= (float)s->width / (float)hg_draw_size(draw->request).width;
+    f->lighting.cluster_scale_y *= (float)s->height / (float)hg_draw_size(draw->request).height;
     fill_slack(draw, &f->lighting);
     fill_textures(draw, &f->textures);
     fill_background(draw, f);
