@@ -98,6 +98,9 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_OVERDRAW,
     HG_DEBUG_MOTION, // of pictures in motion: what they are made of besides
     HG_DEBUG_HISTORY,
+    HG_DEBUG_PROBES, // these two have probes, whatever parameter gi says
+    HG_DEBUG_IRRADIANCE,
+    HG_DEBUG_SHADOWS,
 };
 
 enum hg_render_mode {

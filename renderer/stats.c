@@ -169,12 +169,25 @@ static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
     if (s->settings.gi == 0 || s->scene_gpu->gi == NULL)
         return;
     hg_gi_stats(s->scene_gpu->gi, &g);
+    const struct hg_path_stats *gathered = &s->gi.gather.stats;
+    const struct hg_path_time *p = gathered->pieces;
     hg_json_put(w,
-        ",\"gi\":{\"probes\":%u,\"asleep\":%u,\"spacing_m\":%.6g,\"updates\":%llu,\"rays\":%llu,"
-        "\"shadow_rays\":%llu,\"misses\":%llu,\"ms\":%.3f,\"bytes\":%llu}",
-        g.probes, g.asleep, (double)g.spacing, (unsigned long long)g.updates,
+        ",\"gi\":{\"probes\":%u,\"asleep\":%u,\"inside\":%u,\"moved\":%u,\"spacing_m\":%.6g,"
+        "\"updates\":%llu,\"rays\":%llu,"
+        "\"shadow_rays\":%llu,\"misses\":%llu,\"shaded\":%llu,\"ms\":%.3f,\"bytes\":%llu,",
+        g.probes, g.asleep, g.inside, g.moved, (double)g.spacing, (unsigned long long)g.updates,
         (unsigned long long)g.rays, (unsigned long long)g.shadow_rays, (unsigned long long)g.misses,
-        ms(g.ns), (unsigned long long)g.bytes);
+        (unsigned long long)g.shaded, ms(g.ns), (unsigned long long)g.bytes);
+    hg_json_put(w,
+        "\"gathered\":{\"paths\":%llu,\"rays\":%llu,\"shadow_rays\":%llu,\"misses\":%llu,"
+        "\"shaded\":%llu,\"bytes\":%llu},\"structure_bytes\":%llu,\"shadow_atlas_bytes\":%llu}",
+        (unsigned long long)gathered->paths, (unsigned long long)p[HG_PATH_PIECE_TRACE].items,
+        (unsigned long long)p[HG_PATH_PIECE_SHADOW].items,
+        (unsigned long long)p[HG_PATH_PIECE_MISS].items,
+        (unsigned long long)p[HG_PATH_PIECE_SHADE].items,
+        (unsigned long long)s->gi.gather.light.memory.size_bytes,
+        (unsigned long long)g.structure_bytes,
+        (unsigned long long)hg_lighting_image_shadow(s->lighting)->memory.size_bytes);
 }
 
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
@@ -193,10 +206,13 @@ static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
     const uint64_t film =
         p[HG_PATH_PIECE_LIGHT].ns + p[HG_PATH_PIECE_ALPHA_MASK].ns + p[HG_PATH_PIECE_FILM].ns;
     hg_json_put(w,
-        ",\"trace\":{\"rays\":%llu,\"shadow_rays\":%llu,\"paths\":%llu,\"waves\":%llu,"
+        ",\"trace\":{\"rays\":%llu,\"shadow_rays\":%llu,\"shaded\":%llu,\"misses\":%llu,\"paths\":%"
+        "llu,\"waves\":%llu,"
         "\"mrays_per_s\":%.4f,\"trace_ms\":%.3f,\"shade_ms\":%.3f,\"film_ms\":%.3f,"
         "\"page_ms\":%.3f,\"host_ms\":%.3f,\"build_ms\":%.3f}",
-        (unsigned long long)rays, (unsigned long long)shadow_rays, (unsigned long long)t.paths,
+        (unsigned long long)rays, (unsigned long long)shadow_rays,
+        (unsigned long long)p[HG_PATH_PIECE_SHADE].items,
+        (unsigned long long)p[HG_PATH_PIECE_MISS].items, (unsigned long long)t.paths,
         (unsigned long long)t.waves, ns > 0 ? (double)rays * 1e3 / (double)ns : 0.0, ms(ns),
         ms(shade), ms(film), ms(p[HG_PATH_PIECE_PAGES].ns), ms(p[HG_PATH_PIECE_LISTS].ns),
         ms(t.build_ns));

@@ -18,7 +18,14 @@ struct hg_bench_settings {  // zero of each field = default
     uint32_t path_count;
     uint32_t gi;       // enum hg_view_gi; of realtime, temporal
     uint32_t temporal; // enum hg_view_temporal; of realtime
-    uint32_t samples;  // of the references of temporal; 64
+    uint32_t samples;  // of the references of temporal, 64, and of gi, 128
+    uint32_t lamps;    // of the night of gi; 8
+    enum {
+        HG_BENCH_TRUTH_PATHS,
+        HG_BENCH_TRUTH_RAYS,
+    } truth;                // of gi: path-traced pictures, or settled ones of parameter gi RAYS
+    const char *references; // folder that keeps them; NULL: they are made anew
+    bool no_walk, no_rooms; // of gi: parts that are left out
     // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
     bool (*progress)(void *user, uint32_t done, uint32_t total);
     void *progress_user;
@@ -41,6 +48,19 @@ enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_sce
 // before, after_cut: FLIP of the first picture after a jump, cpu_ms of a picture, temporal_ms: of
 // it on the clock, frame_ms: median, p95_over_median}.
 enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
+// What light by way of surfaces is worth in motion. Poses as of temporal, walked by day (the light
+// of the scene) and by night (lamps along the walk alone), at the exposure metered from the middle
+// one, and held against references: every fifth, and its change since the one before. Then two
+// rooms (gi_rooms.h). Fields are those of temporal. One JSON object: poses, compared, truth; day,
+// night: {exposure_ev, references_found, references_made; none, probes (those of motion), rested
+// (the field of rest): {flip, region_error: mean relative error of luminance in 8 x 6 regions,
+// worst_region_error: of the worst, flicker, cpu_ms}}; leaks[]: {wall_m, light behind the wall over
+// that before it with probes, rays, in motion at most and at last}; responses[]: {change,
+// pictures_to_90, pictures_to_99: until the mean stays that near to the settled one, 0 more than
+// 90; after_15, after_60: share of the way; regions_left_60: share of the difference in regions}.
+enum hg_status hg_bench_gi_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
 // Rays of three kinds through each backend, at the first pose of the path: primary (centres of all

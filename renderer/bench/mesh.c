@@ -68,6 +68,33 @@ enum hg_status hg_bench_mesh_quad(
     return HG_OK;
 }
 
+// Across `axis`, at its low or high end, counter-clockwise from outside.
+static void box_face(struct hg_mesh_part *part, const float box[2][3], uint32_t which)
+{
+    const uint32_t axis = which / 2, high = which % 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+    const uint32_t turns[6] = {0, 1, 2, 0, 2, 3};
+    for (uint32_t i = 0; i < 4; i++) {
+        const uint32_t turn = high ? i : 3 - i, at = 3 * (4 * which + i);
+        part->positions[at + axis] = box[high][axis];
+        part->positions[at + u] = box[turn == 1 || turn == 2][u];
+        part->positions[at + v] = box[turn >= 2][v];
+        part->normals[at + axis] = high ? 1.0f : -1.0f;
+    }
+    for (uint32_t i = 0; i < 6; i++)
+        part->indices[6 * which + i] = 4 * which + turns[i];
+}
+
+enum hg_status hg_bench_mesh_box(struct hg_bench_scene *s, const float box[2][3],
+    struct hg_material *material, struct hg_mesh **out)
+{
+    const enum hg_status status = add_part(s, 24, 36, material, out);
+    for (uint32_t i = 0; i < 6 && status == HG_OK; i++)
+        box_face((*out)->parts, box, i);
+    if (status == HG_OK)
+        set_bounds((*out)->parts);
+    return status;
+}
+
 // --- grids ---------------------------------------------------------------------------------------
 
 struct grid_job {

@@ -18,6 +18,10 @@ void hg_bench_scene_sky(struct hg_bench_scene *scene); // lights it and publishe
 enum hg_status hg_bench_mesh_quad(struct hg_bench_scene *scene, float side_m,
     struct hg_material *material, struct hg_mesh **out) HG_MUST_CHECK;
 
+// A box from its low to its high corner, seen from outside.
+enum hg_status hg_bench_mesh_box(struct hg_bench_scene *scene, const float box[2][3],
+    struct hg_material *material, struct hg_mesh **out) HG_MUST_CHECK;
+
 // A grid of cells x cells over a square of side_m from the origin to +x and +z. height: metres at a
 // place 0..1, from many threads.
 struct hg_bench_grid {

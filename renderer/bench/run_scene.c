@@ -1,11 +1,12 @@
 // run_scene.c - benchmarks of one scene: their options, the scene, the report with what was loaded.
 //
-// Options of `realtime`, `temporal`, `trace` and `path` (all optional): scene (file; default the
-// built-in demo), environment (file; default the demo's), width, height, vfov_deg, rounds, gi,
-// temporal (number of the value), samples, path (list of {eye: [x,y,z], target: [x,y,z]} in
-// metres).
+// Options of `realtime`, `temporal`, `gi`, `trace` and `path` (all optional): scene (file; default
+// the built-in demo), environment (file; default the demo's), width, height, vfov_deg, rounds, gi,
+// temporal (number of the value), samples, lamps, truth (0 paths, 1 rays), references (folder),
+// only ("walk", "rooms"), path (list of {eye: [x,y,z], target: [x,y,z]} in metres).
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -20,6 +21,7 @@ struct run {
     const char *scene_name, *environment; // borrowed from the options
     struct hg_bench_settings settings;
     struct hg_bench_pose *poses; // of `settings`
+    char *references;            // likewise
     struct hg_renderer *renderer;
     struct hg_scene *scene;
     double load_ms;
@@ -60,14 +62,29 @@ static enum hg_status read_path(struct run *r, const json_t *path, struct hg_err
     return HG_OK;
 }
 
+static enum hg_status read_gi(struct run *r, const json_t *options, struct hg_error *err)
+{
+    const json_t *only = json_object_get(options, "only");
+    const char *part = json_string_value(only);
+    if (only && (!part || (strcmp(part, "walk") != 0 && strcmp(part, "rooms") != 0)))
+        return hg_error_set(err, HG_E_INVAL, "bench", "only", "neither \"walk\" nor \"rooms\"");
+    r->settings.no_walk = part && part[0] == 'r';
+    r->settings.no_rooms = part && part[0] == 'w';
+    const char *folder = json_string_value(json_object_get(options, "references"));
+    const enum hg_status st =
+        folder ? hg_roots_resolve(&r->host->roots, folder, &r->references, err) : HG_OK;
+    r->settings.references = r->references;
+    return st;
+}
+
 static enum hg_status read_options(struct run *r, const json_t *options, struct hg_error *err)
 {
-    double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0, temporal = 0,
-           samples = 0; // 0: the benchmark's defaults
+    double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0, temporal = 0, samples = 0,
+           lamps = 0, truth = 0; // 0: the benchmark's defaults
     const struct hg_bench_number numbers[] = {{"width", 1, 16384, &width},
         {"height", 1, 16384, &height}, {"vfov_deg", 1, 170, &vfov_deg},
         {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}, {"temporal", 0, 1, &temporal},
-        {"samples", 1, 65536, &samples}};
+        {"samples", 1, 65536, &samples}, {"lamps", 1, 4096, &lamps}, {"truth", 0, 1, &truth}};
     enum hg_status st =
         hg_bench_read_numbers(options, numbers, sizeof numbers / sizeof *numbers, err);
     if (st)
@@ -81,10 +98,13 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
         .gi = (uint32_t)gi,
         .temporal = (uint32_t)temporal,
         .samples = (uint32_t)samples,
+        .lamps = (uint32_t)lamps,
+        .truth = truth > 0 ? HG_BENCH_TRUTH_RAYS : HG_BENCH_TRUTH_PATHS,
         .progress = r->host->progress,
         .progress_user = r->host->progress_user};
     const json_t *path = json_object_get(options, "path");
-    return path ? read_path(r, path, err) : HG_OK;
+    st = path ? read_path(r, path, err) : HG_OK;
+    return st ? st : read_gi(r, options, err);
 }
 
 // ---- scene --------------------------------------------------------------------------------------
@@ -201,5 +221,6 @@ enum hg_status hg_bench_run_scene(const struct hg_bench_host *host, const json_t
     hg_scene_destroy(r.scene);
     hg_renderer_destroy(r.renderer);
     hg_free(r.poses);
+    hg_free(r.references);
     return st;
 }

@@ -141,6 +141,7 @@ enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *
     g->done = false;
     if (status == HG_OK)
         status = hg_path_step(g->path, &request, begins, err);
+    hg_path_get_stats(g->path, &g->stats);
     if (status == HG_OK && hg_path_done(g->path)) {
         status = filter(view, err);
         g->done = status == HG_OK;

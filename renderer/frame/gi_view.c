@@ -29,7 +29,7 @@ static bool is_refused(const struct hg_view_state *view, const struct hg_gi_refu
 bool hg_gi_view_is_on(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 &&
+    return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME &&
            !is_refused(view, &view->gi.field_refused);
 }
 

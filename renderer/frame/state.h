@@ -85,6 +85,7 @@ struct hg_view_gather {
     struct hg_gather_key key;
     bool begun, done;          // for `key`
     struct hg_gpu_image light; // shaders/shared/gi.h
+    struct hg_path_stats stats; // of what is gathered, or was last
 };
 
 // There was no memory for it: not tried again until the scene or the size is another one.

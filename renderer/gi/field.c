@@ -368,7 +368,9 @@ void hg_gi_field_irradiance(
 
 static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
 {
-    uint32_t word = hg_gi_probe_is_awake(f, probe) && is_lit(f, probe) ? HG_PROBE_AWAKE : 0;
+    uint32_t word = f->inside[probe]                                     ? HG_PROBE_INSIDE
+                    : hg_gi_probe_is_awake(f, probe) && is_lit(f, probe) ? HG_PROBE_AWAKE
+                                                                         : 0;
     for (int a = 0; a < 3; a++)
         word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) << (10 * a);
     return word;

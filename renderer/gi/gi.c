@@ -333,7 +333,9 @@ static void count_wave(const struct wave *w)
     s->shadow_rays += (uint64_t)w->count * w->peaks;
     s->updates += w->places ? 0 : w->count;
     for (uint64_t i = 0; i < rays; i++) {
-        s->misses += w->gi->brought[i].distance == FLT_MAX;
+        const bool missed = w->gi->brought[i].distance == FLT_MAX;
+        s->misses += missed;
+        s->shaded += !w->places && !missed && !w->gi->brought[i].back;
         for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
             s->shadow_rays += w->gi->direct[i].rays[k].t_max > 0;
     }
@@ -615,7 +617,17 @@ void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out)
     const struct hg_gi_field *f = gi->rest.field.count > 0 ? &gi->rest.field : &gi->moving.field;
     out->probes = f->count;
     out->spacing = f->spacing;
-    for (uint32_t i = 0; i < f->count; i++)
-        out->asleep += !hg_gi_probe_is_awake(f, i);
+    for (uint32_t i = 0; i < f->count; i++) {
+        const bool awake = hg_gi_probe_is_awake(f, i);
+        out->asleep += !awake;
+        out->inside += f->inside[i];
+        out->moved +=
+            awake && hg_dot3(f->offsets[i], f->offsets[i]) > HG_PROBE_MOVED * HG_PROBE_MOVED;
+    }
     out->bytes = hg_gi_field_bytes(&gi->rest.field) + hg_gi_field_bytes(&gi->moving.field);
+    if (gi->rays != NULL) {
+        struct hg_trace_stats structures;
+        hg_trace_stats(hg_rays_trace(gi->rays), &structures);
+        out->structure_bytes = structures.bytes;
+    }
 }

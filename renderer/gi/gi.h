@@ -54,10 +54,13 @@ void hg_gi_fill(const struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gp
 
 struct hg_gi_stats {
     uint32_t probes, asleep;            // of the field of rest, or the moving one
+    uint32_t inside, moved;             // asleep inside of something; awake off their place
     float spacing;                      // metres
     uint64_t rays, shadow_rays, misses; // since creation
+    uint64_t shaded;                    // hits: not while probes are placed, nor backs
     uint64_t updates;                   // of probes
-    uint64_t ns, bytes;
+    uint64_t ns, bytes;                 // bytes: of both fields
+    uint64_t structure_bytes;           // of what rays meet
 };
 void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out); // gi NULL: zeroed
 

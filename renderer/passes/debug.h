@@ -1,5 +1,5 @@
-// debug.h - debug views: mips, residency, clusters,
-// levels of detail, overdraw. Floor 3.
+// debug.h - debug views: mips, residency, clusters, levels of detail, overdraw, probes and their
+// light, shadow maps. Floor 3.
 //
 // Colours are linear, to be displayed without a tone curve (HG_TONEMAP_LINEAR, exposure 1). The
 // legend is in docs/client.md. Blended surfaces are left out, except by overdraw.

@@ -10,7 +10,10 @@ layout(constant_id = 0) const uint hg_view = 1u; // HG_DEBUG_VIEW_*
 #include "lib/vertex.glsl"
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
-#include "shared/debug.h"
+#define HG_PROBES_BILINEAR // one sample per pixel
+#include "lib/probes.glsl"
+#include "lib/debug_probes.glsl"
+#include "lib/light.glsl"
 #include "shared/pass_io.h"
 
 HG_DEBUG_IO(HG_IO_DECLARE)
@@ -73,13 +76,16 @@ vec3 missing_color(uint coarser)
                                min(float(coarser) - 1.0, 3.0) / 3.0);
 }
 
+vec3 view_of(hg_vertex v)
+{
+    return hg_frame.camera.orthographic == 0u ? normalize(hg_frame.camera.eye_ws - v.position_ws)
+                                              : -hg_frame.camera.forward_ws;
+}
+
 // Darker where the surface turns away, for views that would else be one flat colour.
 float facing(hg_vertex v)
 {
-    vec3 eye = -hg_frame.camera.forward_ws;
-    if (hg_frame.camera.orthographic == 0u)
-        eye = normalize(hg_frame.camera.eye_ws - v.position_ws);
-    return 0.4 + 0.6 * abs(dot(v.geometric_ws, eye));
+    return 0.4 + 0.6 * abs(dot(v.geometric_ws, view_of(v)));
 }
 
 vec3 texture_color(hg_vertex v)
@@ -118,14 +124,69 @@ vec3 lod_color(uvec2 id)
     return level_color(levels.v[record] & 255u);
 }
 
+vec3 irradiance_color(hg_vertex v)
+{
+    float side = v.front ? 1.0 : -1.0;
+    vec3 view = view_of(v), n = v.normal_ws * side;
+    if (hg_frame.probes.count == 0u)
+        return vec3(0.0);
+    hg_probes_look(v.position_ws, v.geometric_ws * side, n, view, reflect(-view, n), vec3(0.5));
+    return hg_debug_light(hg_probes_irradiance);
+}
+
+// The map that the first light with shadows has here, in squares of 32 texels.
+vec3 shadow_color(hg_vertex v)
+{
+    vec3 n = v.geometric_ws * (v.front ? 1.0 : -1.0);
+    for (uint i = 0u; i < hg_frame.lighting.light_count; i++) {
+        hg_gpu_light light = hg_light_at(i);
+        if (light.shadow >= HG_SHADOW_UNASKED)
+            continue;
+        vec3 l;
+        hg_light_illuminance(light, v.position_ws, l);
+        if (dot(n, l) <= 0.0)
+            return hg_grey;
+        for (uint k = 0u; k < light.shadow_count; k++) {
+            hg_gpu_shadow s = hg_shadow_at(light.shadow + k);
+            hg_shadow_receiver r = hg_shadow_receive(s, v.position_ws, n, dot(n, l), 0.0);
+            if (!hg_shadow_holds(s, r, true))
+                continue;
+            ivec2 square = ivec2(floor((r.ndc * 0.5 + 0.5) * s.size_px / 32.0));
+            return level_color(k) * (((square.x + square.y) & 1) == 0 ? 1.0 : 0.6);
+        }
+    }
+    return hg_grey;
+}
+
 vec3 surface_color(uvec2 id)
 {
     hg_vertex v = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy);
+    if (hg_view == HG_DEBUG_VIEW_PROBES)
+        return hg_grey * facing(v);
+    if (hg_view == HG_DEBUG_VIEW_IRRADIANCE)
+        return irradiance_color(v);
+    if (hg_view == HG_DEBUG_VIEW_SHADOWS)
+        return shadow_color(v);
     if (hg_view == HG_DEBUG_VIEW_CLUSTER)
         return number_color((id.x << 20) + id.y / 128u) * facing(v);
     if (hg_view == HG_DEBUG_VIEW_LOD)
         return lod_color(id) * facing(v);
     return texture_color(v);
+}
+
+vec4 probe_color(uvec2 id)
+{
+    vec3 at = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
+        gl_FragCoord.y * hg_frame.camera.ray_y_ws;
+    bool parallel = hg_frame.camera.orthographic != 0u;
+    vec3 start = parallel ? at : hg_frame.camera.eye_ws;
+    vec3 direction = parallel ? hg_frame.camera.forward_ws : at;
+    float most = 3.4e38;
+    if (id.x != 0u) {
+        vec3 to = hg_fetch_triangle(id.x - 1u, id.y, gl_FragCoord.xy).position_ws - start;
+        most = dot(to, direction) / dot(direction, direction);
+    }
+    return hg_debug_probes(start, direction, most);
 }
 
 void main()
@@ -141,5 +202,9 @@ void main()
         color = overdraw_color(texelFetch(hg_counts, pixel, 0).r);
     else if (id.x != 0u)
         color = surface_color(id);
+    if (hg_view == HG_DEBUG_VIEW_PROBES) {
+        vec4 probe = probe_color(id);
+        color = mix(color, probe.rgb, probe.a);
+    }
     out_color = vec4(color, 1.0);
 }

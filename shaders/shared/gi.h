@@ -27,9 +27,12 @@
 #define HG_PROBE_IRRADIANCE_TEXELS 64
 #define HG_PROBE_MOMENT_SIDE       16
 #define HG_PROBE_MOMENT_TEXELS     256
-// Of a place: offset from the grid in units of spacing, 10 bits per axis over -0.5..0.5; awake.
+// Of a place: offset from the grid in units of spacing, 10 bits per axis over -0.5..0.5; awake; asleep
+// inside of something.
 #define HG_PROBE_OFFSET_STEPS 1023
 #define HG_PROBE_AWAKE        0x40000000u
+#define HG_PROBE_INSIDE       0x80000000u
+#define HG_PROBE_MOVED        0.02f // offset, in spacings, from which on debug views say so
 // What a point is lifted off its surface by before probes are looked at, in spacings: along the
 // normal and towards the eye.
 #define HG_PROBE_BIAS_NORMAL 0.15f

@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+"""helio bench gi on five tiny pictures of a street: its report says what it should, references are kept and
+found again, light from probes changes pictures, and neither walls of two rooms nor changes of their light
+are far off.
+
+    gi.py --helio build/bin/helio --models build/tests/models
+"""
+import argparse
+import json
+import os
+import subprocess
+import tempfile
+
+PATH = [{"eye": [0.2 * (k % 3 - 1), 1.7, 9 - 0.7 * k], "target": [0, 2, -0.7 * k]} for k in range(5)]
+
+
+def bench(args, folder, **options):
+    report = os.path.join(folder, "report.json")
+    options = dict(width=32, height=18, samples=1, path=PATH, lamps=2,
+                   scene=os.path.abspath(os.path.join(args.models, "leaves_opaque.glb")),
+                   references=os.path.join(folder, "references"), **options)
+    done = subprocess.run([args.helio, "bench", "gi", "--progress", "none", "--json", report, "--cache-dir",
+                           os.path.join(folder, "cache"), "--options", json.dumps(options)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if done.returncode != 0:
+        raise SystemExit("exit code %d\n%s" % (done.returncode, done.stdout))
+    with open(report, encoding="utf-8") as file:
+        return json.load(file)
+
+
+def check(condition, *what):
+    if not condition:
+        raise SystemExit("unexpected: %s" % (what,))
+
+
+def check_light(light, found, made):
+    check((light["references_found"], light["references_made"]) == (found, made), light)
+    for mode in ("none", "probes", "rested"):
+        check(0 < light[mode]["flip"] < 1 and light[mode]["region_error"] > 0, mode, light[mode])
+        check(light[mode]["worst_region_error"] >= light[mode]["region_error"], mode, light[mode])
+    check(len({light[mode]["flip"] for mode in ("none", "probes", "rested")}) == 3, light)
+
+
+def check_rooms(report):
+    check([leak["wall_m"] for leak in report["leaks"]] == [0.1, 0.01], report["leaks"])
+    for leak, most in zip(report["leaks"], (0.01, 0.05)):
+        check(0 < leak["probes"] <= most and 0 < leak["rays"] <= most, leak)
+        check(leak["motion"] >= leak["motion_last"] > 0, leak)
+    check([r["change"] for r in report["responses"]] ==
+          ["lamp_on", "lamp_off", "sun_turned", "door_opened"], report["responses"])
+    for response in report["responses"]:
+        check(0.5 < response["after_60"] < 1.5, response)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--helio", required=True)
+    parser.add_argument("--models", required=True)
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        os.mkdir(os.path.join(folder, "references"))
+        first = bench(args, folder)
+        check((first["poses"], first["compared"], first["truth"]) == (5, 1, "path"), first)
+        check_rooms(first)
+        again = bench(args, folder, only="walk")
+        check("leaks" not in again, again)
+        for name in ("day", "night"):
+            check_light(first[name], 0, 2)
+            check_light(again[name], 2, 0)
+            check(first[name]["rested"]["flip"] == again[name]["rested"]["flip"], first, again)
+
+
+if __name__ == "__main__":
+    main()
