@@ -22,6 +22,8 @@ struct hg_shadow_receiver {
 
 // Slopes steeper than this (about 87 degrees) are not followed: the light hardly reaches them.
 #define HG_SHADOW_MIN_COS 0.05
+#define HG_SHADOW_RINGS 4 // of the search for what is in the way of lights with a size
+#define HG_SHADOW_TAPS_AT_ONCE 16 // of lights with a size, where a picture has one sample
 
 // Plane through pos with this normal in the map's depth.
 //   orthographic: n . q = c            => d depth / d x = scale_z n.x / (n.z scale)
@@ -72,6 +74,12 @@ float hg_shadow_tap(hg_gpu_shadow s, hg_shadow_receiver r, vec2 receiver_px, vec
     return mix(low.x, low.y, f.y);
 }
 
+// Place of a receiver in the atlas.
+vec2 hg_shadow_px(hg_gpu_shadow s, hg_shadow_receiver r)
+{
+    return s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
+}
+
 // Tap of a filter that is `scale` times as wide, within the map.
 vec2 hg_shadow_offset(hg_gpu_shadow s, vec2 px, int i, float scale)
 {
@@ -79,21 +87,30 @@ vec2 hg_shadow_offset(hg_gpu_shadow s, vec2 px, int i, float scale)
     return clamp(at, s.rect_px + 1.0, s.rect_px + s.size_px - 1.0) - px;
 }
 
-// How much wider than that of a point the filter of the sun's disc is: by the mean distance of what is
-// in the way, among texels that the disc is seen through at their distance.
+// How much wider than that of a point the filter of a light with a size is: by the mean distance of what is
+// in the way, among texels that the light is seen through at their distance. size: tangent of the angle
+// that a sun's radius is seen at, or metres of a lamp's radius. Under a lamp of radius R the penumbra is
+// R (z - b) / b wide at distance z, b being that of what is in the way: R (1 / b - 1 / z) / texel_size
+// texels, which is linear in reversed depth as that of a sun is.
 // Source: Fernando 2005, "Percentage-Closer Soft Shadows".
-float hg_shadow_penumbra(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px)
+float hg_shadow_penumbra(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px, float size)
 {
     const float widest = HG_PENUMBRA_MOST_PX / HG_SHADOW_RADIUS_PX;
-    float per_m = HG_SUN_RADIUS / (s.texel_size * HG_SHADOW_RADIUS_PX); // widths of the filter
+    float per_m = size / (s.texel_size * HG_SHADOW_RADIUS_PX); // widths of the filter
     float most_m = (1.0 - r.depth) / s.depth_scale; // to the map's near end
     float search = clamp(per_m * most_m, 1.0, widest);
     vec2 sum = vec2(0.0);
-    for (int i = 0; i < HG_SHADOW_TAPS; i++) {
-        vec2 off = hg_shadow_offset(s, px, i, search);
+    // Near to a lamp its disc fills the search, farther away it may be a few texels: rings, each of
+    // half the radius.
+    int rings = HG_HAS2(HG_FEATURE2_SIZED) ? HG_SHADOW_RINGS : 1;
+    for (int i = 0; i < HG_SHADOW_TAPS * rings; i++) {
+        float ring = search;
+        if (HG_HAS2(HG_FEATURE2_SIZED))
+            ring = max(search * exp2(-float(i / HG_SHADOW_TAPS)), 1.0);
+        vec2 off = hg_shadow_offset(s, px, i % HG_SHADOW_TAPS, ring);
         vec4 stored = textureGather(hg_shadow_atlas, (px + off) * hg_frame.lighting.shadow_inv_size);
         float plane = max(off.x * r.gradient.x - off.y * r.gradient.y, 0.0);
-        vec4 above = (stored - (r.depth + r.bias + plane)) / s.depth_scale; // m
+        vec4 above = (stored - (r.depth + r.bias + plane)) / s.depth_scale; // m; of lamps 1 / m
         float apart = length(off) / HG_SHADOW_RADIUS_PX - 1.0;
         vec4 counts = step(vec4(1e-6), above) * step(vec4(apart), above * per_m);
         sum += vec2(dot(counts, above), dot(counts, vec4(1.0)));
@@ -101,20 +118,53 @@ float hg_shadow_penumbra(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px)
     return clamp(per_m * sum.x / max(sum.y, 1.0), 1.0, widest);
 }
 
-// soft: for the sun's disc where the frame says so.
-float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r, bool soft)
+// Filter of a picture that is shown after one sample, which has as many taps as several together.
+// Vogel 1979, as in renderer/light/lighting.c.
+float hg_shadow_filter_at_once(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px, float scale)
 {
-    vec2 px = s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
+    float sum = 0.0;
+    for (int i = 0; i < HG_SHADOW_TAPS_AT_ONCE; i++) {
+        float radius = sqrt((float(i) + 0.5) / float(HG_SHADOW_TAPS_AT_ONCE)) * HG_SHADOW_RADIUS_PX;
+        float phi = float(i) * 2.39996323;
+        vec2 at = px + vec2(cos(phi), sin(phi)) * (radius * scale);
+        sum += hg_shadow_tap(
+            s, r, px, clamp(at, s.rect_px + 1.0, s.rect_px + s.size_px - 1.0) - px);
+    }
+    return sum / float(HG_SHADOW_TAPS_AT_ONCE);
+}
+
+// size: as of hg_shadow_penumbra; 0: a point.
+float hg_shadow_filter(hg_gpu_shadow s, hg_shadow_receiver r, float size)
+{
+    bool sizes = HG_HAS2(HG_FEATURE2_GATHERED) || HG_HAS2(HG_FEATURE2_SIZED);
+    vec2 px = hg_shadow_px(s, r);
     float sum = 0.0, scale = 1.0;
-    if (HG_HAS2(HG_FEATURE2_GATHERED) && soft && (hg_frame.flags & HG_FRAME_SUN_DISC) != 0u)
-        scale = hg_shadow_penumbra(s, r, px);
+    if (sizes && size > 0.0)
+        scale = hg_shadow_penumbra(s, r, px, size);
+    if (HG_HAS2(HG_FEATURE2_SIZED) && scale > 1.0 && hg_frame.sample_index == 0u)
+        return hg_shadow_filter_at_once(s, r, px, scale);
     for (int i = 0; i < HG_SHADOW_TAPS; i++) {
         vec2 off = hg_frame.lighting.shadow_taps_px[i];
-        if (HG_HAS2(HG_FEATURE2_GATHERED))
+        if (sizes)
             off = hg_shadow_offset(s, px, i, scale);
         sum += hg_shadow_tap(s, r, px, off);
     }
     return sum / float(HG_SHADOW_TAPS);
+}
+
+// Of the sky's sun where the frame says so.
+float hg_shadow_sun_size()
+{
+    bool disc = HG_HAS2(HG_FEATURE2_GATHERED) && (hg_frame.flags & HG_FRAME_SUN_DISC) != 0u;
+    return disc ? HG_SUN_RADIUS : 0.0;
+}
+
+// Of a light with a size: a disc of the area that is seen along its direction.
+float hg_shadow_light_size(hg_gpu_light light)
+{
+    if (light.kind == HG_LIGHT_KIND_DIRECTIONAL)
+        return light.radius / max(light.bound, 0.01);
+    return light.radiance > 0.0 ? sqrt(HG_INV_PI / light.radiance) : 0.0;
 }
 
 // Where a point lies in a map of a light, off its surface by part of a texel along the normal (for
@@ -144,8 +194,8 @@ bool hg_shadow_holds(hg_gpu_shadow s, hg_shadow_receiver r, bool last)
 // Lit share of a point; n_geometric faces the eye, cos_l > 0. First map of the light that holds it:
 // cascades come finest first and hand over at a distance from their edge that changes with every
 // sample, so that the settled image blends them.
-// soft: as of hg_shadow_filter.
-float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool soft)
+// sky_sun: it may be the sky's sun.
+float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool sky_sun)
 {
     uint first = light.shadow, last = light.shadow + light.shadow_count - 1u;
     if (light.shadow_count == 6u) { // faces of a cube: +x -x +y -y +z -z
@@ -161,9 +211,20 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool 
         first = last;
     float cos_l = dot(n_geometric, l);
     float slack = hg_shadow_slack(pos_ws);
-    // The map is chosen first and filtered once: filtering inside the loop would be done for each.
     hg_gpu_shadow s;
     hg_shadow_receiver r;
+    // Metres of the penumbra by the map of the whole scene: it has to fit the filter of a finer one.
+    float wide = 0.0, size = sky_sun ? hg_shadow_sun_size() : 0.0;
+    if (HG_HAS2(HG_FEATURE2_SIZED)) {
+        size = max(size, hg_shadow_light_size(light));
+        if (light.radiance > 0.0 && first < last) {
+            s = hg_shadow_at(last);
+            r = hg_shadow_receive(s, pos_ws, n_geometric, cos_l, slack);
+            float scale = hg_shadow_penumbra(s, r, hg_shadow_px(s, r), size);
+            wide = scale > 1.0 ? scale * HG_SHADOW_RADIUS_PX * s.texel_size : 0.0;
+        }
+    }
+    // The map is chosen first and filtered once: filtering inside the loop would be done for each.
     uint i = first;
     bool inside;
     // Tested at the end: a software rasteriser runs the rest of a body that was broken out of, so a
@@ -174,8 +235,10 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool 
         // A face of a cube always holds what lies in its direction; the offset along the normal may
         // take it past the edge by a texel, which the map's margin has.
         inside = light.shadow_count == 6u || hg_shadow_holds(s, r, i == last);
+        if (HG_HAS2(HG_FEATURE2_SIZED))
+            inside = inside && (i == last || wide <= HG_PENUMBRA_MOST_PX * s.texel_size);
     } while (!inside && ++i <= last);
-    float lit = hg_shadow_filter(s, r, soft);
+    float lit = hg_shadow_filter(s, r, size);
     return inside ? lit : 1.0;
 }
 
@@ -202,7 +265,7 @@ float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
             }
         } while (!found && ++i < last);
     }
-    float lit = hg_shadow_filter(s, r, true);
+    float lit = hg_shadow_filter(s, r, hg_shadow_sun_size());
     return inside ? lit : 1.0;
 }
 #endif

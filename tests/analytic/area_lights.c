@@ -284,6 +284,124 @@ static void test_realtime(void **state)
     camera = paths;
 }
 
+// A plate half way between a lamp and the floor, whose edge is at x = 0, from below it: the mean of
+// each column, left to right.
+enum { WIDE = 64 };
+static void profile_of(struct rig *rig, enum hg_render_mode mode, enum hg_view_gi gi,
+    uint32_t samples, double out[WIDE])
+{
+    const struct rig_camera below = {.eye = {0, 1.8, 0},
+        .target = {0, 0, 0},
+        .vfov_rad = 0.8,
+        .width = WIDE,
+        .height = 16,
+        .samples = samples,
+        .mode = mode,
+        .max_bounces = 1,
+        .gi = gi};
+    struct rig_camera narrow = below;
+    narrow.vfov_rad = 2 * atan(tan(0.4) * 16 / WIDE); // as wide as a square picture of 0.8 is
+    struct hg_refbuf *pixels = rig_render(rig, &narrow);
+    const float *rgba = (const float *)(const void *)pixels->data;
+    memset(out, 0, WIDE * sizeof *out);
+    for (int i = 0; i < WIDE * 16; i++)
+        out[i % WIDE] += (double)rgba[4 * i + 1] / 16;
+    hg_refbuf_unref(pixels);
+}
+
+// Columns between 10 and 90 % of the light, and the one with half of it.
+static void edge_of(const double profile[WIDE], double *width, double *middle)
+{
+    const bool falls = profile[0] > profile[WIDE - 1];
+    const double most = fmax(profile[0], profile[WIDE - 1]), shares[3] = {0.1, 0.5, 0.9};
+    double at[3] = {0};
+    for (int s = 0; s < 3; s++)
+        for (int x = 1; x < WIDE; x++) {
+            const double a = profile[x - 1] / most - shares[s], b = profile[x] / most - shares[s];
+            if (falls ? a >= 0 && b < 0 : a < 0 && b >= 0)
+                at[s] = x - 0.5 + a / (a - b);
+        }
+    *width = fabs(at[2] - at[0]);
+    *middle = at[1];
+}
+
+// At rest with rays the lamp's light is gathered: the penumbra is that of paths, and the light as
+// well.
+static void test_gathered(void **state)
+{
+    struct rig *rig = *state;
+    static const float plate[4][3] = {{-9, 2, 9}, {0, 2, 9}, {0, 2, -9}, {-9, 2, -9}};
+    const double high[3] = {0, 6, 0}, down[3] = {0, -1, 0};
+    double profile[2][WIDE], width[2], middle[2], sum[2] = {0}, off = 0;
+    add_plane(rig, 0, 1);
+    struct hg_material *black = rig_material(rig);
+    black->double_sided = true;
+    memset(black->base_color, 0, 3 * sizeof(float));
+    rig_quad(rig, black, plate);
+    struct hg_light *light = rig_light(rig, HG_LIGHT_POINT, high, down);
+    light->intensity = 60;
+    light->casts_shadow = true;
+    light->radius = 0.4f;
+    for (int rays = 0; rays < 2; rays++) {
+        profile_of(rig, rays ? HG_MODE_REALTIME : HG_MODE_PATH, HG_GI_RAYS, rays ? 16 : 256,
+            profile[rays]);
+        edge_of(profile[rays], &width[rays], &middle[rays]);
+        for (int x = 0; x < WIDE; x++)
+            sum[rays] += profile[rays][x];
+    }
+    for (int x = 0; x < WIDE; x++)
+        off += fabs(profile[1][x] - profile[0][x]);
+    print_message("gathered: %.4f, paths %.4f; columns %.2f %% off; 10 to 90 %% in %.2f px, %.2f\n",
+        sum[1] / WIDE, sum[0] / WIDE, off / sum[0] * 100, width[1], width[0]);
+    assert_true(fabs(sum[1] / sum[0] - 1) < 0.02);
+    assert_true(off / sum[0] < 0.03);
+    assert_true(fabs(width[1] / width[0] - 1) < 0.1);
+}
+
+// Penumbrae of shadow maps are as wide as those of paths, and as geometry says; without a size
+// hard.
+static void test_penumbra(void **state)
+{
+    struct rig *rig = *state;
+    static const float plate[4][3] = {{-9, 2, 9}, {0, 2, 9}, {0, 2, -9}, {-9, 2, -9}};
+    const double high[3] = {0, 6, 0}, down[3] = {0, -1, 0}, column_m = 2 * 1.8 * tan(0.4) / WIDE;
+    for (int i = 0; i < 4; i++) {
+        double profile[WIDE], width[3], middle[3];
+        add_plane(rig, 0, 1);
+        struct hg_material *black = rig_material(rig);
+        black->double_sided = true;
+        memset(black->base_color, 0, 3 * sizeof(float));
+        rig_quad(rig, black, plate);
+        const unsigned kind = i == 0   ? HG_LIGHT_DIRECTIONAL
+                              : i == 1 ? HG_LIGHT_SPOT
+                              : i == 2 ? HG_LIGHT_POINT
+                                       : HG_LIGHT_DISC;
+        struct hg_light *light = rig_light(rig, kind, high, down);
+        light->intensity = kind == HG_LIGHT_DIRECTIONAL ? 3 : 60;
+        light->casts_shadow = true;
+        light->radius = 0.4f;
+        light->angular_diameter_rad = 0.2f;
+        profile_of(rig, HG_MODE_PATH, HG_GI_NONE, 256, profile);
+        edge_of(profile, &width[0], &middle[0]);
+        profile_of(rig, HG_MODE_REALTIME, HG_GI_NONE, 32, profile);
+        edge_of(profile, &width[1], &middle[1]);
+        light->radius = light->angular_diameter_rad = 0;
+        light->kind = kind == HG_LIGHT_DISC ? HG_LIGHT_POINT : light->kind;
+        profile_of(rig, HG_MODE_REALTIME, HG_GI_NONE, 32, profile);
+        edge_of(profile, &width[2], &middle[2]);
+        // Of the disc, 10 and 90 % lie within 0.687 of its radius from the middle.
+        const double radius_m = kind == HG_LIGHT_DIRECTIONAL ? 2 * tan(0.1) : 0.4 * 2 / 4;
+        print_message("kind %u: 10 to 90 %% in %.3f m, paths %.3f, geometry %.3f, a point %.3f; "
+                      "edge %.4f m off\n",
+            kind, width[1] * column_m, width[0] * column_m, 2 * 0.687 * radius_m,
+            width[2] * column_m, (middle[1] - middle[0]) * column_m);
+        assert_true(fabs(width[0] * column_m / (2 * 0.687 * radius_m) - 1) < 0.05);
+        assert_true(fabs(width[1] / width[0] - 1) < 0.1);
+        assert_true(fabs(middle[1] - middle[0]) * column_m < 0.02);
+        assert_true(width[2] < 0.4 * width[1]);
+    }
+}
+
 // Mean of each block, of a glossy plane.
 static void blocks_of(struct rig *rig, double out[SIDE / BLOCK * (SIDE / BLOCK)])
 {
@@ -336,6 +454,8 @@ int main(void)
         cmocka_unit_test(test_seen),
         cmocka_unit_test(test_realtime),
         cmocka_unit_test(test_glossy),
+        cmocka_unit_test(test_penumbra),
+        cmocka_unit_test(test_gathered),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
