@@ -218,6 +218,17 @@ static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
         ms(t.build_ns));
 }
 
+// What pictures in motion are drawn with.
+static void put_motion(struct hg_writer *w, const struct hg_view_state *s)
+{
+    const float target_ms = s->settings.target_ms;
+    const struct hg_quality_choice c = hg_quality_choose(&s->motion.quality, target_ms);
+    const VkExtent2D drawn = s->motion.temporal.drawn;
+    hg_json_put(w,
+        ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f}",
+        drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor);
+}
+
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
 {
     hg_json_put(w, ",\"passes\":[");
@@ -231,8 +242,12 @@ static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
 void hg_view_get_report(const struct hg_view *view, struct hg_view_report *out)
 {
     const struct hg_view_state *s = &view->state;
+    const bool smaller = s->accumulation.phase == HG_VIEW_DIRECT &&
+                         s->motion.temporal.drawn.width > 0 &&
+                         s->motion.temporal.drawn.width < s->settings.width;
     *out = (struct hg_view_report){.prefetched = s->prefetch.drawn,
-        .unlit_share = hg_unlit_tiles_share(&s->unlit.tiles, &s->targets.depth),
+        .unlit_share = hg_unlit_tiles_share(
+            &s->unlit.tiles, smaller ? &s->motion.temporal.targets.depth : &s->targets.depth),
         .probes_at_rest = hg_gi_view_has_rest(s),
         .blend = {s->blend.strips, s->blend.unseen},
         .motion = s->motion.temporal.motion};
@@ -299,6 +314,7 @@ enum hg_status hg_renderer_stats_json(
         put_light(&w, &view->state);
         put_gi(&w, &view->state);
         put_trace(&w, &view->state);
+        put_motion(&w, &view->state);
         put_passes(&w, &view->state);
     }
     hg_json_put(&w, "}");

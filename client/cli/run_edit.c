@@ -73,9 +73,19 @@ static enum hg_status do_view(
     return call_ok(r, HGP_T_view_set, &view, err);
 }
 
-// A material by "ASSET:INDEX", or by its name in the scene's description.
-static enum hg_status find_material(
-    struct hg_cli_run *r, const char *name, uint64_t *id, struct hg_error *err)
+// Objects that the scene's description lists by name.
+struct named {
+    const char *list, *what, *unknown;
+};
+
+static const struct named named_materials = {
+    "materials", "material", "no material of that name; ASSET:INDEX names one by number"};
+static const struct named named_lights = {
+    "lights", "light", "no light of that name; ASSET:INDEX names one by number"};
+
+// One of them by "ASSET:INDEX", or by its name.
+static enum hg_status find_named(struct hg_cli_run *r, const struct named *of, const char *name,
+    uint64_t *id, struct hg_error *err)
 {
     char *text;
     json_error_t wrong;
@@ -90,7 +100,7 @@ static enum hg_status find_material(
     size_t a, i;
     json_array_foreach(json_object_get(info, "assets"), a, asset)
     {
-        json_array_foreach(json_object_get(asset, "materials"), i, entry)
+        json_array_foreach(json_object_get(asset, of->list), i, entry)
         {
             const char *known = json_string_value(json_object_get(entry, "name"));
             if (known && strcmp(known, name) == 0 && !*id && a < r->scene.asset_count)
@@ -98,9 +108,7 @@ static enum hg_status find_material(
         }
     }
     json_decref(info);
-    return *id ? HG_OK
-               : hg_error_set(err, HG_E_NOTFOUND, "material", name,
-                     "no material of that name; ASSET:INDEX names one by number");
+    return *id ? HG_OK : hg_error_set(err, HG_E_NOTFOUND, of->what, name, "%s", of->unknown);
 }
 
 static enum hg_status do_camera(
@@ -139,7 +147,7 @@ static enum hg_status do_time(
     return status;
 }
 
-// Variants, nodes and materials.
+// Variants, nodes, lights and materials.
 static enum hg_status do_object(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
@@ -154,8 +162,13 @@ static enum hg_status do_object(
         status = hg_cli_find_node(&r->cli, s->name, &n.node, err);
         return status ? status : call_ok(r, HGP_T_node_set, &n, err);
     }
+    if (s->kind == HG_CLI_STEP_LIGHT) {
+        struct hgp_light_set l = s->light;
+        status = find_named(r, &named_lights, s->name, &l.light, err);
+        return status ? status : call_ok(r, HGP_T_light_set, &l, err);
+    }
     struct hgp_material_set m = s->material;
-    status = find_material(r, s->name, &m.material, err);
+    status = find_named(r, &named_materials, s->name, &m.material, err);
     return status ? status : call_ok(r, HGP_T_material_set, &m, err);
 }
 

@@ -16,6 +16,7 @@ enum hg_cli_step_kind {
     HG_CLI_STEP_VARIANT,      // name, asset
     HG_CLI_STEP_NODE,         // name, node
     HG_CLI_STEP_MATERIAL,     // name, material
+    HG_CLI_STEP_LIGHT,        // name, light
     HG_CLI_STEP_CAMERA,       // camera
     HG_CLI_STEP_CAMERA_NODE,  // name
     HG_CLI_STEP_CAMERA_FIT,   // number = vertical field of view in degrees
@@ -54,6 +55,7 @@ struct hg_cli_step {
         struct hgp_environment_set environment;
         struct hgp_node_set node;
         struct hgp_material_set material;
+        struct hgp_light_set light;
         struct {
             struct hgp_view_camera camera;
             struct hgp_view_fit fit; // kind CAMERA_FIT

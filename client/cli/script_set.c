@@ -180,6 +180,24 @@ static enum hg_status set_material(struct hg_words *w, struct hg_cli_step *s, st
     return found ? status : hg_words_error(err, "'%s' is not a value of materials", w->at[w->next]);
 }
 
+static enum hg_status set_light(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    static const char *const names[] = {"kind", "color", "intensity", "range", "inner_cone_rad",
+        "outer_cone_rad", "casts_shadow", "radius", "width", "height", "angular_diameter_rad",
+        NULL};
+    const struct hg_words_fields fields = {HGP_T_light_set, &s->light};
+    bool found = true;
+    s->kind = HG_CLI_STEP_LIGHT;
+    enum hg_status status = hg_words_take(w, "light name", &s->name, err);
+    if (status)
+        return status;
+    if (w->next == w->count)
+        return hg_words_error(err, "what to set is missing");
+    while (!status && found && w->next < w->count)
+        status = set_field(w, names, &fields, &found, err);
+    return found ? status : hg_words_error(err, "'%s' is not a value of lights", w->at[w->next]);
+}
+
 static enum hg_status set_shutter(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     const struct hg_words_fields fields = {HGP_T_view_set, &s->view};
@@ -242,7 +260,8 @@ enum hg_status hg_script_parse_set(struct hg_words *w, struct hg_cli_step *s, st
         enum hg_status (*parse)(struct hg_words *, struct hg_cli_step *, struct hg_error *);
     } keys[] = {{"size", set_size}, {"region", set_region}, {"background", set_background},
         {"exposure", set_exposure}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
-        {"material", set_material}, {"shutter", set_shutter}, {"aov", set_planes}};
+        {"material", set_material}, {"light", set_light}, {"shutter", set_shutter},
+        {"aov", set_planes}};
     s->kind = HG_CLI_STEP_VIEW;
     const char *word = w->next < w->count ? w->at[w->next] : "";
     const struct hgp_view_param *param = hgp_view_param_find_word(word);

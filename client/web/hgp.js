@@ -53,7 +53,7 @@ export const enums = {
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
     up_axis: { AUTO: 0, X: 1, Y: 2, Z: 3, MINUS_X: 4, MINUS_Y: 5, MINUS_Z: 6 },
-    light_kind: { DIRECTIONAL: 0, POINT: 1, SPOT: 2 },
+    light_kind: { DIRECTIONAL: 0, POINT: 1, SPOT: 2, RECTANGLE: 3, DISC: 4, TUBE: 5 },
     alpha_mode: { OPAQUE: 0, MASK: 1, BLEND: 2 },
     primitive_mode: { POINTS: 0, LINES: 1, LINE_LOOP: 2, LINE_STRIP: 3, TRIANGLES: 4, TRIANGLE_STRIP: 5, TRIANGLE_FAN: 6 },
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
@@ -383,6 +383,10 @@ export const messages = {
             { name: "inner_cone_rad", kind: "f32", least: 0, most: 1.5707964, since: 1, optional: true },
             { name: "outer_cone_rad", kind: "f32", least: 0, most: 1.5707964, since: 1, optional: true },
             { name: "casts_shadow", kind: "bool", since: 1, optional: true },
+            { name: "radius", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
+            { name: "width", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
+            { name: "height", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
+            { name: "angular_diameter_rad", kind: "f32", least: 0, most: 3, since: 1, optional: true },
         ],
     },
     // make or change a camera object
@@ -486,6 +490,7 @@ export const messages = {
             { name: "region", kind: "vec4", since: 1, optional: true },
             { name: "gi", kind: "enum", values: "gi", since: 1, optional: true },
             { name: "temporal", kind: "enum", values: "temporal", since: 1, optional: true },
+            { name: "scale", kind: "f32", least: 5e+01, most: 1e+02, since: 1, optional: true },
         ],
     },
     // drop a view

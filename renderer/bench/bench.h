@@ -38,13 +38,15 @@ struct hg_bench_settings {  // zero of each field = default
 enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
-// What pictures in motion are worth, with each value of the parameter temporal: the poses are
-// walked one picture each, every fifth is held against its settled picture, and so is its change
-// since the picture before, after reprojection. Fields are those of realtime; default path: 60
-// poses through the longer axis of the scene at a third of its height. One JSON object: poses,
-// compared; none, auto: {flip: mean FLIP to the settled picture, luma_error: mean difference of
-// luma, 0..1, flicker: mean change of luma after reprojection over that of settled pictures, cpu_ms
-// of a picture}.
+// What pictures in motion are worth, with each value of the parameter temporal and several scales:
+// the poses are walked one picture each, every fifth is held against its settled picture, and so is
+// its change since the picture before, after reprojection; then a body crosses the picture. Fields
+// are those of realtime; default path: 60 poses through the longer axis of the scene at a third of
+// its height. One JSON object: poses, compared; auto, none, scale_77 and others: {flip: mean FLIP
+// to the settled picture, luma_error: mean difference of luma, 0..1, flicker: mean change of luma
+// after reprojection over that of settled pictures, ghost: mean error of luma where the body was
+// before, after_cut: FLIP of the first picture after a jump, cpu_ms of a picture, temporal_ms: of
+// it on the clock, frame_ms: median, p95_over_median}.
 enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 

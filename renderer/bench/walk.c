@@ -157,7 +157,7 @@ enum hg_status hg_bench_walk_find_motion(struct hg_bench_walk *walk, struct hg_v
 
 // --- judging -------------------------------------------------------------------------------------
 
-static float luma(const uint8_t *p)
+float hg_bench_luma(const uint8_t *p)
 {
     return (0.299f * (float)p[0] + 0.587f * (float)p[1] + 0.114f * (float)p[2]) / 255.0f;
 }
@@ -170,8 +170,8 @@ static float luma_at(const struct hg_bench_walk *walk, const uint8_t *rgba, floa
     const float fx = tx - (float)ix, fy = ty - (float)iy;
     const uint8_t *at = rgba + 4 * ((size_t)iy * walk->width + ix);
     const uint8_t *below = at + 4 * (size_t)walk->width;
-    return (luma(at) * (1 - fx) + luma(at + 4) * fx) * (1 - fy) +
-           (luma(below) * (1 - fx) + luma(below + 4) * fx) * fy;
+    return (hg_bench_luma(at) * (1 - fx) + hg_bench_luma(at + 4) * fx) * (1 - fy) +
+           (hg_bench_luma(below) * (1 - fx) + hg_bench_luma(below + 4) * fx) * fy;
 }
 
 double hg_bench_walk_change(
@@ -187,7 +187,7 @@ double hg_bench_walk_change(
             if (!(m[2] > 0.0f))
                 continue;
             const float px = (float)x + 0.5f + m[0], py = (float)y + 0.5f + m[1];
-            sum += fabs((double)(luma(now + 4 * i) - luma_at(walk, before, px, py)));
+            sum += fabs((double)(hg_bench_luma(now + 4 * i) - luma_at(walk, before, px, py)));
             count++;
         }
     return count > 0 ? sum / (double)count : 0;
@@ -199,7 +199,7 @@ double hg_bench_walk_luma_error(
     const size_t pixels = (size_t)walk->width * walk->height;
     double sum = 0;
     for (size_t i = 0; i < pixels; i++)
-        sum += fabs((double)(luma(truth + 4 * i) - luma(picture + 4 * i)));
+        sum += fabs((double)(hg_bench_luma(truth + 4 * i) - hg_bench_luma(picture + 4 * i)));
     return sum / (double)pixels;
 }
 

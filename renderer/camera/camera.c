@@ -68,10 +68,15 @@ static void multiply(const double a[16], const double b[16], double out[16])
     }
 }
 
+static double aspect_of(const struct hg_camera_setup *s)
+{
+    return s->aspect > 0.0 ? s->aspect : (double)s->width / (double)s->height;
+}
+
 // Depth rows: reversed, 1 at near, 0 at far or infinity.
 static void projection(const struct hg_camera_setup *s, double p[16])
 {
-    const double aspect = (double)s->width / (double)s->height;
+    const double aspect = aspect_of(s);
     const double n = s->near, f = s->far;
     const double jx = 2.0 * s->jitter_px[0] / s->width, jy = 2.0 * s->jitter_px[1] / s->height;
     memset(p, 0, 16 * sizeof *p);
@@ -139,10 +144,11 @@ static void fill_rays(const struct hg_camera_setup *s, const double right[3], co
     const double forward[3], struct hg_gpu_camera *out)
 {
     const double half = s->orthographic ? s->half_height : tan(0.5 * s->vfov_rad);
-    const double step = 2.0 * half / s->height; // per pixel, square pixels
+    const double step = 2.0 * half / s->height; // per pixel
+    const double across = s->aspect > 0.0 ? 2.0 * half * s->aspect / s->width : step;
     double origin[3], x[3], y[3];
     for (int i = 0; i < 3; i++) {
-        x[i] = right[i] * step;
+        x[i] = right[i] * across;
         y[i] = -up[i] * step;
         origin[i] = (s->orthographic ? s->eye[i] : forward[i]) +
                     x[i] * (s->jitter_px[0] - 0.5 * s->width) +

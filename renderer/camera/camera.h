@@ -36,6 +36,7 @@ struct hg_camera_setup {
     float vfov_rad, half_height; // vertical
     float near, far;             // metres; far 0 = infinite (orthographic: must be > near)
     uint32_t width, height;      // px
+    double aspect;               // of the picture's sides; 0 = width / height, square pixels
     float jitter_px[2];          // sample position less the pixel centre
 };
 

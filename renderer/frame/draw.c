@@ -11,6 +11,12 @@ void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint
         stats->stages[stats->stage_count++] = (struct hg_view_stage){name, ns};
 }
 
+VkExtent2D hg_draw_size(const struct hg_draw_request *request)
+{
+    const struct hg_view_settings *s = request->settings;
+    return request->drawn.width > 0 ? request->drawn : (VkExtent2D){s->width, s->height};
+}
+
 struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request)
 {
     struct hg_draw other = *draw;
@@ -57,9 +63,10 @@ bool hg_draw_ground(const struct hg_draw *draw, float up[3], float *height)
 enum hg_status hg_draw_make_image(const struct hg_draw *draw, VkFormat format, const char *name,
     struct hg_gpu_image *image, struct hg_error *err)
 {
+    const VkExtent2D size = hg_draw_size(draw->request);
     const struct hg_gpu_image_params params = {.format = format,
-        .width = draw->request->settings->width,
-        .height = draw->request->settings->height,
+        .width = size.width,
+        .height = size.height,
         .attachment = true,
         .name = name};
     return image->handle != VK_NULL_HANDLE

@@ -18,6 +18,7 @@
 
 struct hg_tiled_accumulation;
 struct hg_tiled_area;
+struct hg_temporal_view;
 struct hg_view_camera_state;
 struct hg_view_settings;
 
@@ -33,6 +34,7 @@ enum hg_draw_flag {
     HG_DRAW_BEHIND = 1 << 6,         // the opaque scene behind transmissive surfaces
     HG_DRAW_MOTION = 1 << 7,         // depth is read back for motion vectors (temporal_view.h)
     HG_DRAW_MOTION_IDS = 1 << 8,     // and the visibility buffer: something moved by itself
+    HG_DRAW_MOTION_POSED = 1 << 9,   // and where posed surfaces were
 };
 
 struct hg_draw_request {
@@ -50,6 +52,7 @@ struct hg_draw_request {
     // its pixel; 0: an ordinary picture.
     uint32_t moment;
     float jitter_px[2];
+    VkExtent2D drawn; // their size, which history makes that of the settings; zero: no other
 };
 
 // --- what lasts from one picture to the next -----------------------------------------------------
@@ -111,6 +114,7 @@ struct hg_draw {
     struct hg_gpu_frame *frame; // of the newest sample
     struct hg_view_buffers *buffers;
     struct hg_frame_history *history;
+    struct hg_temporal_view *temporal;
     struct hg_tiled_accumulation *accumulation;
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;
@@ -120,6 +124,8 @@ struct hg_draw {
     bool crowded; // of the newest cull: the geometry budget did not hold all that was chosen
 };
 
+// Size of the picture that is drawn, px.
+VkExtent2D hg_draw_size(const struct hg_draw_request *request);
 // The same for another request, which outlives it.
 struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request);
 bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag);
@@ -130,7 +136,7 @@ uint32_t hg_draw_first_sample(const struct hg_draw *draw);
 // The ground of the settings, through the lowest point of the scene's bounds. False: none is asked
 // for, or there is no geometry. height: along up, relative to the geometry's origin, metres.
 bool hg_draw_ground(const struct hg_draw *draw, float up[3], float *height);
-// An image of the settings' size, to draw to; keeps one that is there. HG_E_NOMEM, device errors.
+// An image of the drawn size, to draw to; keeps one that is there. HG_E_NOMEM, device errors.
 enum hg_status hg_draw_make_image(const struct hg_draw *draw, VkFormat format, const char *name,
     struct hg_gpu_image *image, struct hg_error *err) HG_MUST_CHECK;
 

@@ -12,6 +12,9 @@
 VkExtent2D hg_frame_size(const struct hg_draw *draw);
 // The view's camera for a picture of that size, relative to the geometry's origin; no jitter.
 struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw);
+// Height of the picture that is drawn, of the settings' height: 1 but in motion, where history
+// makes up for less.
+float hg_frame_scale(const struct hg_draw *draw);
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
 struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot);
 void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot);

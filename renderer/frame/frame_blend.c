@@ -217,8 +217,8 @@ enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err
     struct hg_gpu *gpu = draw->context->gpu;
     struct hg_draw_blend *b = draw->blend;
     const struct hg_debug_overrides *over = &draw->context->overrides;
-    const uint64_t pixels =
-        (uint64_t)draw->request->settings->width * draw->request->settings->height;
+    const VkExtent2D size = hg_draw_size(draw->request);
+    const uint64_t pixels = (uint64_t)size.width * size.height;
     b->listed = false;
     if (!draw->scene_gpu->has_holes)
         return HG_OK;

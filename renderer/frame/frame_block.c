@@ -12,15 +12,26 @@ VkExtent2D hg_frame_size(const struct hg_draw *draw)
 {
     const uint32_t less = draw->request->smaller > 0 ? draw->request->smaller : 1;
     const float wider = draw->request->wider > 0.0f ? draw->request->wider : 1.0f;
-    const uint32_t width = (uint32_t)((float)draw->request->settings->width * wider) / less;
-    const uint32_t height = (uint32_t)((float)draw->request->settings->height * wider) / less;
+    const VkExtent2D whole = hg_draw_size(draw->request);
+    const uint32_t width = (uint32_t)((float)whole.width * wider) / less;
+    const uint32_t height = (uint32_t)((float)whole.height * wider) / less;
     return (VkExtent2D){width > 0 ? width : 1, height > 0 ? height : 1};
 }
 
 struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw)
 {
+    const struct hg_view_settings *s = draw->request->settings;
     const VkExtent2D size = hg_frame_size(draw);
-    return hg_scene_gpu_camera(draw->scene_gpu, draw->request->camera, size.width, size.height);
+    struct hg_camera_setup setup =
+        hg_scene_gpu_camera(draw->scene_gpu, draw->request->camera, size.width, size.height);
+    if (draw->request->drawn.width > 0) // the sides of whole pixels are not in that ratio
+        setup.aspect = (double)s->width / (double)s->height;
+    return setup;
+}
+
+float hg_frame_scale(const struct hg_draw *draw)
+{
+    return (float)hg_draw_size(draw->request).height / (float)draw->request->settings->height;
 }
 
 static void fill_textures(struct hg_draw *draw, struct hg_gpu_textures *out)
@@ -31,6 +42,8 @@ static void fill_textures(struct hg_draw *draw, struct hg_gpu_textures *out)
     s->pages.run = s->pages.run % HG_PROGRESS_RUNS + 1;
     if (draw->request->smaller > 0) // a smaller picture with the texels of the whole one
         out->bias -= log2f((float)draw->request->smaller);
+    if (draw->request->drawn.width > 0)
+        out->bias += log2f(hg_frame_scale(draw));
     out->mode = mode;
     out->run = s->pages.run;
     out->progress = hg_draw_is(draw, HG_DRAW_BEHIND)  ? s->behind.progress.address
@@ -106,6 +119,8 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     f->flags |=
         draw->gathered != NULL && hg_lighting_has_sky_sun(draw->lighting) ? HG_FRAME_SUN_DISC : 0;
     hg_lighting_fill(draw->lighting, sample, &f->lighting);
+    f->lighting.cluster_scale_x *= (float)s->width / (float)hg_draw_size(draw->request).width;
+    f->lighting.cluster_scale_y *= (float)s->height / (float)hg_draw_size(draw->request).height;
     fill_slack(draw, &f->lighting);
     fill_textures(draw, &f->textures);
     fill_background(draw, f);
@@ -218,7 +233,8 @@ static uint32_t features_of(const struct hg_draw *draw, uint32_t tables, bool st
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
-    features |= l->light_count != 1 || stats.local_lights > 0 ? HG_FEATURE_NO_SUN : 0;
+    const bool one_sun = l->light_count == 1 && stats.local_lights == 0 && stats.sized_lights == 0;
+    features |= !one_sun ? HG_FEATURE_NO_SUN : 0;
     features |= !hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
     features |=
@@ -265,6 +281,9 @@ static struct hg_pass make_pass(
     struct hg_gpu_probes probes;
     hg_gi_fill(draw->scene_gpu->gi, draw->probes, &probes);
     pass.features2 |= probes.count > 0 ? HG_FEATURE2_PROBES : 0;
+    struct hg_lighting_stats lights;
+    hg_lighting_stats(draw->lighting, &lights);
+    pass.features2 |= lights.sized_lights > 0 ? HG_FEATURE2_SIZED : 0;
     pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;

@@ -53,6 +53,7 @@ static struct hg_culling_view camera_view(const struct hg_draw *draw, VkRect2D p
         .numbered = true,
         .history = !off && draw->request->settings->debug == 0 && draw->request->smaller == 0};
     look.px_scale = 1.0f / (look.orthographic ? camera.pixel_size : camera.pixel_angle);
+    look.px_scale /= hg_frame_scale(draw); // errors are px of the picture that is seen
     float m[16];
     memcpy(m, camera.view_proj.m, sizeof m);
     narrow(draw, part, m);

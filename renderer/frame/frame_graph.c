@@ -341,7 +341,8 @@ static enum hg_status open_graph(struct hg_batch *f, struct hg_draw *draw, struc
             return status;
     }
     f->graph = t->graph;
-    hg_graph_begin(f->graph, draw->request->settings->width, draw->request->settings->height);
+    const VkExtent2D size = hg_draw_size(draw->request);
+    hg_graph_begin(f->graph, size.width, size.height);
     f->visibility = hg_graph_import(f->graph, "visibility", &t->visibility);
     f->depth = hg_graph_import(f->graph, "depth", &t->depth);
     if (draw->gathered != NULL && draw->request->smaller == 0)

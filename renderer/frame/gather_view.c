@@ -11,12 +11,13 @@
 #include "renderer/gi/gather.h"
 #include "shaders/shared/path.h"
 
-#define FILTER_BOX  1u // enum hg_filter of renderer.h
-#define FULL_PX     921600.0 // pictures of so many pixels, or more, have 2 samples for each
-#define LEAST_BITS  1        // log2 of samples
-#define MOST_BITS   6
-#define MOST_BOUNCE 6    // of paths that do not find the field
-#define REACH       0.5f // spacings of the field
+#define FILTER_BOX   1u       // enum hg_filter of renderer.h
+#define FULL_PX      921600.0 // pictures of so many pixels, or more, have 2 samples for each,
+#define FULL_SAMPLES 32.0     // where so many are asked for
+#define LEAST_BITS   1        // log2 of samples
+#define MOST_BITS    6
+#define MOST_BOUNCE  6    // of paths that do not find the field
+#define REACH        0.5f // spacings of the field
 
 static struct hg_gather_key key_of(const struct hg_view_state *view)
 {
@@ -41,11 +42,13 @@ void hg_gather_view_finish(struct hg_view_state *view)
 }
 
 // Small pictures have more samples, as there is less room for the filter in them: a power of two
-// that grows as their number of pixels shrinks to the power of 3/4.
+// that grows as their number of pixels shrinks to the power of 3/4, in proportion to the samples
+// that the settled picture is to have.
 static uint32_t samples_of(const struct hg_view_settings *s)
 {
     const double smaller = log2(FULL_PX / ((double)s->width * s->height));
-    const double bits = round(LEAST_BITS + 0.75 * smaller);
+    const double asked = log2(s->samples / FULL_SAMPLES);
+    const double bits = round(LEAST_BITS + 0.75 * smaller + fmin(asked, 0));
     return 1u << (uint32_t)fmin(fmax(bits, LEAST_BITS), MOST_BITS);
 }
 

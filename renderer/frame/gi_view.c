@@ -69,6 +69,12 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
     return s->gi != NULL ? HG_OK : hg_gi_create(&params, &s->gi, err);
 }
 
+uint32_t hg_gi_view_rays(const struct hg_view_state *view)
+{
+    const float share = hg_quality_choose(&view->motion.quality, view->settings.target_ms).rays;
+    return (uint32_t)(share * MOVE_RAYS);
+}
+
 static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_error *err)
 {
     const struct hg_gi_key key = key_of(view);
@@ -79,8 +85,9 @@ static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_
     if (status != HG_OK)
         return status;
     hg_lighting_sources(view->lighting, &sources);
+    const uint32_t rays = hg_gi_view_rays(view);
     return rests ? hg_gi_rest(view->scene_gpu->gi, &key, &sources, REST_RAYS, err)
-                 : hg_gi_move(view->scene_gpu->gi, &key, &sources, MOVE_RAYS, err);
+                 : hg_gi_move(view->scene_gpu->gi, &key, &sources, rays, err);
 }
 
 static enum hg_status refuse(struct hg_view_state *view, enum hg_status status, const char *what,

@@ -19,6 +19,8 @@ enum hg_gi_view_stage {
     HG_GI_VIEW_DONE,  // as settled pictures have it
 };
 enum hg_gi_view_stage hg_gi_view_stage(const struct hg_view_state *view);
+// Probe rays of the next picture in motion, as long as any are needed.
+uint32_t hg_gi_view_rays(const struct hg_view_state *view);
 // Nothing is missing of what a settled picture has; also when there is no indirect light.
 bool hg_gi_view_is_done(const struct hg_view_state *view);
 // After the sync, before culling. rests: what is drawn next is to stay; *waits: indirect light is

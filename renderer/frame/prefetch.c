@@ -199,6 +199,7 @@ enum hg_status hg_prefetch_draw(
     request.smaller = SMALLER;
     request.wider = (float)WIDER;
     request.moment = 0;
+    request.drawn = (VkExtent2D){0};
     struct hg_draw look_ahead = hg_draw_with(draw, &request);
     look_ahead.culling = a->culling;
     look_ahead.targets = &a->targets;

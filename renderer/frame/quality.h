@@ -1,21 +1,43 @@
-// quality.h - quality governor: chooses the LOD error in motion for a target frame time.
+// quality.h - quality governor: chooses scale, probe rays and LOD error of pictures in motion for a
+// target frame time.
 // Floor 4. Pure; one object per view, zeroed = no frame seen yet.
 //
-// A feedback loop on frame time: a frame over the target raises the projected error, frames well
-// below it lower it again, never below the view's own. Steps are multiplicative,
-// because the number of triangles falls with a power of the error.
+// A model of where the time goes (each part at full quality, from measured times) predicts what
+// each choice would take; of those that hold the target the one that loses least is taken. Two
+// frames over the target in a row make the choice cheaper at once; a better one needs room below
+// the target, and time: twice as long each time that the last one did not hold, so a wrong model
+// cannot make the picture swing.
 #ifndef HG_RENDERER_FRAME_QUALITY_H
 #define HG_RENDERER_FRAME_QUALITY_H
 
+#include <stdbool.h>
+#include <stdint.h>
+
 #define HG_QUALITY_MOST 32.0f // times the view's own error
 
-struct hg_quality {
-    float factor; // on the view's error, 1 .. HG_QUALITY_MOST; 0 = 1
+struct hg_quality_choice {
+    float scale;  // of the sides of the drawn picture, 0.5 .. 1
+    float rays;   // share of probe rays, 0.25 .. 1
+    float factor; // on the view's projected error, 1 .. HG_QUALITY_MOST
 };
 
-// Projected error of the next moving frame. error_px: the view's own; target_ms 0 = always that.
-float hg_quality_error_px(const struct hg_quality *quality, float error_px, float target_ms);
-// A moving frame took frame_ms.
-void hg_quality_note(struct hg_quality *quality, float frame_ms, float target_ms);
+// Which parts of a frame's time follow from which choice. HG_QUALITY_REST: from none.
+enum hg_quality_part { HG_QUALITY_REST, HG_QUALITY_PIXELS, HG_QUALITY_RAYS, HG_QUALITY_TRIANGLES };
+#define HG_QUALITY_PARTS 4
+
+struct hg_quality {
+    float full_ms[HG_QUALITY_PARTS]; // of a frame at full quality, as estimated
+    struct hg_quality_choice now;    // zeroed = full quality
+    uint32_t frames, over;           // seen; over the target, in a row
+    uint32_t since, wait;            // frames since the last change, and until the next better one
+    bool on_trial;                   // the last change was to a better one
+};
+
+// Of the next moving frame; target_ms 0: full quality.
+struct hg_quality_choice hg_quality_choose(const struct hg_quality *quality, float target_ms);
+// A moving frame that was drawn with hg_quality_choose took part_ms[HG_QUALITY_PARTS]. scales:
+// pictures can be drawn smaller.
+void hg_quality_note(
+    struct hg_quality *quality, const float *part_ms, float target_ms, bool scales);
 
 #endif

@@ -18,6 +18,7 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .frame = &view->frame,
         .buffers = &view->buffers,
         .history = &view->history,
+        .temporal = &view->motion.temporal,
         .accumulation = &view->accumulation,
         .blend = &view->blend,
         .unlit = &view->unlit,

@@ -53,6 +53,7 @@ struct hg_view_settings {
     uint32_t debug;  // enum hg_debug_view of renderer.h; 0 = the picture
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
+    float scale;     // of the sides of pictures in motion; 0 = as target_ms needs
     uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
 };

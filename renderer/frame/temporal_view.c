@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
+#include "renderer/passes/posed_motion.h"
 #include "shaders/shared/debug.h"
 
 #define MOST_JITTER_PX 0.49f // of a sample, so that it stays in its pixel
@@ -14,11 +15,24 @@
 #define MOST_LOST      0.75f // share of samples
 #define DEPTH_BYTES    4u
 #define ID_BYTES       8u
+#define PLACE_BYTES    12u
+#define MARGIN_PX      2 // about the bounds of posed surfaces
 
-void hg_temporal_view_finish(struct hg_temporal_view *t)
+static void destroy_images(struct hg_gpu *gpu, struct hg_view_targets *t)
 {
+    hg_gpu_image_destroy(gpu, &t->visibility);
+    hg_gpu_image_destroy(gpu, &t->depth);
+    hg_gpu_image_destroy(gpu, &t->behind);
+    hg_gpu_image_destroy(gpu, &t->pixels[0]);
+}
+
+void hg_temporal_view_finish(struct hg_gpu *gpu, struct hg_temporal_view *t)
+{
+    destroy_images(gpu, &t->targets);
+    hg_graph_destroy(t->targets.graph);
     hg_temporal_destroy(t->history);
     hg_motion_table_finish(&t->places);
+    hg_pose_snapshot_free(t->pose);
     hg_free(t->motion);
     hg_free(t->pixels);
     *t = (struct hg_temporal_view){0};
@@ -83,6 +97,68 @@ static bool continues(const struct hg_view_state *view)
            !jumps(&now, &before);
 }
 
+// Pixels that a box may cover, out to whole ones; all of them where it reaches behind the eye.
+static VkRect2D cover(
+    const struct hg_gpu_camera *camera, VkExtent2D size, const float min[3], const float max[3])
+{
+    const float *m = camera->view_proj.m;
+    const int64_t px[2] = {size.width, size.height};
+    float low[2] = {1e9f, 1e9f}, high[2] = {-1e9f, -1e9f};
+    for (int corner = 0; corner < 8; corner++) {
+        const float p[3] = {corner & 1 ? max[0] : min[0], corner & 2 ? max[1] : min[1],
+            corner & 4 ? max[2] : min[2]};
+        const float w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+        if (!(w > camera->near))
+            return (VkRect2D){{0, 0}, size};
+        for (int r = 0; r < 2; r++) {
+            const float at = (m[r] * p[0] + m[4 + r] * p[1] + m[8 + r] * p[2] + m[12 + r]) / w;
+            const float here = (fminf(fmaxf(at, -1.0f), 1.0f) + 1.0f) * 0.5f * (float)px[r];
+            low[r] = fminf(low[r], here);
+            high[r] = fmaxf(high[r], here);
+        }
+    }
+    int64_t first[2], end[2];
+    for (int r = 0; r < 2; r++) {
+        first[r] = (int64_t)low[r] - MARGIN_PX > 0 ? (int64_t)low[r] - MARGIN_PX : 0;
+        end[r] =
+            (int64_t)high[r] + 1 + MARGIN_PX < px[r] ? (int64_t)high[r] + 1 + MARGIN_PX : px[r];
+    }
+    return (VkRect2D){{(int32_t)first[0], (int32_t)first[1]},
+        {(uint32_t)(end[0] - first[0]), (uint32_t)(end[1] - first[1])}};
+}
+
+// Where posed surfaces can be seen, if it is known where they were.
+static VkRect2D find_posed(const struct hg_view_state *view, const struct hg_draw_request *request)
+{
+    const struct hg_temporal_view *t = &view->motion.temporal;
+    const struct hg_geometry *geometry = view->scene_gpu->geometry;
+    const VkExtent2D size = hg_draw_size(request);
+    struct hg_gpu_camera camera;
+    float min[3], max[3];
+    if (t->pose == NULL || t->moment == 0 || !t->places.same_layout || !t->places.deformed ||
+        !hg_motion_table_bounds(geometry, min, max))
+        return (VkRect2D){0};
+    const struct hg_camera_setup setup =
+        hg_scene_gpu_camera(view->scene_gpu, request->camera, size.width, size.height);
+    hg_camera_fill(&setup, &camera);
+    return cover(&camera, size, min, max);
+}
+
+static float wanted_scale(const struct hg_view_state *view)
+{
+    const struct hg_view_settings *s = &view->settings;
+    return s->scale > 0.0f ? s->scale
+                           : hg_quality_choose(&view->motion.quality, s->target_ms).scale;
+}
+
+// At least half of a side, and none where that is all.
+static VkExtent2D drawn_size(const struct hg_view_settings *s, float scale)
+{
+    const VkExtent2D size = {(uint32_t)ceilf((float)s->width * fmaxf(scale, 0.5f)),
+        (uint32_t)ceilf((float)s->height * fmaxf(scale, 0.5f))};
+    return size.width < s->width || size.height < s->height ? size : (VkExtent2D){0};
+}
+
 void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *request)
 {
     struct hg_temporal_view *t = &view->motion.temporal;
@@ -93,10 +169,30 @@ void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *
         return; // a picture without history
     if (!continues(view))
         t->moment = 0; // the next picture is the first of its own motion
+    request->drawn = drawn_size(request->settings, wanted_scale(view));
+    t->posed = find_posed(view, request);
     request->moment = t->moment % (1u << 20) + 1;
     jitter(request->moment - 1, request->settings->seed, request->jitter_px);
     request->flags |= HG_DRAW_MOTION;
     request->flags |= t->places.moved_count > 1 || t->places.deformed ? HG_DRAW_MOTION_IDS : 0;
+    request->flags |= t->posed.extent.width > 0 ? HG_DRAW_MOTION_POSED : 0;
+}
+
+enum hg_status hg_temporal_view_targets(
+    struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
+{
+    struct hg_view_targets *t = &view->motion.temporal.targets;
+    if (draw->request->drawn.width == 0)
+        return HG_OK;
+    draw->targets = t;
+    draw->gathered = NULL; // per pixel of the whole size
+    const VkExtent2D size = hg_draw_size(draw->request);
+    if (t->depth.width != size.width || t->depth.height != size.height)
+        destroy_images(view->context->gpu, t);
+    const enum hg_status status =
+        hg_draw_make_image(draw, HG_VISIBILITY_FORMAT, "visibility", &t->visibility, err);
+    return status == HG_OK ? hg_draw_make_image(draw, HG_DEPTH_FORMAT, "depth", &t->depth, err)
+                           : status;
 }
 
 // --- reading back --------------------------------------------------------------------------------
@@ -126,11 +222,42 @@ static enum hg_status record_motion(
 
 enum hg_status hg_batch_reserve_motion(struct hg_draw *draw, struct hg_error *err)
 {
+    const bool posed = hg_draw_is(draw, HG_DRAW_MOTION_POSED);
+    const uint64_t bytes = pixels_of(draw) * (DEPTH_BYTES + ID_BYTES + (posed ? PLACE_BYTES : 0u));
     return hg_draw_is(draw, HG_DRAW_MOTION)
-               ? hg_gpu_buffer_reserve(draw->context->gpu, HG_GPU_BUFFER_READBACK,
-                     pixels_of(draw) * (DEPTH_BYTES + ID_BYTES), "motion", &draw->buffers->motion,
-                     err)
+               ? hg_gpu_buffer_reserve(draw->context->gpu, HG_GPU_BUFFER_READBACK, bytes, "motion",
+                     &draw->buffers->motion, err)
                : HG_OK;
+}
+
+static struct hg_gpu_posed_motion posed_push(
+    const struct hg_draw *draw, const struct hg_temporal_view *t)
+{
+    struct hg_gpu_camera camera;
+    double origin[3];
+    hg_geometry_origin(draw->scene_gpu->geometry, origin);
+    const struct hg_camera_setup before = camera_before(t, origin);
+    hg_camera_fill(&before, &camera);
+    const float *last = camera.proj.m + 12;
+    const VkRect2D r = t->posed;
+    struct hg_gpu_posed_motion push = {
+        .target = draw->buffers->motion.address + pixels_of(draw) * (DEPTH_BYTES + ID_BYTES),
+        .rotated = camera.view_proj,
+        .shift = {last[0], last[1], last[2], last[3]},
+        .first = (uint32_t)r.offset.x | (uint32_t)r.offset.y << 16,
+        .size = r.extent.width | r.extent.height << 16};
+    for (int i = 0; i < 3; i++) // poses are relative to the origin of then
+        (&push.to_eye.x)[i] = (float)(t->origin[i] - origin[i] - before.eye[i]);
+    hg_pose_snapshot_fill(t->pose, &push.pose);
+    return push;
+}
+
+static enum hg_status record_posed(const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct hg_batch *f = hg_batch_of(run);
+    const struct hg_gpu_posed_motion push = posed_push(f->draw, f->draw->temporal);
+    (void)user;
+    return hg_posed_motion_record(&f->pass, hg_graph_run_image(run, f->visibility), &push, err);
 }
 
 void hg_batch_declare_motion(struct hg_batch *f)
@@ -138,6 +265,12 @@ void hg_batch_declare_motion(struct hg_batch *f)
     if (!hg_draw_is(f->draw, HG_DRAW_MOTION))
         return;
     const uint32_t motion = hg_graph_buffer(f->graph, "motion");
+    if (hg_draw_is(f->draw, HG_DRAW_MOTION_POSED))
+        hg_batch_add(f, &(struct hg_graph_pass){.name = "posed motion",
+                            .record = record_posed,
+                            .accesses = {{f->deformed, HG_GRAPH_READ, 0},
+                                {f->visibility, HG_GRAPH_SAMPLE, 0}, {motion, HG_GRAPH_WRITE, 0}},
+                            .keep = true});
     struct hg_graph_pass pass = {.name = "motion",
         .record = record_motion,
         .accesses = {{motion, HG_GRAPH_WRITE, 0}, {f->depth, HG_GRAPH_COPY_FROM, 0}},
@@ -197,6 +330,11 @@ static void fill_picture(struct hg_view_state *view, const struct hg_draw *draw,
         .cut = MOST_LOST};
     if (hg_draw_is(draw, HG_DRAW_MOTION_IDS))
         out->ids = (const uint32_t *)(const void *)(back + pixels_of(draw) * DEPTH_BYTES);
+    back += pixels_of(draw) * (DEPTH_BYTES + ID_BYTES);
+    if (hg_draw_is(draw, HG_DRAW_MOTION_POSED))
+        out->posed = (struct hg_temporal_posed){(uint32_t)t->posed.offset.x,
+            (uint32_t)t->posed.offset.y, t->posed.extent.width, t->posed.extent.height,
+            (const float(*)[3])(const void *)back};
 }
 
 static enum hg_temporal_show shown(const struct hg_view_settings *s)
@@ -233,6 +371,21 @@ static enum hg_status resolve(
     return status == HG_OK ? HG_OK : no_memory(err);
 }
 
+// The poses of this picture for the next one.
+static enum hg_status keep_poses(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_temporal_view *t = &view->motion.temporal;
+    struct hg_geometry *geometry = view->scene_gpu->geometry;
+    enum hg_status status = HG_OK;
+    if (hg_motion_table_deforms(geometry))
+        status = hg_pose_snapshot_take(geometry, &t->pose, err);
+    if (status == HG_OK && hg_motion_table_deforms(geometry))
+        return HG_OK;
+    hg_pose_snapshot_free(t->pose);
+    t->pose = NULL;
+    return status;
+}
+
 enum hg_status hg_temporal_view_resolve(
     struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
 {
@@ -248,11 +401,14 @@ enum hg_status hg_temporal_view_resolve(
         memcpy(view->buffers.readback.mapped, t->pixels, bytes);
     if (status == HG_OK && hg_motion_table_note(&t->places, view->scene_gpu->geometry) != HG_OK)
         status = no_memory(err);
+    if (status == HG_OK)
+        status = keep_poses(view, err);
     t->camera = hg_frame_setup(draw);
     hg_geometry_origin(view->scene_gpu->geometry, t->origin);
     t->settings = view->settings_revision;
     t->scene = view->scene_gpu->scene->revision;
     t->moment = draw->request->moment;
+    t->drawn = hg_draw_size(draw->request);
     hg_view_stats_add_stage(draw->stats, "temporal", hg_clock_now_ns() - start);
     return status;
 }

@@ -1,6 +1,7 @@
 // view.c - see view.h.
 #include "renderer/frame/view.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -31,7 +32,7 @@ static void destroy_extras(struct hg_view_state *view)
     view->blend.nodes = view->blend.strips = 0;
     hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
     hg_gpu_buffer_destroy(gpu, &view->buffers.motion);
-    hg_temporal_view_finish(&view->motion.temporal);
+    hg_temporal_view_finish(gpu, &view->motion.temporal);
 }
 
 // New images first, so that a refusal leaves the old ones.
@@ -115,7 +116,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_gather_view_finish(view);
     hg_graph_destroy(view->targets.graph);
     hg_frame_history_finish(&view->history);
-    hg_temporal_view_finish(&view->motion.temporal);
+    hg_temporal_view_finish(gpu, &view->motion.temporal);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -242,6 +243,34 @@ static void collect_times(struct hg_view_state *view)
         hg_view_stats_add_stage(&view->stats, times[i].name, times[i].ns);
 }
 
+// Where the time of a step in motion went. Stages of the device run inside of the step.
+static void note_quality(struct hg_view_state *view)
+{
+    static const struct {
+        const char *name;
+        enum hg_quality_part part;
+    } parts[] = {{"probes", HG_QUALITY_RAYS}, {"cull", HG_QUALITY_TRIANGLES},
+        {"host raster", HG_QUALITY_TRIANGLES}, {"skin", HG_QUALITY_TRIANGLES},
+        {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
+        {"probe light", HG_QUALITY_PIXELS}, {"shading", HG_QUALITY_PIXELS},
+        {"blend visibility", HG_QUALITY_PIXELS}, {"blend sort", HG_QUALITY_PIXELS},
+        {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
+        {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};
+    const struct hg_view_stats *stats = &view->stats;
+    const struct hg_view_settings *s = &view->settings;
+    float ms[HG_QUALITY_PARTS] = {0}, known = 0.0f;
+    for (uint32_t i = 0; i < stats->stage_count; i++)
+        for (size_t k = 0; k < sizeof parts / sizeof parts[0]; k++) {
+            const float stage_ms = (float)((double)stats->stages[i].ns * 1e-6);
+            const bool is = strcmp(stats->stages[i].name, parts[k].name) == 0;
+            ms[parts[k].part] += is ? stage_ms : 0.0f;
+            known += is ? stage_ms : 0.0f;
+        }
+    ms[HG_QUALITY_REST] = fmaxf((float)((double)stats->step_ns * 1e-6) - known, 0.0f);
+    const bool scales = s->temporal != HG_VIEW_TEMPORAL_NONE && !(s->scale > 0.0f);
+    hg_quality_note(&view->motion.quality, ms, s->target_ms, scales);
+}
+
 // The request of a step. In motion geometry may be coarser to keep the frame time.
 static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t max_samples)
 {
@@ -256,8 +285,9 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
         .camera = &view->camera,
         .samples = s->samples,
         .max_samples = max_samples,
-        .error_px = moves ? hg_quality_error_px(&view->motion.quality, s->error_px, s->target_ms)
-                          : s->error_px};
+        .error_px = s->error_px};
+    if (moves)
+        request.error_px *= hg_quality_choose(&view->motion.quality, s->target_ms).factor;
     request.flags |= view->final ? HG_DRAW_FINAL : 0;
     request.flags |= (view->formats & ~1u) != 0 ? HG_DRAW_ACCUMULATE : 0;
     if (max_samples > 1 || view->final || (a->phase == HG_VIEW_EXACT && !moves))
@@ -298,7 +328,7 @@ static enum hg_status run_shown(
         return status;
     }
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
-        hg_view_record_copy(view, cmd, 0);
+        hg_view_record_copy(draw, cmd, 0);
     hg_page_cache_end(pages, cmd);
     status = hg_gpu_submit_and_wait(draw->context->gpu, cmd, err);
     if (status != HG_OK)
@@ -334,13 +364,15 @@ static enum hg_status draw_shown(struct hg_view_state *view, const struct hg_dra
     request.flags = shown_flags(&draw, changed);
     if (hg_draw_is(&draw, HG_DRAW_DIRECT))
         hg_temporal_view_begin(view, &request);
+    enum hg_status status = hg_temporal_view_targets(view, &draw, err);
     if (changed || a->phase != HG_VIEW_ACCUMULATING)
         a->samples = 0;
     hg_tiled_accumulation_note(
         a, HG_SHORT_OF_DETAIL, request.error_px > request.settings->error_px);
     hg_tiled_accumulation_note(a, HG_SHORT_OF_SHADOWS, hg_draw_is(&draw, HG_DRAW_COARSE_SHADOWS));
     uint32_t count = shown_samples(&draw);
-    enum hg_status status = hg_view_make_pixels(&draw, &view->buffers.readback, 0, err);
+    if (status == HG_OK)
+        status = hg_view_make_pixels(&draw, &view->buffers.readback, 0, err);
     if (status == HG_OK)
         status = hg_frame_cull(&draw, HG_FRAME_PICTURE, count, err);
     const bool clipped = draw.crowded && request.settings->debug == 0;
@@ -572,11 +604,10 @@ enum hg_status hg_view_state_step(
     const uint32_t most = max_samples > 0 ? max_samples : 1;
     enum hg_status status = draw_mode(view, most, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
-    if (status == HG_OK && moves)
-        hg_quality_note(&view->motion.quality, (float)((double)view->stats.step_ns * 1e-6),
-            view->settings.target_ms);
     if (status == HG_OK)
         collect_times(view);
+    if (status == HG_OK && moves)
+        note_quality(view);
     if (status != HG_OK) { // the accumulation may be incomplete
         restart(view);
         view->accumulation.key = (struct hg_view_key){0};
@@ -587,6 +618,8 @@ enum hg_status hg_view_state_step(
         hg_temporal_view_forget(&view->motion.temporal);
         if (view->targets.graph != NULL)
             hg_graph_reset(view->targets.graph);
+        if (view->motion.temporal.targets.graph != NULL)
+            hg_graph_reset(view->motion.temporal.targets.graph);
         if (view->prefetch.targets.graph != NULL)
             hg_graph_reset(view->prefetch.targets.graph);
     }

@@ -21,7 +21,8 @@ enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buf
     uint32_t format, struct hg_error *err)
 {
     struct hg_view_targets *t = draw->targets;
-    const uint64_t px = (uint64_t)t->accumulated.width * t->accumulated.height;
+    const struct hg_view_settings *s = draw->request->settings;
+    const uint64_t px = (uint64_t)s->width * s->height;
     const enum hg_status status = hg_draw_make_image(
         draw, formats[format].format, formats[format].name, &t->pixels[format], err);
     return status == HG_OK ? hg_gpu_buffer_reserve(draw->context->gpu, HG_GPU_BUFFER_READBACK,
@@ -29,11 +30,11 @@ enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buf
                            : status;
 }
 
-void hg_view_record_copy(struct hg_view_state *view, struct hg_gpu_cmd *cmd, uint32_t format)
+void hg_view_record_copy(const struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format)
 {
-    const struct hg_gpu_region all = {
-        .width = view->targets.accumulated.width, .height = view->targets.accumulated.height};
-    hg_gpu_image_read(cmd, &view->targets.pixels[format], &all, &view->buffers.readback, 0);
+    struct hg_gpu_image *pixels = &draw->targets->pixels[format];
+    const struct hg_gpu_region all = {.width = pixels->width, .height = pixels->height};
+    hg_gpu_image_read(cmd, pixels, &all, &draw->buffers->readback, 0);
 }
 
 // --- reading ------------------------------------------------------------------------------------

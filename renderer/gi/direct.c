@@ -2,11 +2,110 @@
 
 #include <float.h>
 
+#include "base/hash.h"
 #include "renderer/math/vec.h"
 
 #define MOST_CANDIDATES 64 // lamps that one hit weighs; of more every n-th, which count n times
 
 // --- lights --------------------------------------------------------------------------------------
+
+// Share of a light that its range and cone leave at a point, d from it to the light's middle.
+static float share_of(const struct hg_gpu_light *light, const float d[3], float d2)
+{
+    const float way[3] = {light->direction_ws.x, light->direction_ws.y, light->direction_ws.z};
+    const float q = d2 * light->inv_range_sq, window = hg_clampf(1 - q * q, 0, 1);
+    if (light->kind != HG_LIGHT_KIND_SPOT)
+        return window;
+    const float cosine = -hg_dot3(d, way) / sqrtf(d2);
+    const float cone = hg_clampf(cosine * light->spot_scale + light->spot_offset, 0, 1);
+    return window * cone * cone;
+}
+
+// A direction within a cap about an axis, whose 1 - cosine is `cap`, evenly.
+static void pick_in_cap(const float axis[3], float cap, const float u[2], float out[3])
+{
+    const float less = u[0] * cap, sine = sqrtf(fmaxf(0, less * (2 - less)));
+    const float phi = 2 * (float)HG_PI * u[1],
+                up[3] = {0, fabsf(axis[1]) < 0.9f, fabsf(axis[1]) >= 0.9f};
+    float s[3], t[3];
+    hg_cross3(up, axis, s);
+    hg_normalize3(s);
+    hg_cross3(axis, s, t);
+    for (int a = 0; a < 3; a++)
+        out[a] = axis[a] * (1 - less) + s[a] * sine * cosf(phi) + t[a] * sine * sinf(phi);
+}
+
+// A point of the surface of a rectangle, disc or tube, from the light's middle, and its normal; d:
+// to the middle. Returns the area that it was chosen from.
+static float pick_on_surface(const struct hg_gpu_light *light, const float d[3], const float u[2],
+    float at[3], float normal[3])
+{
+    const float x[3] = {light->axis_ws.x, light->axis_ws.y, light->axis_ws.z};
+    const float z[3] = {light->direction_ws.x, light->direction_ws.y, light->direction_ws.z};
+    float y[3], along = (2 * u[0] - 1) * light->half_width, across = 0;
+    hg_cross3(z, x, y);
+    memcpy(normal, z, sizeof y);
+    if (light->kind == HG_LIGHT_KIND_TUBE) { // of the part that faces the point
+        float back[3];
+        hg_mad3(d, x, -hg_dot3(d, x), back);
+        const float distance = sqrtf(hg_dot3(back, back));
+        const float most = acosf(hg_clampf(light->radius / fmaxf(distance, 1e-20f), 0, 1));
+        const float phi = (2 * u[1] - 1) * most;
+        for (int a = 0; a < 3; a++)
+            back[a] /= -fmaxf(distance, 1e-20f);
+        hg_cross3(x, back, y);
+        for (int a = 0; a < 3; a++) {
+            normal[a] = back[a] * cosf(phi) + y[a] * sinf(phi);
+            at[a] = x[a] * along + normal[a] * light->radius;
+        }
+        return 4 * most * light->radius * light->half_width;
+    }
+    across = (2 * u[1] - 1) * light->half_height;
+    if (light->kind == HG_LIGHT_KIND_DISC) {
+        along = light->radius * sqrtf(u[0]) * cosf(2 * (float)HG_PI * u[1]);
+        across = light->radius * sqrtf(u[0]) * sinf(2 * (float)HG_PI * u[1]);
+    }
+    for (int a = 0; a < 3; a++)
+        at[a] = x[a] * along + y[a] * across;
+    return light->kind == HG_LIGHT_KIND_DISC ? (float)HG_PI * light->radius * light->radius
+                                             : 4 * light->half_width * light->half_height;
+}
+
+// The same as illuminance, of a point of a light with a size that two numbers in [0, 1) choose: its
+// mean is that of the whole surface.
+static float sized_illuminance(const struct hg_gpu_light *light, const struct hg_gi_receiver *r,
+    const float u[2], float to[3], float *distance)
+{
+    const float middle[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
+    const float towards[3] = {
+        -light->direction_ws.x, -light->direction_ws.y, -light->direction_ws.z};
+    float d[3], at[3], normal[3];
+    if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
+        const float cap = light->radius * light->radius / (1 + light->bound);
+        pick_in_cap(towards, cap, u, to);
+        return 2 * (float)HG_PI * cap * light->radiance * fmaxf(hg_dot3(to, r->normal), 0);
+    }
+    hg_sub3(middle, r->position, d);
+    const float d2 = hg_dot3(d, d), radiance = light->radiance * share_of(light, d, d2);
+    if (light->kind <= HG_LIGHT_KIND_SPOT) {
+        if (d2 <= light->radius * light->radius)
+            return 0;
+        const float sine2 = light->radius * light->radius / d2;
+        const float cap = sine2 / (1 + sqrtf(1 - sine2)), length = sqrtf(d2);
+        const float axis[3] = {d[0] / length, d[1] / length, d[2] / length};
+        pick_in_cap(axis, cap, u, to);
+        *distance = length - light->radius;
+        return 2 * (float)HG_PI * cap * radiance * fmaxf(hg_dot3(to, r->normal), 0);
+    }
+    const float area = pick_on_surface(light, d, u, at, normal);
+    hg_mad3(d, at, 1, to);
+    const float square = fmaxf(hg_dot3(to, to), 1e-8f);
+    *distance = sqrtf(square);
+    for (int a = 0; a < 3; a++)
+        to[a] /= *distance;
+    const float facing = fmaxf(-hg_dot3(to, normal), 0) * fmaxf(hg_dot3(to, r->normal), 0);
+    return radiance * area * facing / square;
+}
 
 // Illuminance per unit of a light's colour on a surface, and the way to it; distance: metres.
 // KHR_lights_punctual, as hg_light_illuminance in shaders/lib/light.glsl.
@@ -16,6 +115,12 @@ static float illuminance(
     const float way[3] = {light->direction_ws.x, light->direction_ws.y, light->direction_ws.z};
     const float from[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
     *distance = FLT_MAX;
+    if (light->radiance > 0) {
+        const uint64_t bits = hg_hash_mix_bytes(hg_hash_mix(1, light->id), r, sizeof *r);
+        const float u[2] = {
+            (float)(bits >> 40) * 0x1p-24f, (float)(bits >> 16 & 0xffffff) * 0x1p-24f};
+        return sized_illuminance(light, r, u, to, distance);
+    }
     if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
         for (int a = 0; a < 3; a++)
             to[a] = -way[a];
@@ -57,6 +162,13 @@ static float weight_of(const struct hg_gpu_light *light, const struct hg_gi_rece
 {
     float to[3], distance;
     const float most = fmaxf(light->color.x, fmaxf(light->color.y, light->color.z));
+    if (light->radiance > 0 && light->kind != HG_LIGHT_KIND_DIRECTIONAL) {
+        // Whatever point is chosen may have light, so that no angle leaves it out.
+        const float middle[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
+        hg_sub3(middle, r->position, to);
+        const float d2 = fmaxf(hg_dot3(to, to), light->bound * light->bound);
+        return most * share_of(light, to, hg_dot3(to, to)) / d2;
+    }
     return illuminance(light, r, to, &distance) * most;
 }
 

@@ -9,6 +9,7 @@
 #include "renderer/gi/words.h"
 #include "renderer/lod/vertex_pack.h"
 #include "renderer/math/vec.h"
+#include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 
 #define FINEST       16 // the widest step is at most this part of the picture's height, or 1 px,
@@ -29,17 +30,20 @@
 #define LOBE_SHARE       1.0f  // and half the squared share of alpha by which their normals may
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
-// Light of one kind: radiance, how much it is worth, variance of its luminance.
-enum { RED, GREEN, BLUE, WORTH, VARIANCE, LIGHT_PLANES };
-// Of surfaces. SLOPE_*: of depth, per px.
-enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, GUIDES };
+// Light of one kind: radiance; of what scatters also the environment's part of it had nothing been
+// in its way, and the luminance of what did come. Then how much it is worth, variance of its
+// luminance.
+enum { RED, GREEN, BLUE, OPEN_RED, OPEN_GREEN, OPEN_BLUE, SKY, WORTH, VARIANCE, LIGHT_PLANES };
+// Of surfaces. SLOPE_*: of depth, per px. CLOTH: 1 where sheen takes part in what scatters.
+enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, CLOTH, GUIDES };
 enum { SCATTERED, MIRRORED, KINDS };
+static const int colours[KINDS] = {WORTH, OPEN_RED}; // planes that are averaged
 
 struct work {
     const struct hg_gi_gather_input *in;
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
-    float *rows;   // [strips][LIGHT_PLANES][width]
+    float *rows;   // [strips][LIGHT_PLANES + 1][width]
     uint32_t step; // px between taps
     int kind;
     uint32_t *out;
@@ -73,7 +77,9 @@ static void set_guides(struct work *w, size_t at, float hits)
     for (size_t c = 0; c < 3; c++)
         w->guides[NORMAL_X + c][at] = n[c];
     w->guides[DEPTH][at] = expf(sums[HG_PATH_GUIDE_DEPTH * pixels + at] * scale);
-    w->guides[ROUGHNESS][at] = sums[HG_PATH_GUIDE_ROUGHNESS * pixels + at] * scale;
+    const float rough = sums[HG_PATH_GUIDE_ROUGHNESS * pixels + at] * scale;
+    w->guides[CLOTH][at] = rough >= 0.5f * HG_PATH_GUIDE_CLOTH ? 1.0f : 0.0f;
+    w->guides[ROUGHNESS][at] = fmaxf(rough - w->guides[CLOTH][at] * HG_PATH_GUIDE_CLOTH, 0);
 }
 
 static void add3(const float *planes, size_t first, size_t pixels, size_t at, float out[3])
@@ -98,15 +104,26 @@ static void set_light(struct work *w, int kind, size_t at)
         add3(in->halves, lobes[kind][i], pixels, at, half);
     }
     add3(in->sums, albedo_at, pixels, at, albedo);
+    float open[3] = {0}, sky[3] = {0};
+    // Cloth does not weigh light by the cosine alone, as the irradiance that shading knows does.
+    if (kind == SCATTERED && w->guides[CLOTH][at] <= 0) {
+        add3(in->sums, HG_PATH_GUIDE_OPEN_SKY, pixels, at, open);
+        add3(in->sums, HG_PATH_GUIDE_SEEN_SKY, pixels, at, sky);
+    }
     for (int c = 0; c < 3; c++) {
         const float a = fmaxf(albedo[c], LEAST_ALBEDO * (float)in->samples);
         const float mean = a / (float)in->samples;
         w->from[kind][RED + c][at] = all[c] / a;
+        sky[c] /= a;
+        if (kind == SCATTERED)
+            w->from[kind][OPEN_RED + c][at] = open[c] / a;
         if (first > 0 && second > 0)
             differs[c] = (half[c] / first - (all[c] - half[c]) / second) / mean;
         worth = fmaxf(worth, albedo[c] / a);
     }
     const float d = luminance(differs);
+    if (kind == SCATTERED)
+        w->from[kind][SKY][at] = luminance(sky);
     w->from[kind][WORTH][at] = worth;
     w->from[kind][VARIANCE][at] = 0.25f * d * d;
 }
@@ -165,6 +182,7 @@ static void prepare_row(void *user, size_t y)
 // Sums of one row.
 struct row {
     float *restrict sums[LIGHT_PLANES]; // WORTH: of weights
+    float *restrict weights;            // of one tap
 };
 
 struct tap {
@@ -179,9 +197,9 @@ static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
     return y2 * y2;
 }
 
-// Adds what one neighbour of each pixel [begin, end) brings; indices begin at the first pixel of a
-// row.
-HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin, size_t end,
+// What one neighbour of each pixel [begin, end) is worth to it; indices begin at the first pixel of
+// a row.
+HG_SIMD_LOOP static void weigh_tap(const struct work *w, size_t row, size_t begin, size_t end,
     const struct tap *tap, const struct row *out)
 {
     float *const *light = w->from[w->kind];
@@ -189,12 +207,12 @@ HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin,
     const float *restrict nz = w->guides[NORMAL_Z] + row, *restrict z = w->guides[DEPTH] + row;
     const float *restrict zx = w->guides[SLOPE_X] + row, *restrict zy = w->guides[SLOPE_Y] + row;
     const float *restrict rough = w->guides[ROUGHNESS] + row;
+    const float *restrict cloth = w->guides[CLOTH] + row;
     const float *restrict r = light[RED] + row, *restrict g = light[GREEN] + row;
     const float *restrict b = light[BLUE] + row, *restrict worth = light[WORTH] + row;
     const float *restrict variance = light[VARIANCE] + row;
-    float *restrict sr = out->sums[RED], *restrict sg = out->sums[GREEN];
-    float *restrict sb = out->sums[BLUE], *restrict sw = out->sums[WORTH];
-    float *restrict sv = out->sums[VARIANCE];
+    float *restrict sw = out->sums[WORTH], *restrict sv = out->sums[VARIANCE];
+    float *restrict weights = out->weights;
     const ptrdiff_t to = tap->to;
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
     const float mirrored = w->kind == MIRRORED ? 1.0f : 0.0f;
@@ -213,7 +231,8 @@ HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin,
         const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
         const float deviation = LIGHT_REACH * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
         const float like = approach_zero(looks * fabsf(lx - lq) / deviation);
-        float weight = kernel * n * approach_zero(apart / may) * like * worth[q];
+        const float same = 1 - fabsf(cloth[x] - cloth[q]);
+        float weight = kernel * n * approach_zero(apart / may) * like * same * worth[q];
         const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
         const float other = fabsf(rough[x] - rough[q]) * (1 / ROUGH_REACH);
         const float width = rough[x] * rough[x] + LOBE_LEAST;
@@ -221,12 +240,17 @@ HG_SIMD_LOOP static void add_tap(const struct work *w, size_t row, size_t begin,
         const float lobe =
             approach_zero(2 * reach) * approach_zero(2 * other) * approach_zero(bend);
         weight *= 1 - mirrored * (1 - lobe);
-        sr[x] += weight * r[q];
-        sg[x] += weight * g[q];
-        sb[x] += weight * b[q];
+        weights[x] = weight;
         sw[x] += weight;
         sv[x] += weight * weight * variance[q];
     }
+}
+
+HG_SIMD_LOOP static void add_weighted(float *restrict sums, const float *restrict weights,
+    const float *from, size_t begin, size_t end)
+{
+    for (size_t x = begin; x < end; x++)
+        sums[x] += weights[x] * from[x];
 }
 
 HG_SIMD_LOOP static void finish_row(
@@ -237,7 +261,7 @@ HG_SIMD_LOOP static void finish_row(
     for (size_t x = 0; x < width; x++) {
         const float weight = sums->sums[WORTH][x];
         const float scale = weight > 1e-12f ? 1 / weight : 0, keep = weight > 1e-12f ? 0.0f : 1.0f;
-        for (int c = RED; c <= BLUE; c++)
+        for (int c = RED; c < colours[w->kind]; c++)
             to[c][row + x] = sums->sums[c][x] * scale + keep * light[c][row + x];
         to[WORTH][row + x] = light[WORTH][row + x];
         to[VARIANCE][row + x] =
@@ -263,8 +287,12 @@ static void filter_row(const struct work *w, size_t y, const struct row *row)
                 .kernel = kernel[i != 0] * kernel[j != 0]};
             const size_t begin = i < 0 ? step : 0;
             const size_t end = i > 0 ? (width > step ? width - step : 0) : width;
-            if (begin < end)
-                add_tap(w, y * width, begin, end, &tap, row);
+            if (begin >= end)
+                continue;
+            weigh_tap(w, y * width, begin, end, &tap, row);
+            for (int c = RED; c < colours[w->kind]; c++)
+                add_weighted(row->sums[c], row->weights,
+                    w->from[w->kind][c] + y * width + (size_t)tap.to, begin, end);
         }
     }
     finish_row(w, y * width, width, row);
@@ -275,8 +303,10 @@ static void filter_strip(void *user, size_t strip)
     struct work *w = user;
     const size_t width = w->in->width, height = w->in->height, first = strip * STRIP;
     struct row row;
-    for (size_t p = 0; p < LIGHT_PLANES; p++)
-        row.sums[p] = w->rows + (strip * LIGHT_PLANES + p) * width;
+    float *next = w->rows + strip * (LIGHT_PLANES + 1) * width;
+    for (size_t p = 0; p < LIGHT_PLANES; p++, next += width)
+        row.sums[p] = next;
+    row.weights = next;
     for (size_t y = first; y < first + STRIP && y < height; y++)
         filter_row(w, y, &row);
 }
@@ -311,12 +341,30 @@ static float despeckle(const struct work *w, int kind, size_t at)
     return l > most[2] ? most[2] / l : 1;
 }
 
+// The environment's part of what scatters is what an open surface would have, times the share of it
+// that came: both are estimated from the same directions, so that their ratio has little noise,
+// none where all came (Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and
+// Stochastic Shadows"). What is left of the light is the rest.
+static void part_row(void *user, size_t y)
+{
+    struct work *w = user;
+    float *const *s = w->from[SCATTERED];
+    for (size_t at = y * w->in->width; at < (y + 1) * (size_t)w->in->width; at++) {
+        const float open[3] = {s[OPEN_RED][at], s[OPEN_GREEN][at], s[OPEN_BLUE][at]};
+        const float all = luminance(open), share = all > 0 ? fminf(s[SKY][at] / all, 1) : 0;
+        for (int c = 0; c < 3; c++)
+            s[RED + c][at] = fmaxf(s[RED + c][at] - share * open[c], 0);
+        s[SKY][at] = share;
+    }
+}
+
 static void pack_row(void *user, size_t y)
 {
     struct work *w = user;
     for (size_t at = y * w->in->width; at < (y + 1) * (size_t)w->in->width; at++) {
         uint32_t *out = w->out + 4 * at;
         const float depth = w->guides[DEPTH][at];
+        uint32_t bits;
         float *const *s = w->from[SCATTERED], *const *m = w->from[MIRRORED];
         const float n[3] = {
             w->guides[NORMAL_X][at], w->guides[NORMAL_Y][at], w->guides[NORMAL_Z][at]};
@@ -331,7 +379,9 @@ static void pack_row(void *user, size_t y)
         out[0] = hg_gi_rgb9e5(irradiance[0], irradiance[1], irradiance[2]);
         out[1] = hg_gi_rgb9e5(radiance[0], radiance[1], radiance[2]);
         out[2] = hg_pack_normal(n);
-        memcpy(&out[3], &depth, sizeof depth);
+        memcpy(&bits, &depth, sizeof bits);
+        out[3] = (bits & ~HG_GATHERED_SHARE_MASK) |
+                 (uint32_t)(sqrtf(s[SKY][at] * scatters) * HG_GATHERED_SHARE_MASK + 0.5f);
     }
 }
 
@@ -365,6 +415,7 @@ static void filter(struct work *w, struct hg_jobs *jobs)
                 swap_planes(w, w->kind, plane);
         }
     }
+    hg_jobs_for(jobs, height, part_row, w);
     hg_jobs_for(jobs, height, pack_row, w);
 }
 
@@ -372,17 +423,23 @@ enum hg_status hg_gi_gather_filter(struct hg_jobs *jobs, const struct hg_gi_gath
     uint32_t *out, struct hg_error *err)
 {
     struct work w = {.in = input, .out = out};
-    const size_t pixels = pixels_of(&w), planes = GUIDES + 2 * KINDS * LIGHT_PLANES;
-    const size_t rows = strips_of(&w) * LIGHT_PLANES * input->width;
+    const size_t pixels = pixels_of(&w);
+    size_t planes = GUIDES;
+    for (int kind = 0; kind < KINDS; kind++)
+        planes += 2 * ((size_t)colours[kind] + LIGHT_PLANES - WORTH);
+    const size_t rows = strips_of(&w) * (LIGHT_PLANES + 1) * input->width;
     float *memory = hg_calloc(planes * pixels + rows, sizeof *memory), *next = memory;
     if (memory == NULL)
         return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     for (int i = 0; i < GUIDES; i++, next += pixels)
         w.guides[i] = next;
     for (int kind = 0; kind < KINDS; kind++)
-        for (int plane = 0; plane < LIGHT_PLANES; plane++, next += 2 * pixels) {
+        for (int plane = 0; plane < LIGHT_PLANES; plane++) {
+            if (plane >= colours[kind] && plane < WORTH)
+                continue;
             w.from[kind][plane] = next;
             w.to[kind][plane] = next + pixels;
+            next += 2 * pixels;
         }
     w.rows = next;
     filter(&w, jobs);

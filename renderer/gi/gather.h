@@ -20,7 +20,7 @@ struct hg_gi_gather_input {
 };
 
 // out: [height][width][4] words as the device reads them (shaders/shared/gi.h). The same bytes for
-// any number of threads. HG_E_NOMEM. Takes 100 bytes per pixel meanwhile.
+// any number of threads. HG_E_NOMEM. Takes 140 bytes per pixel meanwhile.
 enum hg_status hg_gi_gather_filter(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
     uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -21,9 +21,9 @@
 // Rounds of the schedule: every probe once in each.
 #define PLACE_ROUNDS 3
 #define PLACE_RAYS   64
-#define WARM_ROUNDS  10 // light that bounces comes to its level; what they sum up is let go of
+#define WARM_ROUNDS  8 // light that bounces comes to its level; what they sum up is let go of
 #define WARM_RAYS    24
-#define MAIN_ROUNDS  10
+#define MAIN_ROUNDS  4
 #define MAIN_RAYS    96
 #define ROUNDS       (PLACE_ROUNDS + WARM_ROUNDS + MAIN_ROUNDS)
 #define WARM_KEEP    0.4f

@@ -4,6 +4,7 @@
 #include "base/log.h"
 #include "renderer/light/cluster.h"
 #include "renderer/light/albedo/dfg_embed.h"
+#include "renderer/light/ltc/ltc_embed.h"
 #include "renderer/light/env/env_device.h"
 #include "renderer/light/env/sky.h"
 #include "renderer/light/shadow/shadow_plan.h"
@@ -48,13 +49,16 @@ static enum hg_status create_atlas(
     return hg_gpu_image_create(l->gpu, &params, out, err);
 }
 
+// Tables of albedo, and those of linearly transformed cosines behind them (HG_LTC_FIRST).
 static enum hg_status create_dfg(struct hg_lighting *l, struct hg_error *err)
 {
-    const uint64_t bytes = sizeof hg_dfg_words;
+    const uint64_t bytes = sizeof hg_dfg_words, more = sizeof hg_ltc_words;
     enum hg_status status =
-        hg_gpu_buffer_create(l->gpu, HG_GPU_BUFFER_DEVICE, bytes, "dfg", &l->dfg, err);
+        hg_gpu_buffer_create(l->gpu, HG_GPU_BUFFER_DEVICE, bytes + more, "dfg", &l->dfg, err);
     if (!status)
         status = hg_gpu_buffer_upload(l->gpu, &l->dfg, 0, hg_dfg_words, bytes, err);
+    if (!status)
+        status = hg_gpu_buffer_upload(l->gpu, &l->dfg, bytes, hg_ltc_words, more, err);
     return status;
 }
 
@@ -370,6 +374,8 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .cluster_overflow = l->cells.overflow,
         .environment_ns = l->env.prefilter_ns,
         .environment_cached = l->env.from_cache};
+    for (uint32_t i = 0; i < l->set.count; i++)
+        out->sized_lights += l->set.items[i].radiance > 0;
     for (uint32_t i = 0; i < l->plan.count; i++)
         out->shadow_maps_stale += l->plan.maps[i].stale;
     out->device_bytes = l->env.specular.memory.size_bytes + l->env.radiance.memory.size_bytes +

@@ -94,7 +94,8 @@ bool hg_lighting_has_sky_sun(const struct hg_lighting *lighting);
 
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
-    uint32_t local_lights;      // point and spot lights
+    uint32_t local_lights;      // all but directional ones
+    uint32_t sized_lights;      // that have a size
     uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
     uint32_t shadow_maps, shadow_maps_stale;
     uint32_t clusters, cluster_entries; // 0 when all lights are looped over

@@ -29,6 +29,43 @@ static void set_cone(struct hg_gpu_light *out, const struct hg_light *light)
     out->spot_offset = -outer * out->spot_scale;
 }
 
+// Size and radiance, so that what is far away gets as much light as from a point of the same
+// intensity. Sizes that are no numbers above 0 are left out.
+static void set_size(struct hg_gpu_light *out, const struct hg_light *light)
+{
+    const float pi = (float)HG_PI, r = light->radius, w = light->width, h = light->height;
+    const float half_angle = 0.5f * fminf(light->angular_diameter_rad, HG_LIGHT_MOST_ANGLE_RAD);
+    float area = 0; // across the direction of the greatest intensity; DIRECTIONAL: projected angle
+    out->radius = r;
+    out->half_width = 0.5f * w;
+    out->half_height = 0.5f * h;
+    switch (light->kind) {
+    case HG_LIGHT_DIRECTIONAL:
+        out->radius = sinf(half_angle);
+        out->bound = cosf(half_angle);
+        area = half_angle > 0 ? pi * out->radius * out->radius : 0;
+        break;
+    case HG_LIGHT_POINT:
+    case HG_LIGHT_SPOT:
+    case HG_LIGHT_DISC:
+        out->bound = r;
+        area = r > 0 ? pi * r * r : 0;
+        break;
+    case HG_LIGHT_RECTANGLE:
+        out->bound = 0.5f * hypotf(w, h);
+        area = w > 0 && h > 0 ? w * h : 0;
+        break;
+    case HG_LIGHT_TUBE:
+        out->bound = hypotf(0.5f * w, r);
+        area = w > 0 && r > 0 ? 2 * r * w : 0;
+        break;
+    }
+    const float radiance = 1 / area;
+    out->radiance = isfinite(area) && isfinite(radiance) && isfinite(out->bound) ? radiance : 0;
+    if (!(out->radiance > 0))
+        out->radius = out->half_width = out->half_height = out->radiance = out->bound = 0;
+}
+
 static struct hg_gpu_light make_light(const struct hg_node *node, const double origin[3])
 {
     const struct hg_light *light = node->light;
@@ -44,11 +81,24 @@ static struct hg_gpu_light make_light(const struct hg_node *node, const double o
         .inv_range_sq = light->range > 0 ? 1 / (light->range * light->range) : 0,
         .shadow = HG_SHADOW_NONE,
     };
-    out.kind = light->kind == HG_LIGHT_DIRECTIONAL ? HG_LIGHT_KIND_DIRECTIONAL
-               : light->kind == HG_LIGHT_POINT     ? HG_LIGHT_KIND_POINT
-                                                   : HG_LIGHT_KIND_SPOT;
+    static const uint32_t kinds[] = {[HG_LIGHT_DIRECTIONAL] = HG_LIGHT_KIND_DIRECTIONAL,
+        [HG_LIGHT_POINT] = HG_LIGHT_KIND_POINT,
+        [HG_LIGHT_SPOT] = HG_LIGHT_KIND_SPOT,
+        [HG_LIGHT_RECTANGLE] = HG_LIGHT_KIND_RECTANGLE,
+        [HG_LIGHT_DISC] = HG_LIGHT_KIND_DISC,
+        [HG_LIGHT_TUBE] = HG_LIGHT_KIND_TUBE};
+    out.kind = kinds[light->kind];
     if (out.kind == HG_LIGHT_KIND_SPOT)
         set_cone(&out, light);
+    set_size(&out, light);
+    // Square to the direction: rotations and even scales keep it so, others need not.
+    float x[3] = {m[0], m[1], m[2]};
+    hg_mad3(x, travel, -hg_dot3(x, travel), x);
+    hg_normalize3(x);
+    out.axis_ws = (struct hg_vec3){x[0], x[1], x[2]};
+    const bool turned = fabsf(hg_dot3(x, x) - 1) < 1e-3f; // else its matrix has no inverse
+    if (light->kind > HG_LIGHT_SPOT && !(out.radiance > 0 && turned))
+        out.color = (struct hg_vec3){0, 0, 0}; // no surface, no light
     return out;
 }
 

@@ -20,7 +20,7 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, 
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
     const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
         .spec = {kernels[kernel].variant, pass->tables, pass->features | pass->background, options,
-            0, pass->features2 & ~HG_FEATURE2_PROBES},
+            0, pass->features2 & ~(HG_FEATURE2_PROBES | HG_FEATURE2_SIZED)},
         .spec_count = 6};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)

@@ -27,8 +27,10 @@ struct style {
 static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features, uint32_t features2)
 {
-    if (style->unlit)
+    if (style->unlit) {
         features &= ~LIGHT_FEATURES;
+        features2 &= ~HG_FEATURE2_SIZED;
+    }
     if (style->variant != LAYER &&
         style->variant != LAYERS) // what lets light through is drawn as a layer
         features &= ~HG_FEATURE_TRANSMISSION;

@@ -105,6 +105,7 @@ static uint32_t may_of(const struct hg_path *p, const struct hg_gpu_emitters *e)
         may |= HG_EMITTER_KIND_IMAGE;
     else if (e->environment_kind != HG_ENV_KIND_NONE)
         may |= HG_EMITTER_KIND_PLAIN;
+    may |= e->lamp_node_count > 0 || e->sized_suns > 0 ? HG_EMITTER_KIND_SIZED : 0;
     return may | apart;
 }
 

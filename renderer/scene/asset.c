@@ -100,7 +100,22 @@ void hg_light_set_defaults(struct hg_light *light)
         light->color[i] = 1;
     light->intensity = 1;
     light->outer_cone_rad = 0.785398163f;
+    light->width = light->height = 1;
     light->casts_shadow = true;
+}
+
+bool hg_light_has_size(const struct hg_light *light, const char **what)
+{
+    const bool disc = light->kind == HG_LIGHT_DISC, tube = light->kind == HG_LIGHT_TUBE;
+    const bool flat = light->kind == HG_LIGHT_RECTANGLE;
+    *what = NULL;
+    if ((disc || tube) && !(light->radius > 0))
+        *what = "radius";
+    else if ((flat || tube) && !(light->width > 0))
+        *what = "width";
+    else if (flat && !(light->height > 0))
+        *what = "height";
+    return *what == NULL;
 }
 
 void hg_camera_set_defaults(struct hg_camera *camera)

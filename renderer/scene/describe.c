@@ -187,12 +187,23 @@ static json_t *describe_texture(struct describer *d, const struct hg_texture *te
 
 static json_t *describe_light(struct describer *d, const struct hg_light *light)
 {
-    static const char *const kinds[] = {"directional", "point", "spot"};
+    static const char *const kinds[] = {
+        "directional", "point", "spot", "rectangle", "disc", "tube"};
+    const bool has_width = light->kind == HG_LIGHT_RECTANGLE || light->kind == HG_LIGHT_TUBE;
     json_t *object = json_object();
     put_text(d, object, "name", light->head.name);
     put_text(d, object, "kind", kinds[light->kind]);
     put(d, object, "color", numbers(d, light->color, 3));
     put(d, object, "intensity", real((double)light->intensity));
+    if (light->kind != HG_LIGHT_DIRECTIONAL && light->kind != HG_LIGHT_RECTANGLE &&
+        light->radius > 0)
+        put(d, object, "radius", real((double)light->radius));
+    if (has_width)
+        put(d, object, "width", real((double)light->width));
+    if (light->kind == HG_LIGHT_RECTANGLE)
+        put(d, object, "height", real((double)light->height));
+    if (light->kind == HG_LIGHT_DIRECTIONAL && light->angular_diameter_rad > 0)
+        put(d, object, "angular_diameter_rad", real((double)light->angular_diameter_rad));
     return object;
 }
 

@@ -315,6 +315,9 @@ static void add_light(struct hg_sha256 *h, const struct hg_light *l)
     hg_sha256_update(h, l->color, sizeof l->color);
     const float values[] = {l->intensity, l->range, l->inner_cone_rad, l->outer_cone_rad};
     hg_sha256_update(h, values, sizeof values);
+    const float sizes[] = {l->radius, l->width, l->height, l->angular_diameter_rad};
+    if (l->kind > HG_LIGHT_SPOT || l->radius > 0 || l->angular_diameter_rad > 0)
+        hg_sha256_update(h, sizes, sizeof sizes);
 }
 
 static enum hg_status add_node(

@@ -166,15 +166,33 @@ struct hg_mesh {
     float *weights; // [target_count] defaults
 };
 
+// KHR_lights_punctual, and area lights. All shine along the node's -z but points and tubes, whose
+// axis is the node's x. Sizes are metres of the world, whatever the node's scale; how intensity
+// becomes radiance is in docs/internals/light.md.
 struct hg_light {
     struct hg_object head;
-    enum { HG_LIGHT_DIRECTIONAL, HG_LIGHT_POINT, HG_LIGHT_SPOT } kind;
+    enum {
+        HG_LIGHT_DIRECTIONAL,
+        HG_LIGHT_POINT,
+        HG_LIGHT_SPOT,
+        HG_LIGHT_RECTANGLE, // shines from its front
+        HG_LIGHT_DISC,      // likewise
+        HG_LIGHT_TUBE,      // a cylinder whose ends are dark
+    } kind;
     float color[3];
-    float intensity; // lux (directional) or candela
+    float intensity; // lux (directional) or candela, where it is greatest
     float range;     // metres, 0 = infinite
     float inner_cone_rad, outer_cone_rad;
+    float radius;        // metres; POINT, SPOT: of a sphere, 0 = none; DISC, TUBE: > 0
+    float width, height; // metres along x and y; RECTANGLE: > 0; TUBE: its length is the width
+    float angular_diameter_rad; // DIRECTIONAL: 0 = parallel light
     bool casts_shadow;
 };
+
+#define HG_LIGHT_MOST_ANGLE_RAD 3.0f // largest angular diameter
+#define HG_LIGHT_MOST_SIZE_M    1e6f // largest radius, width and height
+// Whether the light has the size that its kind needs; *what: the member that is not above 0.
+bool hg_light_has_size(const struct hg_light *light, const char **what);
 
 struct hg_camera {
     struct hg_object head;

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/simd.h"
+#include "renderer/temporal/lanes.h"
 
 #define DEPTH_REACH 0.03f // how much nearer the same surface may be stored, relative
 #define SLOPE_REACH 2.0f  // and in slopes of the surface itself
@@ -13,22 +13,24 @@ HG_SIMD_LOOP
 static void find_places(const uint32_t size[2], uint32_t row, const struct hg_temporal_about *about,
     struct hg_temporal_found *out)
 {
-    const float *restrict mx = about->motion.x, *restrict my = about->motion.y;
-    float *restrict part_x = out->part_x, *restrict part_y = out->part_y;
-    int32_t *restrict texel = out->texel, *restrict nearest = out->nearest;
     const float width = (float)size[0], height = (float)size[1], y0 = (float)row + 0.5f;
     const int32_t across = (int32_t)size[0], pitch = across + 2 * HG_TEMPORAL_BORDER;
-    for (uint32_t i = 0; i < size[0]; i++) {
-        const float x0 = (float)(int32_t)i + 0.5f, x = x0 + mx[i], y = y0 + my[i];
-        const int inside = (x >= 0.0f) & (x < width) & (y >= 0.0f) & (y < height);
-        const float ax = inside ? x : x0, ay = inside ? y : y0;
+    const hg_lanes_int none = (hg_lanes_int){0} - 1;
+    for (uint32_t i = 0; i < size[0]; i += HG_LANES) {
+        const hg_lanes x0 = HG_LANES_FLOAT(HG_LANES_COUNT_FROM + (int32_t)i) + 0.5f;
+        const hg_lanes x = x0 + HG_LANES_AT(about->motion.x, i);
+        const hg_lanes y = y0 + HG_LANES_AT(about->motion.y, i);
+        const hg_lanes_int inside = (x >= 0.0f) & (x < width) & (y >= 0.0f) & (y < height);
+        const hg_lanes here = (hg_lanes){0} + y0;
+        const hg_lanes ax = HG_LANES_PICK(inside, x, x0), ay = HG_LANES_PICK(inside, y, here);
         // Half a texel up and left; + 1: truncation is floor
-        const int32_t left = (int32_t)(ax + 0.5f), top = (int32_t)(ay + 0.5f);
-        part_x[i] = ax + 0.5f - (float)left;
-        part_y[i] = ay + 0.5f - (float)top;
+        const hg_lanes_int left = HG_LANES_INT(ax + 0.5f), top = HG_LANES_INT(ay + 0.5f);
+        const hg_lanes_int pixel = HG_LANES_INT(ay) * across + HG_LANES_INT(ax);
+        HG_LANES_PUT(out->part_x, i, ax + 0.5f - HG_LANES_FLOAT(left));
+        HG_LANES_PUT(out->part_y, i, ay + 0.5f - HG_LANES_FLOAT(top));
         // Texel left - 1 is the second of four; the border adds two.
-        texel[i] = top * pitch + left;
-        nearest[i] = inside ? (int32_t)ay * across + (int32_t)ax : -1;
+        HG_LANES_PUT(out->texel, i, (hg_lanes)(top * pitch + left));
+        HG_LANES_PUT(out->nearest, i, HG_LANES_PICK(inside, pixel, none));
     }
 }
 
@@ -43,9 +45,8 @@ typedef uint16_t eight_words __attribute__((vector_size(16)));
             (x) +                                                                                  \
         (four){0.0f, 1.0f, 0.0f, 0.0f})
 
-HG_SIMD_LOOP
-static void filter(const struct hg_temporal_past *past, uint32_t pitch, uint32_t width,
-    struct hg_temporal_found *out)
+void hg_temporal_filter_plain(const struct hg_temporal_past *past, size_t pitch, uint32_t width,
+    const struct hg_temporal_found *out)
 {
     for (uint32_t i = 0; i < width; i++) {
         if (!(out->weight[i] > 0.0f))
@@ -53,7 +54,7 @@ static void filter(const struct hg_temporal_past *past, uint32_t pitch, uint32_t
         const four wx = WEIGHTS(out->part_x[i]) * (1.0f / 65535.0f), wy = WEIGHTS(out->part_y[i]);
         const uint16_t *at = past->color + 4 * (size_t)out->texel[i];
         eight first = {0}, last = {0};
-        for (int r = 0; r < 4; r++, at += 4 * (size_t)pitch) {
+        for (int r = 0; r < 4; r++, at += 4 * pitch) {
             eight_words a, b;
             memcpy(&a, at, sizeof a);
             memcpy(&b, at + 8, sizeof b);
@@ -78,7 +79,10 @@ static void weigh(const struct hg_temporal_past *past, const struct hg_temporal_
         const float expect = about->motion.expect[i];
         const float most = expect * (1.0f + DEPTH_REACH) + SLOPE_REACH * about->slope[i];
         const bool same = at >= 0 && past->depth[at] <= most;
-        out->weight[i] = same ? (float)past->weight[at] * (1.0f / 16.0f) : 0.0f;
+        // What was farther away then was seen with fewer texels: by the square of that.
+        const float now = about->motion.depth[i], farther = expect < now ? expect / now : 1.0f;
+        const float share = farther * farther * (1.0f / 16.0f);
+        out->weight[i] = same ? (float)past->weight[at] * share : 0.0f;
     }
 }
 
@@ -87,5 +91,6 @@ void hg_temporal_look_up(const struct hg_temporal_past *past, const uint32_t siz
 {
     find_places(size, y, about, out);
     weigh(past, about, size[0], out);
-    filter(past, size[0] + 2 * HG_TEMPORAL_BORDER, size[0], out);
+    (hg_temporal_has_avx2() ? hg_temporal_filter_avx2 : hg_temporal_filter_plain)(
+        past, size[0] + 2 * HG_TEMPORAL_BORDER, size[0], out);
 }

@@ -25,4 +25,12 @@ struct hg_temporal_found {
 void hg_temporal_look_up(const struct hg_temporal_past *past, const uint32_t size[2], uint32_t y,
     const struct hg_temporal_about *about, struct hg_temporal_found *out);
 
+// Colours of the history as hg_temporal_look_up finds them, of pixels with a weight; the second
+// only where the processor has AVX2, with the same results.
+void hg_temporal_filter_plain(const struct hg_temporal_past *past, size_t pitch, uint32_t width,
+    const struct hg_temporal_found *out);
+bool hg_temporal_has_avx2(void);
+void hg_temporal_filter_avx2(const struct hg_temporal_past *past, size_t pitch, uint32_t width,
+    const struct hg_temporal_found *out);
+
 #endif

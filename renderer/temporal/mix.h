@@ -5,7 +5,10 @@
 
 #include "renderer/temporal/look_up.h"
 
-#define HG_TEMPORAL_MOST_WEIGHT 4.0f // samples that a pixel is made of, at most
+// Samples that a pixel is made of, at most: where history is looked up at its own texels, and half
+// way between them, where the lookup blurs it.
+#define HG_TEMPORAL_MOST_WEIGHT  4.0f
+#define HG_TEMPORAL_MOST_BETWEEN 1.5f
 
 // How near samples lie to the centres of a row of pixels (window.h).
 struct hg_temporal_trust {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "base/simd.h"
+#include "renderer/temporal/lanes.h"
 
 #define LEAST_W 1e-7f // nearer to the plane of the eye nothing is found
 
@@ -30,13 +30,11 @@ void hg_temporal_way_make(const struct hg_temporal_picture *p, const double m[16
         out->px[a][1] = (0.5f + p->jitter_px[a]) * out->px[a][0];
 }
 
-// Samples first .. end of a row, all of one matrix.
+// Samples first .. end of a row, all of one matrix; up to seven behind them are written as well.
 HG_SIMD_LOOP
 static void fill(const struct hg_temporal_way *way, const uint32_t range[2], uint32_t row,
     const struct hg_temporal_motion_row *out)
 {
-    const float *restrict depth = out->depth;
-    float *restrict to_x = out->x, *restrict to_y = out->y, *restrict expect = out->expect;
     const float y = (float)row, here = way->px[1][0] * y + way->px[1][1];
     float a[4], b[4], d[4];
     for (int k = 0; k < 4; k++) {
@@ -44,16 +42,21 @@ static void fill(const struct hg_temporal_way *way, const uint32_t range[2], uin
         b[k] = way->to[k][1] * y + way->to[k][3];
         d[k] = way->to[k][2];
     }
-    for (uint32_t i = range[0]; i < range[1]; i++) {
-        const float x = (float)(int32_t)i, z = depth[i];
-        const float w = a[3] * x + (d[3] * z + b[3]);
-        const float per_w = 1.0f / (w > LEAST_W ? w : 1.0f);
-        const float was_x = (a[0] * x + (d[0] * z + b[0])) * per_w;
-        const float was_y = (a[1] * x + (d[1] * z + b[1])) * per_w;
-        const float was_z = (a[2] * x + (d[2] * z + b[2])) * per_w;
-        to_x[i] = w > LEAST_W ? was_x - (way->px[0][0] * x + way->px[0][1]) : HG_TEMPORAL_LOST;
-        to_y[i] = w > LEAST_W ? was_y - here : 0.0f;
-        expect[i] = was_z;
+    const hg_lanes lost = {HG_TEMPORAL_LOST, HG_TEMPORAL_LOST, HG_TEMPORAL_LOST, HG_TEMPORAL_LOST,
+        HG_TEMPORAL_LOST, HG_TEMPORAL_LOST, HG_TEMPORAL_LOST, HG_TEMPORAL_LOST};
+    const hg_lanes none = {0}, one = none + 1.0f;
+    for (uint32_t i = range[0]; i < range[1]; i += HG_LANES) {
+        const hg_lanes x = HG_LANES_FLOAT(HG_LANES_COUNT_FROM + (int32_t)i);
+        const hg_lanes z = HG_LANES_AT(out->depth, i);
+        const hg_lanes w = a[3] * x + (d[3] * z + b[3]);
+        const hg_lanes_int ahead = w > LEAST_W;
+        const hg_lanes per_w = 1.0f / HG_LANES_PICK(ahead, w, one);
+        const hg_lanes was_x = (a[0] * x + (d[0] * z + b[0])) * per_w;
+        const hg_lanes was_y = (a[1] * x + (d[1] * z + b[1])) * per_w;
+        const hg_lanes to_x = was_x - (way->px[0][0] * x + way->px[0][1]);
+        HG_LANES_PUT(out->x, i, HG_LANES_PICK(ahead, to_x, lost));
+        HG_LANES_PUT(out->y, i, HG_LANES_PICK(ahead, was_y - here, none));
+        HG_LANES_PUT(out->expect, i, (a[2] * x + (d[2] * z + b[2])) * per_w);
     }
 }
 
@@ -71,6 +74,28 @@ static void fill_lost(uint32_t first, uint32_t end, const struct hg_temporal_mot
     }
 }
 
+// Samples of posed surfaces: the rectangle says where they were.
+static void fill_posed(const struct hg_temporal_picture *p, const struct hg_temporal_way *way,
+    const uint32_t range[2], uint32_t y, const struct hg_temporal_motion_row *out)
+{
+    const struct hg_temporal_posed *r = &p->posed;
+    const float half[2] = {
+        0.5f * way->px[0][0] * (float)p->width, 0.5f * way->px[1][0] * (float)p->height};
+    for (uint32_t x = range[0]; x < range[1]; x++) {
+        // Numbers left of the rectangle or above it wrap around, and are outside as well.
+        const uint32_t column = x - r->x, row = y - r->y;
+        const bool inside = column < r->width && row < r->height;
+        const float *was = inside ? r->was[(size_t)row * r->width + column] : NULL;
+        if (!inside || was[2] < 0.0f) {
+            fill_lost(x, x + 1, out);
+            continue;
+        }
+        out->x[x] = (was[0] + 1.0f) * half[0] - (way->px[0][0] * (float)x + way->px[0][1]);
+        out->y[x] = (was[1] + 1.0f) * half[1] - (way->px[1][0] * (float)y + way->px[1][1]);
+        out->expect[x] = was[2];
+    }
+}
+
 // What moves by itself.
 static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temporal_way *ways,
     uint32_t y, struct hg_temporal_motion_row *out)
@@ -81,9 +106,11 @@ static void fill_moved(const struct hg_temporal_picture *p, const struct hg_temp
         while (x < p->width && matrix_of(p, ids + 2 * (size_t)x) == matrix)
             x++;
         if (matrix == HG_TEMPORAL_DEFORMED)
-            fill_lost(first, x, out);
+            fill_posed(p, ways, (const uint32_t[2]){first, x}, y, out);
         else if (matrix > 0)
             fill(&ways[matrix], (const uint32_t[2]){first, x}, y, out);
+        else if (first > 0) // what the last run wrote behind its end
+            fill(ways, (const uint32_t[2]){first, first + 1}, y, out);
     }
 }
 

@@ -4,18 +4,20 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/simd.h"
+#include "renderer/temporal/lanes.h"
 
 // --- one row of samples --------------------------------------------------------------------------
 
 HG_SIMD_LOOP
-static void decode(const uint8_t *rgba, uint32_t count, float *const color[4])
+static bool decode(const uint8_t *rgba, uint32_t count, float *const color[4])
 {
+    uint32_t all = UINT32_MAX;
     float *restrict luma = color[0], *restrict orange = color[1], *restrict green = color[2];
     float *restrict alpha = color[3];
     for (uint32_t i = 0; i < count; i++) {
         uint32_t texel;
         memcpy(&texel, rgba + 4 * (size_t)i, sizeof texel);
+        all &= texel;
         const float r0 = (float)(int32_t)(texel & 255), g0 = (float)(int32_t)(texel >> 8 & 255);
         const float b0 = (float)(int32_t)(texel >> 16 & 255);
         const float a = (float)(int32_t)(texel >> 24) * (1.0f / 255.0f), s = a * (1.0f / 65025.0f);
@@ -25,6 +27,7 @@ static void decode(const uint8_t *rgba, uint32_t count, float *const color[4])
         green[i] = 0.5f * g - 0.25f * (r + b);
         alpha[i] = a;
     }
+    return all >> 24 == 255;
 }
 
 static void repeat_ends(float *row, uint32_t count)
@@ -36,7 +39,7 @@ static void repeat_ends(float *row, uint32_t count)
 void hg_temporal_line_fill(
     const struct hg_temporal_picture *p, uint32_t y, struct hg_temporal_line *line)
 {
-    decode(p->rgba + 4 * (size_t)y * p->width, p->width, line->color);
+    line->opaque = decode(p->rgba + 4 * (size_t)y * p->width, p->width, line->color);
     for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++)
         repeat_ends(line->color[c], p->width);
     float *const motion[4] = {
@@ -77,22 +80,26 @@ static void sum_along(const float *restrict sum, const float *restrict squares, 
     }
 }
 
-// The nearer of what stands in `to` and in `other`, of count.
+// The nearest of three per sample, the middle one first among equals; `from`, of count.
 HG_SIMD_LOOP
-static void take_nearer(const struct hg_temporal_motion_row *other, int64_t offset, uint32_t count,
+static void take_nearest(const struct hg_temporal_motion_row from[3], uint32_t count,
     const struct hg_temporal_motion_row *to)
 {
-    const float *restrict depth = other->depth + offset, *restrict x = other->x + offset;
-    const float *restrict y = other->y + offset, *restrict expect = other->expect + offset;
-    float *restrict to_depth = to->depth, *restrict to_x = to->x, *restrict to_y = to->y;
-    float *restrict to_expect = to->expect;
-    for (uint32_t i = 0; i < count; i++) {
-        const float near = depth[i], old = to_depth[i], nx = x[i], ny = y[i], ne = expect[i];
-        const float ox = to_x[i], oy = to_y[i], oe = to_expect[i];
-        to_x[i] = near > old ? nx : ox;
-        to_y[i] = near > old ? ny : oy;
-        to_expect[i] = near > old ? ne : oe;
-        to_depth[i] = near > old ? near : old;
+    for (uint32_t i = 0; i < count; i += HG_LANES) {
+        const hg_lanes a = HG_LANES_AT(from[0].depth, i), b = HG_LANES_AT(from[2].depth, i);
+        const hg_lanes middle = HG_LANES_AT(from[1].depth, i);
+        const hg_lanes_int first = a > middle;
+        const hg_lanes nearer = HG_LANES_PICK(first, a, middle);
+        const hg_lanes_int last = b > nearer;
+        const float *const rows[3][3] = {{from[0].x, from[1].x, from[2].x},
+            {from[0].y, from[1].y, from[2].y}, {from[0].expect, from[1].expect, from[2].expect}};
+        float *const out[3] = {to->x, to->y, to->expect};
+        for (int k = 0; k < 3; k++) {
+            const hg_lanes two =
+                HG_LANES_PICK(first, HG_LANES_AT(rows[k][0], i), HG_LANES_AT(rows[k][1], i));
+            HG_LANES_PUT(out[k], i, HG_LANES_PICK(last, HG_LANES_AT(rows[k][2], i), two));
+        }
+        HG_LANES_PUT(to->depth, i, HG_LANES_PICK(last, b, nearer));
     }
 }
 
@@ -102,27 +109,16 @@ static struct hg_temporal_motion_row shifted(const struct hg_temporal_motion_row
         row->x + by, row->y + by, row->expect + by, row->depth + by};
 }
 
-static void copy_motion(const struct hg_temporal_motion_row *from, uint32_t count,
-    const struct hg_temporal_motion_row *to)
-{
-    memcpy(to->x, from->x, count * sizeof *to->x);
-    memcpy(to->y, from->y, count * sizeof *to->y);
-    memcpy(to->expect, from->expect, count * sizeof *to->expect);
-    memcpy(to->depth, from->depth, count * sizeof *to->depth);
-}
-
 // The nearest of 3x3, the middle one first among equals. `spare`: the nearest of columns.
 static void find_nearest(const struct hg_temporal_line *const lines[3], uint32_t samples,
     const struct hg_temporal_motion_row *spare, const struct hg_temporal_motion_row *out)
 {
     const struct hg_temporal_motion_row wide = shifted(spare, -1);
-    const struct hg_temporal_motion_row middle = shifted(&lines[1]->motion, -1);
-    copy_motion(&middle, samples + 2, &wide);
-    take_nearer(&lines[0]->motion, -1, samples + 2, &wide);
-    take_nearer(&lines[2]->motion, -1, samples + 2, &wide);
-    copy_motion(spare, samples, out);
-    take_nearer(spare, -1, samples, out);
-    take_nearer(spare, 1, samples, out);
+    const struct hg_temporal_motion_row columns[3] = {shifted(&lines[0]->motion, -1),
+        shifted(&lines[1]->motion, -1), shifted(&lines[2]->motion, -1)};
+    const struct hg_temporal_motion_row along[3] = {wide, *spare, shifted(spare, 1)};
+    take_nearest(columns, samples + 2, &wide);
+    take_nearest(along, samples, out);
 }
 
 HG_SIMD_LOOP
@@ -138,7 +134,9 @@ void hg_temporal_about_fill(const struct hg_temporal_line *const lines[3], const
 {
     // The rows of the motion are not filled yet: room for the sums.
     float *const sum = s->motion.x, *const squares = s->motion.y;
-    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++) {
+    const bool opaque = lines[0]->opaque && lines[1]->opaque && lines[2]->opaque;
+    s->channels = opaque ? HG_TEMPORAL_CHANNELS - 1 : HG_TEMPORAL_CHANNELS;
+    for (int c = 0; c < s->channels; c++) {
         const float *const rows[3] = {lines[0]->color[c], lines[1]->color[c], lines[2]->color[c]};
         sum_columns(rows, weight, samples, s->color[c], sum, squares);
         sum_along(sum, squares, samples, s->mean[c], s->deviation[c]);
@@ -147,6 +145,25 @@ void hg_temporal_about_fill(const struct hg_temporal_line *const lines[3], const
         s->spare[0], s->spare[1], s->spare[2], s->spare[3]};
     find_nearest(lines, samples, &spare, &s->motion);
     subtract(s->motion.depth, lines[1]->motion.depth, samples, s->slope);
+}
+
+HG_SIMD_LOOP
+static void weigh_columns(
+    const float *const row[3], const float weight[3], uint32_t samples, float *restrict color)
+{
+    const float *restrict a = row[0], *restrict b = row[1], *restrict c = row[2];
+    const float wa = weight[0], wb = weight[1], wc = weight[2];
+    for (uint32_t i = 0; i < samples; i++)
+        color[i] = wa * a[i] + wb * b[i] + wc * c[i];
+}
+
+void hg_temporal_about_weigh(const struct hg_temporal_line *const lines[3], const float weight[3],
+    uint32_t samples, struct hg_temporal_about *about)
+{
+    for (int c = 0; c < about->channels; c++) {
+        const float *const rows[3] = {lines[0]->color[c], lines[1]->color[c], lines[2]->color[c]};
+        weigh_columns(rows, weight, samples, about->color[c]);
+    }
 }
 
 // --- along the row -------------------------------------------------------------------------------
@@ -163,7 +180,7 @@ static void blur(
 void hg_temporal_about_blur(
     struct hg_temporal_about *about, const float weight[3], uint32_t samples)
 {
-    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++) {
+    for (int c = 0; c < about->channels; c++) {
         blur(about->color[c], weight, samples, about->spare[0]);
         memcpy(about->color[c], about->spare[0], samples * sizeof(float));
     }
@@ -190,10 +207,15 @@ static void expand_weighed(
 }
 
 void hg_temporal_about_expand(const struct hg_temporal_about *s,
-    const struct hg_temporal_taps *columns, uint32_t pixels, struct hg_temporal_about *out)
+    const struct hg_temporal_taps *columns, uint32_t pixels, bool all,
+    struct hg_temporal_about *out)
 {
-    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++) {
+    out->channels = s->channels;
+    for (int c = 0; c < s->channels; c++)
         expand_weighed(s->color[c], columns, pixels, out->color[c]);
+    if (!all)
+        return;
+    for (int c = 0; c < s->channels; c++) {
         expand(s->mean[c], columns->first, pixels, out->mean[c]);
         expand(s->deviation[c], columns->first, pixels, out->deviation[c]);
     }

@@ -13,12 +13,14 @@ enum { HG_TEMPORAL_CHANNELS = 4 };
 
 // One row of samples, with one more at each end.
 struct hg_temporal_line {
+    bool opaque; // alpha is 1 everywhere
     float *color[HG_TEMPORAL_CHANNELS];
     struct hg_temporal_motion_row motion;
 };
 
 // What 3x3 samples say for a row of pixels.
 struct hg_temporal_about {
+    int channels; // that differ: all, or all but alpha, which is 1; of the arrays below
     float *color[HG_TEMPORAL_CHANNELS]; // by the window
     float *mean[HG_TEMPORAL_CHANNELS], *deviation[HG_TEMPORAL_CHANNELS];
     struct hg_temporal_motion_row motion; // of the nearest sample; depth: its own
@@ -34,10 +36,15 @@ void hg_temporal_line_fill(
 // only.
 void hg_temporal_about_fill(const struct hg_temporal_line *const lines[3], const float weight[3],
     uint32_t samples, struct hg_temporal_about *out);
-// Then colours along the row, where pixels are samples; or all of it for pixels that are not.
+// Other weights for the same lines.
+void hg_temporal_about_weigh(const struct hg_temporal_line *const lines[3], const float weight[3],
+    uint32_t samples, struct hg_temporal_about *about);
+// Then colours along the row, where pixels are samples; or for pixels that are not: colours, and
+// all of it unless only weights are others.
 void hg_temporal_about_blur(
     struct hg_temporal_about *about, const float weight[3], uint32_t samples);
 void hg_temporal_about_expand(const struct hg_temporal_about *samples,
-    const struct hg_temporal_taps *columns, uint32_t pixels, struct hg_temporal_about *out);
+    const struct hg_temporal_taps *columns, uint32_t pixels, bool all,
+    struct hg_temporal_about *out);
 
 #endif

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/temporal/lanes.h"
 #include "renderer/temporal/mix.h"
 #include "renderer/temporal/smooth.h"
 
@@ -20,6 +21,7 @@ struct scratch {
     _Atomic bool taken;
     struct hg_temporal_line lines[3]; // row y in y % 3
     struct hg_temporal_about samples, pixels;
+    uint32_t middle; // row that `samples` is about
     struct hg_temporal_found found;
 };
 
@@ -44,7 +46,7 @@ static bool make_taps(struct hg_temporal_taps *taps, uint32_t pixels)
 {
     taps->first = hg_calloc(pixels, sizeof *taps->first);
     taps->weight = hg_calloc(3 * (size_t)pixels, sizeof *taps->weight);
-    taps->trust = hg_calloc(pixels, sizeof *taps->trust);
+    taps->trust = hg_calloc((size_t)pixels + HG_LANES, sizeof *taps->trust); // read in eights
     return taps->first != NULL && taps->weight != NULL && taps->trust != NULL;
 }
 
@@ -213,11 +215,17 @@ static void fill_about(const struct job *j, struct scratch *s, uint32_t y, uint3
         t->rows.weight[y], t->rows.weight[t->height + y], t->rows.weight[2 * t->height + y]};
     if (*have < above)
         *have = above;
-    for (; *have <= below; ++*have)
-        fill_line(j, s, *have);
     const struct hg_temporal_line *const lines[3] = {
         &s->lines[above % 3], &s->lines[middle % 3], &s->lines[below % 3]};
-    hg_temporal_about_fill(lines, weight, j->picture->width, &s->samples);
+    // Rows of the output between the same samples differ in their weights.
+    const bool all = is_whole(j) || *have != below + 1 || middle != s->middle;
+    for (; *have <= below; ++*have)
+        fill_line(j, s, *have);
+    if (all)
+        hg_temporal_about_fill(lines, weight, j->picture->width, &s->samples);
+    else
+        hg_temporal_about_weigh(lines, weight, j->picture->width, &s->samples);
+    s->middle = middle;
     if (is_whole(j)) {
         const uint32_t centre = t->width / 2; // all columns have the same weights
         const float along[3] = {t->columns.weight[centre], t->columns.weight[t->width + centre],
@@ -228,7 +236,7 @@ static void fill_about(const struct job *j, struct scratch *s, uint32_t y, uint3
             s->samples.color[c][-1] = s->samples.color[c][0];
             s->samples.color[c][j->picture->width] = s->samples.color[c][j->picture->width - 1];
         }
-        hg_temporal_about_expand(&s->samples, &t->columns, t->width, &s->pixels);
+        hg_temporal_about_expand(&s->samples, &t->columns, t->width, all, &s->pixels);
     }
 }
 
@@ -262,11 +270,25 @@ static void show_history(const float *weight, uint32_t width, uint8_t *rgba)
     }
 }
 
-static void smooth_row(const struct job *j, const float *weight, uint32_t y, uint8_t *rgba)
+static bool lacks_any(const float *weight, uint32_t width)
+{
+    bool lacks = false;
+    for (uint32_t x = 0; x < width; x++)
+        lacks |= !(weight[x] > 0.0f);
+    return lacks;
+}
+
+static void smooth_row(
+    const struct job *j, struct scratch *s, const float *weight, uint32_t y, uint8_t *rgba)
 {
     const uint32_t size[2] = {j->t->width, j->t->height};
+    // Rows that are free by now; that of colours has four times the width.
+    int32_t *marks = s->found.nearest, *rows = (int32_t *)(void *)s->found.color;
+    if (!lacks_any(weight, size[0]))
+        return;
+    hg_temporal_smooth_mark(j->picture->rgba, size, y, rows, marks);
     for (uint32_t x = 0; x < size[0]; x++)
-        if (!(weight[x] > 0.0f))
+        if (marks[x] && !(weight[x] > 0.0f))
             hg_temporal_smooth(j->picture->rgba, size, x, y, rgba + 4 * x);
 }
 
@@ -286,7 +308,7 @@ static void resolve_row(const struct job *j, struct scratch *s, uint32_t y)
         hg_temporal_look_up(was, size, y, about, &s->found);
     else
         memset(s->found.weight, 0, t->width * sizeof *s->found.weight);
-    float *had = s->found.part_x; // free by now
+    float *had = (float *)s->found.texel; // free by now
     memcpy(had, s->found.weight, t->width * sizeof *had);
     const struct hg_temporal_trust trust = {t->rows.trust[y], t->columns.trust};
     hg_temporal_mix(about, &s->found, &trust, t->width, &to, rgba);
@@ -296,7 +318,7 @@ static void resolve_row(const struct job *j, struct scratch *s, uint32_t y)
     else if (j->show == HG_TEMPORAL_HISTORY)
         show_history(had, t->width, rgba);
     else if (is_whole(j))
-        smooth_row(j, had, y, rgba);
+        smooth_row(j, s, had, y, rgba);
 }
 
 // One that no other band uses; what is in it does not matter.

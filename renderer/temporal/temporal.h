@@ -21,7 +21,13 @@
 #include "base/status.h"
 
 #define HG_TEMPORAL_MOST_MATRICES 65534
-#define HG_TEMPORAL_DEFORMED      65535 // of `matrix_of_draw`: it has no history
+#define HG_TEMPORAL_DEFORMED      65535 // of `matrix_of_draw`: posed vertices, or new
+
+// Where posed surfaces were, of a rectangle of samples. Zeroed: not known.
+struct hg_temporal_posed {
+    uint32_t x, y, width, height;
+    const float (*was)[3]; // [height][width] NDC of the picture before: x, y, depth < 0: not known
+};
 
 // One picture of [height][width] samples; all is borrowed.
 struct hg_temporal_picture {
@@ -32,6 +38,7 @@ struct hg_temporal_picture {
     const uint32_t *ids;    // [height][width][2] draw + 1, not used; NULL: nothing moved by itself
     const uint16_t *matrix_of_draw; // [draw_count] index into to_previous, HG_TEMPORAL_DEFORMED
     uint32_t draw_count;
+    struct hg_temporal_posed posed; // of draws that are HG_TEMPORAL_DEFORMED
     // NDC of a sample (x, y down, depth, 1) to clip space of the picture before, column-major. The
     // first is that of what stands still and of the background.
     const double (*to_previous)[16];

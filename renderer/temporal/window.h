@@ -12,7 +12,7 @@ float hg_temporal_window(float x);
 struct hg_temporal_taps {
     uint32_t *first; // [pixels] number of the first of the three, plus 1: -1 .. samples
     float *weight;   // [3][pixels], sum 1
-    float *trust;    // [pixels] how near the nearest sample lies: 1 = in the centre
+    float *trust;    // [pixels + HG_LANES] how near the nearest sample lies: 1 = in the centre
 };
 void hg_temporal_taps_fill(
     struct hg_temporal_taps *taps, uint32_t pixels, uint32_t samples, float jitter);

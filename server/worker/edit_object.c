@@ -350,6 +350,28 @@ void hg_handle_node_set(const struct request *r)
 
 // ---- lights and cameras -------------------------------------------------------------------------
 
+static void set_light_shape(struct hg_light *light, const struct hgp_light_set *m)
+{
+    static const int kinds[] = {
+        [HGP_light_kind_DIRECTIONAL] = HG_LIGHT_DIRECTIONAL,
+        [HGP_light_kind_POINT] = HG_LIGHT_POINT,
+        [HGP_light_kind_SPOT] = HG_LIGHT_SPOT,
+        [HGP_light_kind_RECTANGLE] = HG_LIGHT_RECTANGLE,
+        [HGP_light_kind_DISC] = HG_LIGHT_DISC,
+        [HGP_light_kind_TUBE] = HG_LIGHT_TUBE,
+    };
+    if (m->has_kind)
+        light->kind = kinds[m->kind];
+    if (m->has_radius)
+        light->radius = m->radius;
+    if (m->has_width)
+        light->width = m->width;
+    if (m->has_height)
+        light->height = m->height;
+    if (m->has_angular_diameter_rad)
+        light->angular_diameter_rad = m->angular_diameter_rad;
+}
+
 void hg_handle_light_set(const struct request *r)
 {
     const struct hgp_light_set *m = &r->message->light_set;
@@ -368,13 +390,18 @@ void hg_handle_light_set(const struct request *r)
         unmake(r, HG_OBJECT_LIGHT, object, was_there);
         return;
     }
-    static const int kinds[] = {
-        [HGP_light_kind_DIRECTIONAL] = HG_LIGHT_DIRECTIONAL,
-        [HGP_light_kind_POINT] = HG_LIGHT_POINT,
-        [HGP_light_kind_SPOT] = HG_LIGHT_SPOT,
-    };
-    if (m->has_kind)
-        light->kind = kinds[m->kind];
+    struct hg_light shaped = *light;
+    set_light_shape(&shaped, m);
+    const char *missing;
+    if (!hg_light_has_size(&shaped, &missing)) {
+        struct hg_error err = {0};
+        hg_error_set(
+            &err, HG_E_INVAL, "light_set", missing, "must be above 0 for lights of this kind");
+        hg_reply_error(r->to, &err);
+        unmake(r, HG_OBJECT_LIGHT, object, was_there);
+        return;
+    }
+    set_light_shape(light, m);
     if (m->has_color)
         memcpy(light->color, m->color, sizeof light->color);
     if (m->has_intensity)

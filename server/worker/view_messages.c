@@ -28,6 +28,8 @@ static enum hg_status next_params(const struct request *r, const struct view_slo
     *params = view ? view->settings.params : (struct hg_view_params){0};
     hg_view_params_apply(params, m);
     choose_exposure(m, view, params);
+    if (!view && !m->has_gi)
+        params->gi = HG_GI_AUTO;
     return m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
                          : HG_OK;
 }

@@ -95,6 +95,7 @@ hg_emitter_sample hg_emitter_nothing()
 #include "lib/emitters_dice.glsl"
 #include "lib/emitters_tree.glsl"
 #include "lib/emitters_triangles.glsl"
+#include "lib/emitters_shapes.glsl"
 #include "lib/emitters_punctual.glsl"
 #include "lib/emitters_environment.glsl"
 
@@ -132,7 +133,7 @@ hg_emitter_sample hg_emitter_pick(vec3 position_ws, vec3 normal_ws, vec3 u)
         return hg_emitter_pick_environment(shares.z, normal_ws, u.yz);
     if (HG_EMITTER_MAY(HG_EMITTER_KIND_SUN) && !HG_EMITTER_APART && shares.y > 0.0 &&
         (shares.x <= 0.0 || hg_emitter_throw(dice, shares.y / others)))
-        return hg_emitter_pick_sun(shares.y, position_ws, normal_ws, dice);
+        return hg_emitter_pick_sun(shares.y, position_ws, normal_ws, dice, u.yz);
     if (!HG_EMITTER_MAY(HG_EMITTER_KIND_TREE))
         return hg_emitter_nothing();
     float chance;
@@ -141,16 +142,38 @@ hg_emitter_sample hg_emitter_pick(vec3 position_ws, vec3 normal_ws, vec3 u)
         return hg_emitter_nothing();
     hg_gpu_emitter_leaf leaf = HG_EMITTERS.leaves.v[found];
     if ((leaf.count & HG_EMITTER_IS_LIGHT) != 0u)
-        return hg_emitter_delta(leaf.draw, chance * shares.x, position_ws);
+        return hg_emitter_light(leaf.draw, chance * shares.x, position_ws, u.yz);
     return hg_emitter_pick_triangle(leaf, chance * shares.x, position_ws, dice.u, u.yz);
 }
 
 // A directional light, besides what hg_emitter_pick chooses.
-hg_emitter_sample hg_emitter_pick_apart(vec3 position_ws, vec3 normal_ws, float u)
+hg_emitter_sample hg_emitter_pick_apart(vec3 position_ws, vec3 normal_ws, vec3 u)
 {
     if (!HG_EMITTER_APART || hg_emitter_suns(normal_ws) <= 0.0)
         return hg_emitter_nothing();
-    return hg_emitter_pick_sun(1.0, position_ws, normal_ws, hg_emitter_dice_of(u, position_ws));
+    return hg_emitter_pick_sun(
+        1.0, position_ws, normal_ws, hg_emitter_dice_of(u.x, position_ws), u.yz);
+}
+
+// Density with which a directional light with a size would have been chosen, by hg_emitter_pick_apart
+// where they are chosen apart.
+float hg_emitter_pdf_sun(vec3 position_ws, vec3 normal_ws, uint index, hg_gpu_light light)
+{
+    float share = HG_EMITTER_APART ? 1.0 : hg_emitter_shares(position_ws, normal_ws).y;
+    return share * hg_emitter_sun_chance(index, normal_ws) *
+        hg_shape_pdf(light, position_ws, hg_shape_hit(HG_EMITTER_FAR, 1.0));
+}
+
+// The same of a light with a size and a place; index: among the lights of the tree.
+float hg_emitter_pdf_lamp(
+    vec3 position_ws, vec3 normal_ws, uint index, hg_gpu_light light, hg_shape_hit hit)
+{
+    uint trail = HG_EMITTERS.trails.v[HG_EMITTERS.first_lamp_leaf + index];
+    if (trail == HG_EMITTER_NONE)
+        return 0.0;
+    float pdf = hg_shape_pdf(light, position_ws, hit);
+    return pdf <= 0.0 ? 0.0 : pdf * hg_emitter_shares(position_ws, normal_ws).x *
+            hg_emitter_leaf_chance(trail, position_ws, normal_ws);
 }
 
 // Density with which hg_emitter_pick would have chosen a point of a triangle. What the point's

@@ -1,12 +1,15 @@
-// emitters_punctual.glsl - lights without area, the directional ones among them. Part of
+// emitters_punctual.glsl - lights of the scene, the directional ones among them. Part of
 // lib/emitters.glsl.
 #ifndef HG_LIB_EMITTERS_PUNCTUAL_GLSL
 #define HG_LIB_EMITTERS_PUNCTUAL_GLSL
 
-hg_emitter_sample hg_emitter_delta(uint index, float chance, vec3 position_ws)
+// u: where on lights with a size.
+hg_emitter_sample hg_emitter_light(uint index, float chance, vec3 position_ws, vec2 u)
 {
     hg_emitter_sample s = hg_emitter_nothing();
     hg_gpu_light light = HG_EMITTER_LIGHT(index);
+    if (HG_EMITTER_MAY(HG_EMITTER_KIND_SIZED) && light.radiance > 0.0)
+        return hg_emitter_shape(light, chance, position_ws, u);
     vec3 l;
     vec3 e = hg_light_illuminance(light, position_ws, l);
     s.direction = l;
@@ -44,10 +47,10 @@ float hg_emitter_suns(vec3 normal_ws)
 }
 
 hg_emitter_sample hg_emitter_pick_sun(
-    float share, vec3 position_ws, vec3 normal_ws, hg_emitter_dice dice)
+    float share, vec3 position_ws, vec3 normal_ws, hg_emitter_dice dice, vec2 u)
 {
     if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SUNS))
-        return hg_emitter_delta(0u, share, position_ws);
+        return hg_emitter_light(0u, share, position_ws, u);
     uint count = HG_EMITTERS.directional_count;
     if (count <= HG_EMITTER_SUNS) {
         float sum = hg_emitter_suns(normal_ws), at = dice.u * sum, mine = 0.0;
@@ -62,7 +65,7 @@ hg_emitter_sample hg_emitter_pick_sun(
         }
         if (chosen == HG_EMITTER_NONE)
             return hg_emitter_nothing();
-        return hg_emitter_delta(chosen, share * mine / sum, position_ws);
+        return hg_emitter_light(chosen, share * mine / sum, position_ws, u);
     }
     uint low = 0u, high = count - 1u;
     for (uint i = 0u; i < 32u && low < high; i++) {
@@ -73,7 +76,20 @@ hg_emitter_sample hg_emitter_pick_sun(
             low = middle + 1u;
     }
     float below = low == 0u ? 0.0 : HG_EMITTERS.directional.v[low - 1u];
-    return hg_emitter_delta(low, share * (HG_EMITTERS.directional.v[low] - below), position_ws);
+    return hg_emitter_light(
+        low, share * (HG_EMITTERS.directional.v[low] - below), position_ws, u);
+}
+
+// Chance with which hg_emitter_pick_sun chooses a directional light.
+float hg_emitter_sun_chance(uint index, vec3 normal_ws)
+{
+    uint count = HG_EMITTERS.directional_count;
+    if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SUNS))
+        return hg_emitter_sun(0u, normal_ws) > 0.0 ? 1.0 : 0.0;
+    if (count <= HG_EMITTER_SUNS)
+        return hg_emitter_sun(index, normal_ws) / max(hg_emitter_suns(normal_ws), 1e-30);
+    float below = index == 0u ? 0.0 : HG_EMITTERS.directional.v[index - 1u];
+    return HG_EMITTERS.directional.v[index] - below;
 }
 
 #endif

@@ -1,7 +1,7 @@
 // gathered.glsl - light that was gathered for the surfaces of a picture at rest (shared/gi.h).
 //
 // A sample looks at its own pixel, and where that pixel's middle shows another surface, at the four
-// beside it. Declare hg_gathered and include lib/probes.glsl first.
+// beside it. Declare hg_gathered and include lib/environment.glsl and lib/probes.glsl first.
 #ifndef HG_LIB_GATHERED_GLSL
 #define HG_LIB_GATHERED_GLSL
 
@@ -14,11 +14,12 @@ void hg_gathered_look(ivec2 pixel, float depth, vec3 n)
 {
     ivec2 last = ivec2(hg_frame.width, hg_frame.height) - 1;
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
-    float sum = 0.0;
+    float sum = 0.0, sky = 0.0;
     for (int i = 0; i < 5; i++) {
         ivec2 off = i == 0 ? ivec2(0) : (i & 1) == 0 ? ivec2(i - 3, 0) : ivec2(0, i - 2);
         uvec4 t = texelFetch(hg_gathered, clamp(pixel + off, ivec2(0), last), 0);
-        float deep = uintBitsToFloat(t.w), apart = (deep - depth) / (HG_GATHERED_DEPTH * depth);
+        float share = float(t.w & HG_GATHERED_SHARE_MASK) * (1.0 / float(HG_GATHERED_SHARE_MASK));
+        float deep = uintBitsToFloat(t.w & ~HG_GATHERED_SHARE_MASK), apart = (deep - depth) / (HG_GATHERED_DEPTH * depth);
         float facing = max(dot(hg_decode_normal(t.z), n), 0.0);
         facing *= facing;
         facing *= facing;
@@ -27,10 +28,13 @@ void hg_gathered_look(ivec2 pixel, float depth, vec3 n)
         w = deep > 0.0 ? w : 0.0;
         irradiance += w * hg_rgb9e5(t.x);
         radiance += w * hg_rgb9e5(t.y);
+        sky += w * share * share;
         sum += w;
     }
     float scale = 1.0 / max(sum, 1e-20);
     hg_probes_irradiance = irradiance * scale;
+    if (hg_frame.lighting.env_kind != HG_ENV_KIND_NONE)
+        hg_probes_irradiance += hg_environment_irradiance(n) * (sky * scale);
     hg_probes_surfaces = radiance * scale;
     hg_probes_sky = 0.0;
 }

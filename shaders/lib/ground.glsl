@@ -26,6 +26,8 @@ vec2 hg_ground_light(uint index, vec3 pos_ws)
     hg_gpu_light light = hg_light_at(index);
     vec3 l, n = hg_frame.ground_up;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
+    if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0)
+        e *= hg_light_lobe(light, l);
     float cosine = dot(n, l);
     float sum = hg_ground_luminance(e) * max(cosine, 0.0) * HG_INV_PI;
     if (!(sum > 0.0))

@@ -230,6 +230,31 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
     return light.color * e;
 }
 
+// Radiance of the surface of a light that has a size, as a point receives it. Cone and range go by the
+// light's middle, so that all of the surface has the same.
+vec3 hg_light_radiance(hg_gpu_light light, vec3 pos_ws)
+{
+    if (light.kind == HG_LIGHT_KIND_DIRECTIONAL)
+        return light.color * light.radiance;
+    vec3 d = light.position_ws - pos_ws, l;
+    float d2 = max(dot(d, d), 1e-8);
+    return hg_light_illuminance(light, pos_ws, l) * (d2 * light.radiance);
+}
+
+#include "lib/area_light.glsl"
+
+// Share of its greatest intensity that a light with a size has in a direction from it, -l, far away.
+float hg_light_lobe(hg_gpu_light light, vec3 l)
+{
+    if (light.kind == HG_LIGHT_KIND_RECTANGLE || light.kind == HG_LIGHT_KIND_DISC)
+        return max(-dot(l, light.direction_ws), 0.0);
+    float along = dot(l, light.axis_ws);
+    return light.kind == HG_LIGHT_KIND_TUBE ? sqrt(max(1.0 - along * along, 0.0)) : 1.0;
+}
+
+// The light of lights with a size was gathered for the surface that is shaded.
+bool hg_light_gathered = false;
+
 #ifdef HG_LIB_BSDF_GLSL
 hg_bsdf hg_light_bsdf; // what light falls on, where materials have lobes; set by the pass
 #endif
@@ -267,6 +292,28 @@ vec3 hg_light_side(hg_brdf b, vec3 n_geometric, vec3 l)
     return n_geometric;
 }
 
+// The same from a light with a size, whose middle is at l. A shadow map shows what its middle sees.
+vec3 hg_light_sized(hg_brdf b, hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
+{
+    hg_area_outline outline = hg_area_outline_of(light, pos_ws);
+    vec3 radiance = hg_light_radiance(light, pos_ws), mean, sum;
+    if (outline.center == vec3(0.0) || max(radiance.r, max(radiance.g, radiance.b)) <= 0.0)
+        return vec3(0.0);
+#ifdef HG_LIB_BSDF_GLSL
+    if (HG_HAS(HG_FEATURE_LOBES))
+        sum = hg_area_reflected_by_lobes(hg_light_bsdf, outline, mean);
+    else
+#endif
+        sum = hg_area_reflected(b, outline, mean);
+    mean = dot(mean, mean) > 0.0 ? mean : l; // all of it is behind
+    n_geometric = hg_light_side(b, n_geometric, mean);
+    if (dot(n_geometric, mean) <= 0.0)
+        return vec3(0.0);
+    if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
+        sum *= hg_shadow(light, pos_ws, n_geometric, l, false);
+    return sum * radiance;
+}
+
 // Light that arrives at a surface from one light. A surface that faces away lies in its own shadow,
 // whatever its normal map says.
 vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
@@ -274,6 +321,8 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
+    if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0)
+        return hg_light_gathered ? vec3(0.0) : hg_light_sized(b, light, pos_ws, n_geometric, l);
     if (!hg_light_reaches(b, l) || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);

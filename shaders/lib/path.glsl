@@ -170,6 +170,14 @@ void hg_path_light(uint slot, uint bounce, uint way, uint group, vec3 radiance)
     hg_path_add_plane(plane + HG_PATH_LOBE_SPECULAR, slot, radiance - diffuse);
 }
 
+// Of the environment's light that a path gathered, HG_PATH_GUIDE_OPEN_SKY or _SEEN_SKY; way as above.
+void hg_path_add_sky(uint channel, uint slot, uint way, vec3 radiance)
+{
+    vec3 share = hg_path_get3(hg_path.split + 3u * way, slot);
+    if (share.x >= 0.0)
+        hg_path_add_guide(channel, slot, radiance * share);
+}
+
 uint hg_path_mark(uint draw)
 {
     return HG_PATH_CAN(HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_PLACED) ? hg_path.draw_marks.v[draw]

@@ -1,6 +1,6 @@
 // path_gather.glsl - paths that gather light for a real-time picture (HG_PATH_GATHERS).
 //
-// Define struct path and vec3 clamped(vec3 radiance, uint bounce) first; include lib/path.glsl, lib/probes.glsl,
+// Define struct path, CANDIDATES, clamped and weight_found first; include lib/path.glsl, lib/probes.glsl,
 // lib/emitters.glsl and lib/path_features.glsl.
 #ifndef HG_LIB_PATH_GATHER_GLSL
 #define HG_LIB_PATH_GATHER_GLSL
@@ -11,12 +11,14 @@ bool hg_gather_is_sky_sun(vec3 direction_ws)
     return dot(direction_ws, hg_path.gather.sun_ws) > hg_path.gather.sun_cos;
 }
 
-// Of a gathering path: light that real-time pictures draw themselves at the first surface, and that the
-// field of probes does not hold.
-bool hg_gather_is_drawn(hg_emitter_sample e)
+// Of a gathering path: light that real-time pictures draw themselves at the first surface, or that the
+// field of probes holds where the path ends.
+// Lights with a size are not among what is drawn, nor does the field hold them.
+bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
 {
-    return e.group == HG_EMITTER_GROUP_PUNCTUAL ||
-        (e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction));
+    bool sun = e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction);
+    bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
+    return ends ? !(sun || lamp) : bounce == 0u && (sun || (lamp && e.delta));
 }
 
 // What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and
@@ -41,6 +43,32 @@ bool hg_gather_ends(path p, float t)
     uvec2 pixel = hg_path_pixel(p.slot);
     uint least = 1u + ((hg_path_sample(p.slot) >> 1u) + pixel.x + pixel.y & 1u);
     return p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u && t >= hg_path.gather.reach;
+}
+
+// What the environment would send along the ray to the surface that it left, had it met nothing.
+vec3 hg_gather_behind(path p)
+{
+    vec3 d = p.ray.direction_ws;
+    if (hg_gather_is_sky_sun(d))
+        return vec3(0.0);
+    float other = hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d);
+    return clamped(p.throughput * hg_emitter_environment(d) * weight_found(p, other, CANDIDATES), p.bounce);
+}
+
+// The first ray that left a first surface met nothing.
+void hg_gather_saw_sky(path p, vec3 light)
+{
+    hg_path_add_sky(HG_PATH_GUIDE_OPEN_SKY, p.slot, 0u, light);
+    hg_path_add_sky(HG_PATH_GUIDE_SEEN_SKY, p.slot, 0u, light);
+}
+
+// The first surface has a shadow ray to a light: what may stop it is not known yet.
+void hg_gather_asked(inout path p, hg_emitter_sample e)
+{
+    if (e.group != HG_EMITTER_GROUP_ENVIRONMENT)
+        return;
+    p.flags |= HG_PATH_ASKS_SKY;
+    hg_path_add_sky(HG_PATH_GUIDE_OPEN_SKY, p.slot, 1u, hg_path_get3(HG_PATH_PENDING, p.slot));
 }
 
 // The light of the field of probes on a surface ends the path.

@@ -178,6 +178,7 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     bool thin = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
     if (HG_HAS2(HG_FEATURE2_GATHERED) && !thin) {
         hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.base.n);
+        hg_light_gathered = true;
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.base.n);
@@ -234,6 +235,7 @@ vec4 surface(uvec2 id, out float depth)
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
     if (HG_HAS2(HG_FEATURE2_GATHERED)) {
         hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.n);
+        hg_light_gathered = true;
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.n);

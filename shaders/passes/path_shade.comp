@@ -43,6 +43,8 @@ hg_gpu_light light_at(uint index)
         if (before.direction_ws != light.direction_ws)
             light.direction_ws =
                 normalize(HG_PATH_BETWEEN(before.direction_ws, light.direction_ws));
+        if (HG_PATH_CAN(HG_EMITTER_KIND_SIZED) && before.axis_ws != light.axis_ws)
+            light.axis_ws = normalize(HG_PATH_BETWEEN(before.axis_ws, light.axis_ws));
     }
     return light;
 }
@@ -87,14 +89,14 @@ float mis(float pdf, float other)
 }
 
 // Weight of light that the path ran into, which lights would have been sampled for with `other`.
-float weight_found(path p, float other)
+float weight_found(path p, float other, uint candidates)
 {
     if (p.pdf <= 0.0) // the only way
         return 1.0;
     if ((hg_path.estimators & HG_PATH_USE_SURFACES) == 0u)
         return other > 0.0 ? 0.0 : 1.0;
     bool both = (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u;
-    return both ? mis(p.pdf, float(CANDIDATES) * other) : 1.0;
+    return both ? mis(p.pdf, float(candidates) * other) : 1.0;
 }
 
 vec3 clamped(vec3 radiance, uint bounce)
@@ -104,52 +106,7 @@ vec3 clamped(vec3 radiance, uint bounce)
     return hg_path_finite(above ? radiance * (hg_path.clamp_indirect / (hg_path_branches() * most)) : radiance);
 }
 
-// Where a point of a triangle is at one of the block's moments; w = 1.
-vec4 position_at(uint moment, hg_gpu_hit hit)
-{
-    uint triangle = hit.primitive;
-    hg_gpu_draw d = hg_draw_at(hit.draw);
-    hg_gpu_part part = hg_path.moments[moment].scene.parts.v[d.part];
-    if (HG_HAS(HG_FEATURE_LOD) && (d.flags & HG_DRAW_LOD) != 0u) {
-        part = hg_part_list(hg_part_at(d.part).indices).v[triangle >> HG_LOD_SHIFT];
-        triangle &= (1u << HG_LOD_SHIFT) - 1u;
-    }
-    uint first = triangle * 3u;
-    vec3 p0 = part.positions.v[part.indices.v[first]];
-    vec3 p1 = part.positions.v[part.indices.v[first + 1u]];
-    vec3 p2 = part.positions.v[part.indices.v[first + 2u]];
-    mat4x3 world = hg_path.moments[moment].scene.worlds.v[d.instance];
-    return vec4(hg_world_corner(world, p0) + mat3(world) * ((p1 - p0) * hit.u + (p2 - p0) * hit.v), 1.0);
-}
-
-// Place in the picture of a point (w = 1) or a direction (w = 0), px; false: not in front.
-bool project(uint moment, vec4 at, out vec2 px)
-{
-    vec3 x = hg_path.moments[moment].ray_x_ws, y = hg_path.moments[moment].ray_y_ws;
-    vec3 from = hg_path.moments[moment].ray_origin_ws, to = at.xyz;
-    bool flat_view = hg_frame.camera.orthographic != 0u;
-    float depth = 1.0;
-    if (!flat_view) {
-        to -= at.w * hg_path.moments[moment].eye_ws;
-        depth = dot(to, hg_path.moments[moment].forward_ws);
-        to /= max(depth, 1e-30);
-    }
-    px = vec2(dot(to - from, x) / dot(x, x), dot(to - from, y) / dot(y, y));
-    return depth > 0.0 && (!flat_view || at.w > 0.0);
-}
-
-void put_motion(uint slot, vec4 before, vec4 now, vec4 after)
-{
-    uint at = hg_path_out(hg_path.planes[HG_PATH_PLANE_MOTION]);
-    vec2 a, b, c;
-    bool here = project(HG_PATH_NOW, now, b);
-    vec2 back = here && project(HG_PATH_PREVIOUS, before, a) ? a - b : vec2(0.0);
-    vec2 on = here && project(HG_PATH_NEXT, after, c) ? c - b : vec2(0.0);
-    hg_path_set(at, slot, back.x);
-    hg_path_set(at + 1u, slot, back.y);
-    hg_path_set(at + 2u, slot, on.x);
-    hg_path_set(at + 3u, slot, on.y);
-}
+#include "lib/path_motion.glsl"
 
 // What the camera sees behind everything.
 vec3 background(path p, vec3 direction)
@@ -163,9 +120,10 @@ vec3 background(path p, vec3 direction)
     if (hg_frame.camera.orthographic == 0u)
         hg_emitter_environment_lod = hg_frame.textures.background_lod;
     return hg_emitter_environment(direction) *
-        weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction));
+        weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction), CANDIDATES);
 }
 
+#include "lib/path_lights.glsl"
 #include "lib/path_features.glsl"
 #include "lib/path_gather.glsl"
 #include "lib/ground.glsl"
@@ -180,13 +138,16 @@ uint miss(path p)
         radiance = background(p, d);
     else
         radiance = hg_emitter_environment(d) *
-            weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d));
+            weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d), CANDIDATES);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
+    meet_lights(p, HG_EMITTER_FAR, p.throughput, p.media);
     if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && hg_gather_is_sky_sun(d))
         radiance = vec3(0.0);
-    hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
-        clamped(p.throughput * radiance, p.bounce));
+    vec3 light = clamped(p.throughput * radiance, p.bounce);
+    hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT, light);
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u)
+        hg_gather_saw_sky(p, light);
     if (HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u)
         hg_features_note(p.slot, hg_features_tint(p) * hg_features_light_color(radiance), HG_FEATURES_FAR, false);
     if (p.bounce == 0u && push.branch == 0u)
@@ -236,7 +197,8 @@ void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
     hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_features_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
-    hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness);
+    bool cloth = HG_PATH_CAN(HG_PATH_GATHERS) && HG_HAS(HG_FEATURE_SHEEN) && hg_max3(b.sheen) > 0.0;
+    hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness + (cloth ? HG_PATH_GUIDE_CLOTH : 0.0));
     hg_path_set(guide + HG_PATH_GUIDE_HITS, p.slot, 1.0);
 }
 
@@ -266,13 +228,15 @@ void note_split(uint slot, uint word, hg_bsdf b, vec3 l, vec3 f)
 }
 
 // Light that would arrive and be reflected, weighted. candidates: of which it is one.
-vec3 reflected(hg_bsdf b, hg_surface s, hg_emitter_sample e, uint candidates, out vec3 f)
+// ends: no path goes on that might meet it.
+vec3 reflected(hg_bsdf b, hg_surface s, hg_emitter_sample e, uint candidates, bool ends, out vec3 f)
 {
     float pdf_surface;
     f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
     float weight = 1.0;
+    bool alone = ends && e.group == HG_EMITTER_GROUP_PUNCTUAL;
     if (!e.delta)
-        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u
+        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u && !alone
                 ? mis(float(candidates) * e.pdf, pdf_surface) : 1.0) / max(e.pdf, 1e-20);
     bool any = (e.delta || e.pdf > 0.0) &&
         dot(s.geometric_normal, e.direction) * dot(s.normal, e.direction) > 0.0;
@@ -284,11 +248,11 @@ struct light_choice {
     vec3 f, light; // of the surface; what arrives and is reflected if nothing is in the way
 };
 
-light_choice candidate(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec3 u)
+light_choice candidate(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec3 u, bool ends)
 {
     light_choice c;
     c.e = hg_emitter_pick(v.position_ws, normal, u);
-    c.light = reflected(b, s, c.e, CANDIDATES, c.f);
+    c.light = reflected(b, s, c.e, CANDIDATES, ends, c.f);
     return c;
 }
 
@@ -297,12 +261,12 @@ light_choice candidate(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec3 u
 // over its own, has the right mean. Weights of the power heuristic are part of what it brings: any
 // that add up to one are right, these are those of two samples.
 // Source: Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination".
-light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec4 u)
+light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec4 u, bool ends)
 {
-    light_choice one = candidate(b, v, s, normal, u.xyz);
+    light_choice one = candidate(b, v, s, normal, u.xyz, ends);
     if (!HG_EMITTER_MAY(SEVERAL))
         return one;
-    light_choice other = candidate(b, v, s, normal, fract(u.xyz + 0.5));
+    light_choice other = candidate(b, v, s, normal, fract(u.xyz + 0.5), ends);
     float first = hg_emitter_luminance(one.light), second = hg_emitter_luminance(other.light);
     float sum = first + second, mine = first;
     if (u.w * sum >= first) {
@@ -441,7 +405,7 @@ float catch_light(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, bool s
 
 // A shadow catcher in front of the background, which shows as far as light arrives: rays to lights
 // tell, as they do for a white surface.
-uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, float u)
+uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, vec3 u)
 {
     vec3 behind = background(p, p.ray.direction_ws) * p.throughput;
     if (hg_texture_coarser != 0u)
@@ -513,7 +477,7 @@ uint ground(inout path p, uvec2 pixel)
     hg_sampler points = hg_path_step_sampler(pixel, hg_path_number(p.slot));
     points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
     vec4 u = hg_sobol4(points);
-    return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, s.normal, u.xyz), u.x);
+    return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, s.normal, u.xyz), u.xyz);
 }
 
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
@@ -552,6 +516,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (HG_PATH_CAN(HG_PATH_SURFACES))
         return see(p, v, s, hit);
+    vec3 behind_it = HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u ? hg_gather_behind(p) : vec3(0.0);
+    vec3 arriving = p.throughput;
+    uvec2 around = p.media;
     vec3 medium = hg_bsdf_attenuation(hg_media_attenuation(p.media), hit.t);
     p.throughput *= medium;
     // Lights count on the side of the normal, or on both; as stored, so that both ways agree.
@@ -564,25 +531,29 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     uint channel = disperse(p, s, pixel, number);
     float outside = hg_media_outside(p.media, v.material, s.front, s.ior, channel);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
-    light_choice light = choose_light(b, v, s, side, ua);
+    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && !HG_PATH_CAN(HG_PATH_FIRST) && hg_gather_ends(p, hit.t);
+    light_choice light = choose_light(b, v, s, side, ua, ends);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u)
+        hg_path_add_sky(HG_PATH_GUIDE_OPEN_SKY, p.slot, 0u, behind_it);
 
     if (HG_PATH_CAN(HG_PATH_CATCHER) && p.bounce == 0u &&
         (hg_path_mark(hit.draw) & HG_PATH_MARK_CATCHER) != 0u) {
         p.throughput = throughput;
-        return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, side, ua.xyz), ua.x);
+        return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, side, ua.xyz), ua.xyz);
     }
     if ((p.flags & HG_PATH_SEEN) == 0u)
         note_seen(p, v, s, hit);
     p.flags |= HG_PATH_SEEN;
+    meet_lights(p, hit.t, arriving, around);
     float other = 0.0;
     if (HG_HAS(HG_FEATURE_EMITS))
         other = hg_emitter_pdf_triangle(p.ray.origin_ws, p.normal, hit.draw, hit.primitive,
             v.position_ws, v.geometric_ws);
     // Rays to lights know of no coats: one counts where they are not the other way.
     vec3 emitted = p.pdf > 0.0 || s.unlit ? s.emissive : hg_surface_emission(s, -p.ray.direction_ws);
-    emitted = emitted * weight_found(p, other) + (s.unlit ? s.base_color : vec3(0.0));
+    emitted = emitted * weight_found(p, other, CANDIDATES) + (s.unlit ? s.base_color : vec3(0.0));
     if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
         hg_path_light(p.slot, p.bounce, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
             clamped(throughput * emitted, p.bounce));
@@ -595,16 +566,17 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (p.bounce == 0u && push.branch == 0u && HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
         note_guide(p, b, v, s);
-    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && !HG_PATH_CAN(HG_PATH_FIRST) && hg_gather_ends(p, hit.t);
-    if (HG_PATH_CAN(HG_PATH_GATHERS) && (p.bounce == 0u || ends) && hg_gather_is_drawn(light.e) != ends)
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_leaves_out(light.e, p.bounce, ends))
         light.light = vec3(0.0);
     uint status = HG_PATH_DONE;
-    if (ask_light(p, b, v, s, light, false))
-        status |= HG_PATH_SHADOW;
+    bool asks = ask_light(p, b, v, s, light, false);
+    status |= asks ? HG_PATH_SHADOW : 0u;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u && asks)
+        hg_gather_asked(p, light.e);
     if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
-        light.e = hg_emitter_pick_apart(v.position_ws, side, ua.x);
-        light.light = reflected(b, s, light.e, 1u, light.f);
-        if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u)
+        light.e = hg_emitter_pick_apart(v.position_ws, side, ua.xyz);
+        light.light = reflected(b, s, light.e, 1u, ends, light.f);
+        if (HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_leaves_out(light.e, p.bounce, ends))
             light.light = vec3(0.0);
         if (ask_light(p, b, v, s, light, true))
             status |= HG_PATH_SUN;

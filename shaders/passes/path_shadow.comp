@@ -75,6 +75,8 @@ void arrive(uint slot, vec3 light)
         group = bitfieldExtract(floatBitsToUint(hg_path_get(hg_path.split + HG_PATH_SPLIT_GROUPS, slot)),
             push.second != 0u ? 8 : 0, 8);
     hg_path_light(slot, bounce, 1u + push.second, group, light);
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && bounce == 1u && push.second == 0u && (flags & HG_PATH_ASKS_SKY) != 0u)
+        hg_path_add_sky(HG_PATH_GUIDE_SEEN_SKY, slot, 1u, light);
 }
 
 void main()

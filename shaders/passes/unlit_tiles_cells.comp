@@ -168,7 +168,7 @@ bool is_dark(uvec2 cell)
         hg_gpu_light light = hg_light_at(i);
         if (light.kind != HG_LIGHT_KIND_DIRECTIONAL)
             hidden = hidden && out_of_range(light, p);
-        else if (light.shadow != HG_SHADOW_NONE)
+        else if (light.shadow != HG_SHADOW_NONE && light.radiance <= 0.0)
             hidden = hidden && hides_sun(light, p);
         else
             hidden = false;

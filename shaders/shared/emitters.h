@@ -28,7 +28,8 @@
 #define HG_EMITTER_KIND_SUNS  0x040000u // more than one of them
 #define HG_EMITTER_KIND_IMAGE 0x080000u // an environment with an image
 #define HG_EMITTER_KIND_PLAIN 0x100000u // an environment without one
-#define HG_EMITTER_KIND_ALL   0x1f0000u
+#define HG_EMITTER_KIND_SIZED 0x4000000u // lights with a size
+#define HG_EMITTER_KIND_ALL   0x41f0000u
 
 // Bounds of the light that leaves a set of emitters: it starts in the box, within theta_e of normals
 // that lie within theta_o of the axis, and ends at the range.
@@ -102,7 +103,13 @@ struct hg_gpu_emitters {
     HG_UINT environment_kind;               // HG_ENV_KIND_*, NONE also when it is black
     HG_UINT environment_levels;             // the finest grid is (2 << levels) x (1 << levels)
     float environment_mean;                 // luminance per unit of hg_gpu_lighting.env_color
+    HG_PTR(hg_light_node_list) lamp_nodes;  // [lamp_node_count] tree over the lights with a size and a
+                                            // place, that rays may meet; its leaves: their numbers among
+                                            // lights with a place
+    HG_UINT lamp_node_count, first_lamp_leaf; // leaf of the first light that has a place
+    HG_UINT sized_suns;                     // directional lights with a size
+    HG_UINT reserved;
 };
-HG_SHARED_SIZE(hg_gpu_emitters, 112);
+HG_SHARED_SIZE(hg_gpu_emitters, 136);
 
 #endif

@@ -9,8 +9,10 @@
 //
 // Gathered light, RGBA32UI at the size of the picture, of the first opaque surface about each pixel's
 // middle: light that scatters (irradiance over pi) and mean radiance under the specular lobe, both
-// RGB9E5 and without what lights and a sky's sun bring directly; the shading normal (lib/octahedral.glsl);
-// depth along the view direction in metres as a float, 0: there is no surface.
+// RGB9E5, without what lights and a sky's sun bring directly, and the former without the environment's own
+// light; the shading normal (lib/octahedral.glsl); depth along the view direction in metres as a float whose last
+// bits (HG_GATHERED_SHARE_MASK) are the square root of the share of the environment's irradiance that is seen, 0:
+// there is no surface.
 //
 // Probe light, RGBA32UI at a quarter of the picture's sides, rounded up (lib/probe_light.glsl): irradiance over pi
 // and what reflections need of surfaces, both RGB9E5; normal in twice 12 bits and the share of the environment
@@ -35,6 +37,7 @@
 // normal and towards the eye.
 #define HG_PROBE_BIAS_NORMAL 0.15f
 #define HG_PROBE_BIAS_VIEW   0.10f
+#define HG_GATHERED_SHARE_MASK 0xfffu
 #define HG_PROBE_LIGHT_PX    4 // of the picture along a side of a texel
 
 struct hg_gpu_probes {

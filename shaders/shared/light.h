@@ -9,6 +9,9 @@
 #define HG_LIGHT_KIND_DIRECTIONAL 0
 #define HG_LIGHT_KIND_POINT       1
 #define HG_LIGHT_KIND_SPOT        2
+#define HG_LIGHT_KIND_RECTANGLE   3
+#define HG_LIGHT_KIND_DISC        4
+#define HG_LIGHT_KIND_TUBE        5
 
 #define HG_SHADOW_NONE    0xffffffffu
 #define HG_SHADOW_UNASKED 0xfffffffeu // in the tables of emitters: nothing is in its light's way
@@ -90,6 +93,10 @@
             HG_BRUSHED_COSINES)
 #define HG_DFG_WORDS                                                                 \
     (HG_BRUSHED_MEANS + HG_BRUSHED_IORS * HG_BRUSHED_ROUGHS * HG_BRUSHED_STRENGTHS)
+#define HG_LTC_FIRST           HG_DFG_WORDS // renderer/light/ltc/ltc.h, by address
+#define HG_LTC_SIZE            32
+#define HG_LTC_WORDS           (2 * HG_LTC_SIZE * HG_LTC_SIZE)
+#define HG_LTC_LEAST_ROUGHNESS 0.045f // of HG_MIN_ALPHA
 #define HG_BRUSHED_MOST    4.0f  // largest ratio of the means
 #define HG_GLASS_FAR       0.5f  // largest (ior - 1) / (ior + 1) of the table
 #define HG_DISPERSION_HALF_SPREAD 0.025f // of the index less 1, per unit of KHR_materials_dispersion
@@ -99,7 +106,8 @@
 #define HG_SHEEN_MOST      4.0f // the table holds albedo over this: single scattering alone exceeds 1
 #define HG_IRRADIANCE_SIZE 60 // side of the octahedral irradiance map, without its border of one
 
-// One punctual light (KHR_lights_punctual).
+// One light (KHR_lights_punctual, and area lights). With a size it is a surface of the radiance
+// color * radiance: POINT and SPOT a sphere, DIRECTIONAL a disc at infinity.
 struct hg_gpu_light {
     HG_VEC3 position_ws;
     float inv_range_sq;   // 1 / range^2; 0 = infinite
@@ -111,8 +119,13 @@ struct hg_gpu_light {
     float spot_offset;
     HG_UINT shadow_count; // cascades: 1..HG_CASCADE_COUNT, spot 1, point and wide spot 6
     HG_UINT id;           // index of the light in its scene, for statistics
+    HG_VEC3 axis_ws;      // unit, x of its node: along the width of rectangles, and tubes
+    float radius;         // metres; DIRECTIONAL: sine of half its angular diameter
+    float half_width, half_height; // metres; TUBE: half its length is the width's
+    float radiance;       // 1 / m^2, or 1 / sr; 0: it has no size
+    float bound;          // metres from position_ws that hold all of it; DIRECTIONAL: cosine of the half angle
 };
-HG_SHARED_SIZE(hg_gpu_light, 64);
+HG_SHARED_SIZE(hg_gpu_light, 96);
 
 // One square projection in the shadow atlas. With q = (right, up, forward) . (p - origin):
 //   orthographic: xy = q.xy * scale, depth = 1 - q.z * depth_scale

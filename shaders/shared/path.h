@@ -62,6 +62,7 @@
 #define HG_PATH_CHANNEL_SHIFT 23 // 2 bits: 1 + the channel that is left since dispersion, or 0
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
 #define HG_PATH_WIDE          0x02000000u // it left a rough surface: what it meets may be shaded coarsely
+#define HG_PATH_ASKS_SKY      0x04000000u // of a gathering path: its shadow ray is for the environment
 #define HG_PATH_CATCHES           0x00080000u // its shadow ray tests the light of a shadow catcher
 #define HG_PATH_LOBE_DIFFUSE      0u
 #define HG_PATH_LOBE_SPECULAR     1u
@@ -119,6 +120,11 @@
 #define HG_PATH_GUIDE_SEEN_OWN    25 // 1 where it is that of the first surface
 #define HG_PATH_GUIDE_SEEN        26 // 1
 #define HG_PATH_GUIDE_CHANNELS    27
+// Of gathering paths, in place of what is SEEN: light of the environment that the first surface scatters, had
+// it met nothing on its way there, and as it did come there (part of DIRECT). rgb
+#define HG_PATH_GUIDE_OPEN_SKY 21
+#define HG_PATH_GUIDE_SEEN_SKY 24
+#define HG_PATH_GUIDE_CLOTH    4.0f // added to their ROUGHNESS where the surface has sheen
 
 // What the guide knows as pixels show it: sums over all samples that count for them, as the colour's.
 #define HG_PATH_SHOWN_LIGHT      0 // rgb: DIRECT, INDIRECT and SPECULAR together

@@ -15,7 +15,7 @@ for file in "$helio" "$heliod" "$worm" "$knot"; do need "$file"; done
 render() { # folder options...: twelve frames of the worm
     local folder=$1
     shift
-    ${run:-} "$helio" render "$worm" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --exposure 0 --frames 0-22:2 --fps 20 \
+    ${run:-} "$helio" render "$worm" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --exposure 0 --gi none --frames 0-22:2 --fps 20 \
         --stats "$temp/stats.json" "$@"
 }
 mkdir "$temp/once" "$temp/again"
@@ -61,7 +61,7 @@ for kind in exr jpg; do
 done
 
 # A file larger than a part of 16 MiB, on its way from the worker and to it.
-large=("$helio" render "$knot" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exposure 0 --exr float
+large=("$helio" render "$knot" -o "$temp/large.exr" --size 2560x1600 --samples 1 --exposure 0 --gi none --exr float
     --env "$models/room.hdr" --eye 0,1,8 --target 0,5,0 --skip-existing --stats "$temp/stats.json")
 expect 0 "${large[@]}"
 [ "$(stat -c %s "$temp/large.exr")" -gt $((20 << 20)) ] || fail "the large file is not large"

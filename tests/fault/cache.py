@@ -112,7 +112,7 @@ class Test:
 
     def words(self, name, scene=None, cache=None, more=()):
         words = ["render", scene or self.scene, "-o", f"{name}.png", "--stats", f"{name}.json",
-                 "--size", "256x144", "--samples", "2", "--env", "none", "--exposure", "0", *more]
+                 "--size", "256x144", "--samples", "2", "--env", "none", "--exposure", "0", "--gi", "none", *more]
         return words if cache is None else [*words, "--cache-dir", cache]
 
     def render(self, scene=None, cache=None, more=(), **how):

@@ -14,7 +14,7 @@ small=$HELIO_SMALL_DISK
 worm=$models/worm.glb
 need "$worm"
 unset MESA_SHADER_CACHE_DIR MESA_SHADER_CACHE_DISABLE
-picture() { expect 0 "$helio" render "$worm" -o "$temp/$1.png" --size 32x32 --samples 1 --env none "${@:2}"; }
+picture() { expect 0 "$helio" render "$worm" -o "$temp/$1.png" --size 32x32 --samples 1 --env none --gi none "${@:2}"; }
 picture usual
 for free in 0 8 40; do # KiB
     mount -t tmpfs -o size=64k tmpfs "$small"

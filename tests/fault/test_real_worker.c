@@ -77,6 +77,8 @@ static void build_scene(struct peer *p)
             .height = HEIGHT,
             .has_samples = true,
             .samples = SAMPLES,
+            .has_gi = true,
+            .gi = HGP_gi_NONE,
             .has_still_encoding = true,
             .still_encoding = HGP_encoding_RAW_RGBA8},
         HGP_T_ok);

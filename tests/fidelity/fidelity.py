@@ -3,7 +3,7 @@
 
 usage: fidelity.py --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
                    [--only NAME]... [--jobs N] [--spp N] [--candidate ENGINE]
-                   [--path all|NAME,...] [--path-spp N] [--no-realtime]
+                   [--path all|NAME,...] [--path-spp N] [--no-realtime] [--gi WHICH]
 
 Every scenario of fidelity/scenarios.json in the test data is rendered through the command line at the size the
 other engines drew at, reduced to their thumbs' size as theirs were, and scored with the published
@@ -19,6 +19,7 @@ them farther from a picture without noise than more samples would.
 scenario passes there when at most one path tracer has a smaller median distance to the others of
 them than we have; at least 70 % must pass. With names in place of "all" each of them must, unless
 explanations.txt has a line "path NAME: reason". --no-realtime leaves out the rest.
+--gi WHICH: light by way of surfaces in real time; none, the default, is what rasterisers have.
 
 --candidate scores one engine's pictures in place of ours (no rendering): a rehearsal of the
 harness that shows how the engines themselves would rank.
@@ -124,7 +125,8 @@ class Harness:
                    "-o", out, "--size", "%dx%d" % full_size(scenario),
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
-                   "--tonemap", "aces", "--exposure", "0", "--mode", mode, "--spp", str(spp), "--progress", "none"]
+                   "--tonemap", "aces", "--exposure", "0", "--mode", mode, "--spp", str(spp), "--gi", options.gi,
+                   "--progress", "none"]
         command += camera_arguments(scenario) + (["--denoise"] if denoise else [])
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
@@ -378,6 +380,7 @@ def main():
     parser.add_argument("--path-most", type=int, default=64)
     parser.add_argument("--path-denoise", action="store_true")
     parser.add_argument("--no-realtime", action="store_true")
+    parser.add_argument("--gi", default="none")
     options = parser.parse_args()
     path, = test_data.need("fidelity/scenarios.json")
     options.data = test_data.ROOT

@@ -169,7 +169,8 @@ class Test:
             for name in names:
                 file.write("\n".join((
                     "scene " + name, "load " + os.path.join(self.scenes, name), "set size " + SIZE,
-                    *(["camera fit view " + ARGUMENTS[name][1]] if name in ARGUMENTS else []), "set background none", "set samples 4", "frame " + self.path(name, ".mask.png"), "")))
+                    *(["camera fit view " + ARGUMENTS[name][1]] if name in ARGUMENTS else []), "set background none", "set samples 4",
+                    "set gi none", "frame " + self.path(name, ".mask.png"), "")))
         cache = os.path.join(self.options.out, "cache")
         with daemon(self.options.helio, [self.scenes], cache, "llvmpipe") as url:
             code, text = self.run("run", script, "--connect", url, pictures=len(names))

@@ -175,7 +175,7 @@ class Maker:
         """(exit code, error stream, statistics)."""
         stats = os.path.join(out, "stats.json")
         words = ["render", self.scene(row), "-o", os.path.join(out, row.get("output", "out.png")),
-                 "--size", row["size"], "--samples", str(row["samples"]), "--exposure", "0",
+                 "--size", row["size"], "--samples", str(row["samples"]), "--exposure", "0", "--gi", "none",
                  "--stats", stats,
                  "--device", self.device, "--progress", "none", "--cache-dir", cache]
         # Of an option that is given twice, the last counts.

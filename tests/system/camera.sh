@@ -7,7 +7,7 @@ for file in "$helio" "$startup"; do need "$file"; done
 
 start_daemon "$models"
 picture() { # options...
-    expect 0 "$helio" render "$startup" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 \
+    expect 0 "$helio" render "$startup" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 --gi none \
         --stats "$temp/stats.json" --connect "$url" "$@"
 }
 camera() { # key
@@ -54,7 +54,7 @@ text += b" " * (-len(text) % 4)
 body = struct.pack("<I4s", len(text), b"JSON") + text + data[20 + size:]
 open(sys.argv[2], "wb").write(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
 END
-expect 0 "$helio" render "$temp/blind.glb" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 --camera Blind
+expect 0 "$helio" render "$temp/blind.glb" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 --gi none --camera Blind
 grep -q "Blind: camera: no geometry is in its view" "$temp/out" || fail "nothing is said of a blind camera: $(cat "$temp/out")"
 picture --camera Camera
 ! grep -q "no geometry" "$temp/out" || fail "$(cat "$temp/out")"

@@ -15,7 +15,7 @@ expect 0 "$helio" ping --connect "$url"
 picture() { # name scene options...
     local name=$1 scene=$2
     shift 2
-    expect 0 "$helio" render "$scene" -o "$temp/$name" --stats "$temp/stats.json" --exposure 0 "$@"
+    expect 0 "$helio" render "$scene" -o "$temp/$name" --stats "$temp/stats.json" --exposure 0 --gi none "$@"
 }
 compare_ways() { # ending scene options...
     local ending=$1 scene=$2
@@ -30,6 +30,7 @@ compare_ways() { # ending scene options...
     same "$temp/a.$ending" "$temp/d.$ending"
 }
 compare_ways png "$knot" --size 160x120 --samples 8
+compare_ways png "$knot" --size 96x72 --samples 4 --gi auto
 compare_ways png "$knot" --size 160x120 --samples 8 --orbit 30,60,3 --target 0,0.8,0 --env "$env" \
     --background none --tonemap agx --exposure 0.5 --bit-depth 16
 compare_ways exr "$worm" --size 96x96 --samples 4 --at 0.4 --exr float --env "$env" --aov all

@@ -4,7 +4,7 @@
 . "$(dirname "$0")/../support/shell.sh"
 
 need "$helio"
-size=(--size 64x36 --samples 4 --view front --background none)
+size=(--size 64x36 --samples 4 --gi none --view front --background none)
 
 # A square of 20 x 20 points, 0.1 m apart.
 python3 - "$temp" <<'PY'

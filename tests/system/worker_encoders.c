@@ -186,6 +186,8 @@ static void set_view(struct rig *rig, uint32_t view, uint32_t width, enum hgp_en
             .height = SIDE,
             .has_samples = true,
             .samples = SAMPLES,
+            .has_gi = true,
+            .gi = HGP_gi_NONE,
             .has_max_fps = true,
             .max_fps = 1000,
             .has_encoding = true,

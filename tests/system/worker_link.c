@@ -207,6 +207,26 @@ static void test_comparison_of_bytes_that_are_no_image(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_compare, &m), HG_E_FORMAT, NULL);
 }
 
+static void test_lights_need_the_size_of_their_kind(void **state)
+{
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    // A disc needs a radius, a tube a length as well; what is refused changes nothing.
+    struct hgp_light_set disc = {.light = FIRST_ID, .has_kind = true, .kind = HGP_light_kind_DISC};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &disc), HG_E_INVAL, "radius");
+    disc.has_radius = true;
+    disc.radius = 0.25f;
+    link_expect(rig, link_ask(rig, 1, HGP_T_light_set, &disc), HGP_T_ok);
+    struct hgp_light_set tube = {
+        .light = FIRST_ID, .has_kind = true, .kind = HGP_light_kind_TUBE, .has_width = true};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &tube), HG_E_INVAL, "width");
+    struct hgp_light_set flat = {
+        .light = FIRST_ID, .has_kind = true, .kind = HGP_light_kind_RECTANGLE, .has_height = true};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &flat), HG_E_INVAL, "height");
+    struct hgp_light_set none = {.light = FIRST_ID, .has_radius = true};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &none), HG_E_INVAL, "radius");
+}
+
 static void test_refused_edits_make_no_objects(void **state)
 {
     struct rig *rig = *state;
@@ -379,6 +399,7 @@ int main(void)
         TEST(test_messages_behind_a_load_keep_their_order),
         TEST(test_an_assets_transform_moves_it_and_goes_with_it),
         TEST(test_comparison_of_bytes_that_are_no_image),
+        TEST(test_lights_need_the_size_of_their_kind),
         TEST(test_refused_edits_make_no_objects),
         TEST(test_scene_open_without_a_session_is_answered),
         TEST(test_a_peer_may_leave_without_reading),

@@ -47,7 +47,9 @@ static void set_view(struct rig *rig, uint32_t width, uint32_t height)
         .has_samples = true,
         .samples = 1,
         .has_background = true,
-        .background = HGP_background_NONE};
+        .background = HGP_background_NONE,
+        .has_gi = true,
+        .gi = HGP_gi_NONE};
     link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &view), HGP_T_ok);
 }
 

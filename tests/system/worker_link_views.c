@@ -38,6 +38,8 @@ static void make_scene_and_view(struct rig *rig)
         .samples = SAMPLES,
         .has_background = true,
         .background = HGP_background_NONE,
+        .has_gi = true,
+        .gi = HGP_gi_NONE,
         .has_max_fps = true,
         .max_fps = 1000};
     struct hgp_view_camera camera = {

@@ -1,4 +1,4 @@
-// The quality controller against frames whose time follows from their error.
+// The quality governor against frames whose time follows from what it chose.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -6,69 +6,169 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <string.h>
 
 #include "renderer/frame/quality.h"
 
-// A fixed part, and triangles that fall with the square of the error.
-static float frame_ms(float fixed_ms, float geometry_ms, float error_px)
+#define TARGET 50.0f
+
+// What frames cost at full quality; triangles fall with `power` of the error, and the time of all
+// parts is off by up to `noise`.
+struct world {
+    float rest, pixels, rays, triangles, power, noise;
+    bool scales;
+    uint32_t random;
+    uint32_t changes; // of the choice, in the newest run
+};
+
+static float noise_of(struct world *w)
 {
-    return fixed_ms + geometry_ms / (error_px * error_px);
+    w->random = w->random * 1664525u + 1013904223u;
+    return 1.0f + w->noise * ((float)(w->random >> 8) / (float)(1u << 23) - 1.0f);
 }
 
-static float run(struct hg_quality *q, int frames, float fixed, float geometry, float target)
+// The last frame's time.
+static float run(struct hg_quality *q, struct world *w, int frames)
 {
     float ms = 0;
+    w->changes = 0;
     for (int i = 0; i < frames; i++) {
-        ms = frame_ms(fixed, geometry, hg_quality_error_px(q, 1, target));
-        hg_quality_note(q, ms, target);
+        const struct hg_quality_choice c = hg_quality_choose(q, TARGET);
+        const float factor = noise_of(w);
+        const float part[HG_QUALITY_PARTS] = {[HG_QUALITY_REST] = w->rest * factor,
+            [HG_QUALITY_PIXELS] = w->pixels * c.scale * c.scale * factor,
+            [HG_QUALITY_RAYS] = w->rays * c.rays * factor,
+            [HG_QUALITY_TRIANGLES] = w->triangles * powf(c.factor, -w->power) * factor};
+        ms = part[0] + part[1] + part[2] + part[3];
+        assert_true(c.scale >= 0.5f && c.scale <= 1.0f && c.rays >= 0.25f && c.rays <= 1.0f);
+        assert_true(c.factor >= 1.0f && c.factor <= HG_QUALITY_MOST);
+        assert_true(w->scales || c.scale == 1.0f);
+        hg_quality_note(q, part, TARGET, w->scales);
+        const struct hg_quality_choice next = hg_quality_choose(q, TARGET);
+        w->changes += memcmp(&next, &c, sizeof c) != 0;
     }
     return ms;
+}
+
+static void assert_full(const struct hg_quality *q)
+{
+    const struct hg_quality_choice c = hg_quality_choose(q, TARGET);
+    assert_true(c.scale == 1.0f && c.rays == 1.0f && c.factor == 1.0f);
 }
 
 static void test_off(void **state)
 {
     (void)state;
     struct hg_quality q = {0};
-    assert_true(hg_quality_error_px(&q, 0.5f, 0) == 0.5f);
-    run(&q, 50, 10, 1000, 0);
-    assert_true(hg_quality_error_px(&q, 0.5f, 0) == 0.5f);
-    assert_true(q.factor == 1);
+    const float slow[HG_QUALITY_PARTS] = {10, 1000, 10, 1000};
+    assert_full(&q);
+    for (int i = 0; i < 50; i++)
+        hg_quality_note(&q, slow, 0, true);
+    const struct hg_quality_choice c = hg_quality_choose(&q, 0);
+    assert_true(c.scale == 1.0f && c.rays == 1.0f && c.factor == 1.0f);
+    assert_full(&q);
 }
 
+// Whatever the time goes into, the target is held where it can be, and not by more than needed.
 static void test_holds_the_time(void **state)
 {
     (void)state;
-    for (float geometry = 10; geometry < 4000; geometry *= 2) {
-        struct hg_quality q = {0};
-        const float ms = run(&q, 60, 20, geometry, 50);
-        const float alone = frame_ms(20, geometry, 1);
-        if (alone <= 50)
-            assert_true(hg_quality_error_px(&q, 1, 50) == 1);
-        else
-            assert_true(ms <= 51 && ms >= 0.75f * 50);
-    }
+    for (float geometry = 10; geometry < 2000; geometry *= 2)
+        for (float pixels = 10; pixels < 100; pixels *= 2)
+            for (float power = 1; power <= 2; power += 0.5f) {
+                struct hg_quality q = {0};
+                struct world w = {.rest = 10,
+                    .pixels = pixels,
+                    .rays = 4,
+                    .triangles = geometry,
+                    .power = power,
+                    .scales = true};
+                const float ms = run(&q, &w, 600);
+                const float least = 11 + pixels / 4 + geometry * powf(HG_QUALITY_MOST, -power);
+                if (least > TARGET) {
+                    assert_true(ms <= least + 1);
+                    continue;
+                }
+                assert_true(ms <= TARGET);
+                if (geometry + pixels + 14 <= TARGET)
+                    assert_full(&q);
+                else
+                    assert_true(ms >= 0.6f * TARGET);
+            }
+}
+
+// Each part of the time is answered where it is.
+static void test_looks_where_the_time_goes(void **state)
+{
+    (void)state;
+    struct hg_quality q = {0};
+    struct world w = {.rest = 10, .pixels = 80, .triangles = 5, .power = 1.5f, .scales = true};
+    run(&q, &w, 60);
+    assert_true(q.now.scale < 0.8f && q.now.factor < 3.0f);
+    q = (struct hg_quality){0};
+    w = (struct world){.rest = 10, .pixels = 5, .triangles = 200, .power = 1.5f, .scales = true};
+    run(&q, &w, 60);
+    assert_true(q.now.scale == 1.0f && q.now.factor > 2.0f);
+    q = (struct hg_quality){0};
+    w = (struct world){.rest = 10, .pixels = 25, .rays = 20, .power = 1.5f, .scales = true};
+    run(&q, &w, 60);
+    assert_true(q.now.scale == 1.0f && q.now.rays < 1.0f && q.now.factor == 1.0f);
+    // Without history there is but the error.
+    q = (struct hg_quality){0};
+    w = (struct world){.rest = 10, .pixels = 20, .triangles = 200, .power = 1.5f};
+    run(&q, &w, 60);
+    assert_true(q.now.factor > 2.0f);
 }
 
 static void test_comes_back(void **state)
 {
     (void)state;
     struct hg_quality q = {0};
-    run(&q, 60, 20, 4000, 50);
-    assert_true(q.factor > 5);
-    run(&q, 60, 20, 10, 50); // the scene became light
-    assert_true(hg_quality_error_px(&q, 1, 50) == 1);
-    run(&q, 500, 100, 10, 50); // the fixed part alone is too much: as coarse as may be
-    assert_true(hg_quality_error_px(&q, 1, 50) == HG_QUALITY_MOST);
+    struct world w = {
+        .rest = 10, .pixels = 60, .rays = 4, .triangles = 400, .power = 1.5f, .scales = true};
+    run(&q, &w, 60);
+    assert_true(q.now.factor > 2.0f);
+    w.pixels = w.triangles = 10; // the scene became light
+    run(&q, &w, 60);
+    assert_full(&q);
+    w.rest = 100; // more than the target: as fast as it can be
+    w.pixels = w.triangles = 50;
+    run(&q, &w, 200);
+    assert_true(q.now.scale == 0.5f && q.now.factor > 8.0f);
+}
+
+// Times that are off by 10 % and follow another power than the model has do not make it swing.
+static void test_is_stable(void **state)
+{
+    (void)state;
+    for (float pixels = 20; pixels < 150; pixels *= 1.3f)
+        for (float power = 1; power <= 2; power += 0.5f) {
+            struct hg_quality q = {0};
+            struct world w = {.rest = 8,
+                .pixels = pixels,
+                .rays = 4,
+                .triangles = 60,
+                .power = power,
+                .noise = 0.1f,
+                .scales = true,
+                .random = 7};
+            run(&q, &w, 300);
+            run(&q, &w, 600);
+            assert_true(w.changes <= 12);
+        }
 }
 
 static void test_one_slow_frame(void **state)
 {
     (void)state;
     struct hg_quality q = {0};
-    hg_quality_note(&q, 5000, 50);
-    assert_true(q.factor == 2);
-    run(&q, 10, 10, 10, 50);
-    assert_true(hg_quality_error_px(&q, 1, 50) == 1);
+    struct world w = {.rest = 10, .pixels = 15, .triangles = 10, .power = 1.5f, .scales = true};
+    const float slow[HG_QUALITY_PARTS] = {5000, 15, 0, 10};
+    run(&q, &w, 10);
+    hg_quality_note(&q, slow, TARGET, true);
+    assert_full(&q);
+    run(&q, &w, 10);
+    assert_full(&q);
 }
 
 int main(void)
@@ -76,7 +176,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_off),
         cmocka_unit_test(test_holds_the_time),
+        cmocka_unit_test(test_looks_where_the_time_goes),
         cmocka_unit_test(test_comes_back),
+        cmocka_unit_test(test_is_stable),
         cmocka_unit_test(test_one_slow_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -10,6 +10,7 @@
 
 #include "base/alloc.h"
 #include "renderer/gi/gather.h"
+#include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 #include "tests/support/check.h"
 
@@ -169,12 +170,78 @@ static void test_sparse_light(void **state)
     film_finish(&two);
 }
 
+// Noisy light of an environment that a part of is hidden from the right half, above steady light
+// from elsewhere: the share has no noise where nothing is hidden, and little elsewhere; the rest is
+// what is left.
+static void test_sky(void **state)
+{
+    struct film f;
+    double sum[2] = {0}, squares[2] = {0};
+    (void)state;
+    film_init(&f, 2);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const uint32_t i = (uint32_t)at;
+        const float open = 0.2f + 2 * noise(i);
+        const bool hides = at % WIDTH >= WIDTH / 2 && noise(i + PIXELS) < 0.75f;
+        put_surface(&f, at, 2, 2);
+        put3(&f, HG_PATH_GUIDE_OPEN_SKY, at, 0.5f * open);
+        put3(&f, HG_PATH_GUIDE_SEEN_SKY, at, hides ? 0 : 0.5f * open);
+        put3(&f, HG_PATH_GUIDE_DIRECT, at, hides ? 0 : 0.5f * open);
+        put3(&f, HG_PATH_GUIDE_INDIRECT, at, 0.05f);
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const uint32_t bits = f.words[4 * at + 3] & HG_GATHERED_SHARE_MASK;
+        const float root = (float)bits / (float)HG_GATHERED_SHARE_MASK, share = root * root;
+        const int side = at % WIDTH >= WIDTH / 2;
+        sum[side] += (double)share;
+        squares[side] += (double)(share * share);
+        assert_true(fabsf(green(f.words[4 * at]) - 0.1f) <= (side == 0 ? 0.001f : 0.05f));
+        if (at % WIDTH < WIDTH / 4) // farther from the edge than the filter reaches
+            assert_true(bits == HG_GATHERED_SHARE_MASK);
+    }
+    const double n = PIXELS / 2.0, mean = sum[1] / n;
+    print_message("seen: %.4f and %.3f, deviation %.4f\n", sum[0] / n, mean,
+        sqrt(fmax(squares[1] / n - mean * mean, 0)));
+    assert_true(sum[0] / n >= 0.97);
+    assert_true(fabs(mean - 0.25) <= 0.02);
+    assert_true(squares[1] / n - mean * mean <= 0.1 * 0.1); // of one pixel 0.43
+    film_finish(&f);
+}
+
+// Cloth keeps the environment's light where it is, and does not share it with what is no cloth.
+static void test_cloth(void **state)
+{
+    struct film f;
+    (void)state;
+    film_init(&f, 1);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const bool cloth = at % WIDTH < WIDTH / 2;
+        put_surface(&f, at, 2, 2);
+        put3(&f, HG_PATH_GUIDE_OPEN_SKY, at, 0.5f);
+        put3(&f, HG_PATH_GUIDE_SEEN_SKY, at, 0.5f);
+        put3(&f, HG_PATH_GUIDE_DIRECT, at, 0.5f);
+        if (cloth)
+            f.sums[HG_PATH_GUIDE_ROUGHNESS * PIXELS + at] += HG_PATH_GUIDE_CLOTH * SAMPLES;
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const bool cloth = at % WIDTH < WIDTH / 2;
+        const uint32_t bits = f.words[4 * at + 3] & HG_GATHERED_SHARE_MASK;
+        assert_int_equal(bits, cloth ? 0 : HG_GATHERED_SHARE_MASK);
+        assert_true(fabsf(green(f.words[4 * at]) - (cloth ? 1.0f : 0.0f)) <= 0.005f);
+    }
+    film_finish(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_constant),
         cmocka_unit_test(test_edges),
         cmocka_unit_test(test_sparse_light),
+        cmocka_unit_test(test_sky),
+        cmocka_unit_test(test_cloth),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,7 +27,7 @@ static bool is_usable(const struct hg_gpu_light *light)
 {
     return light_luminance(light) > 0 && is_finite3(light->direction_ws) &&
            isfinite(light->inv_range_sq) && isfinite(light->spot_scale) &&
-           isfinite(light->spot_offset) &&
+           isfinite(light->spot_offset) && isfinite(light->radiance) &&
            (light->kind == HG_LIGHT_KIND_DIRECTIONAL || is_finite3(light->position_ws));
 }
 
@@ -42,7 +42,7 @@ enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const stru
               l->closing->count == l->set.count;
     const struct hg_gpu_light *now = l->move ? l->closing->items : l->set.items;
     const struct hg_gpu_light *then = l->move ? l->opening->items : l->set.items;
-    l->count = l->directional_count = 0;
+    l->count = l->directional_count = l->sized_suns = l->sized_lamps = 0;
     l->directional_lux = 0;
     for (uint32_t i = 0; i < l->set.count; i++) {
         const struct hg_gpu_light *light = &now[i];
@@ -51,6 +51,9 @@ enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const stru
         if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
             l->directional_count++;
             l->directional_lux += light_luminance(light);
+            l->sized_suns += light->radiance > 0;
+        } else {
+            l->sized_lamps += light->radiance > 0;
         }
         l->items[l->count] = *light;
         l->items[l->count].shadow = l->set.casts[i] ? HG_SHADOW_NONE : HG_SHADOW_UNASKED;
@@ -80,6 +83,24 @@ void hg_emitter_lights_shares(const struct hg_emitter_lights *l, float *shares)
     }
 }
 
+// Half of the box around a light, metres.
+static void extent_of(const struct hg_gpu_light *light, float out[3])
+{
+    const float x[3] = {light->axis_ws.x, light->axis_ws.y, light->axis_ws.z};
+    const float z[3] = {light->direction_ws.x, light->direction_ws.y, light->direction_ws.z};
+    float y[3];
+    hg_cross3(z, x, y);
+    for (int a = 0; a < 3; a++) {
+        if (light->kind == HG_LIGHT_KIND_RECTANGLE)
+            out[a] = fabsf(x[a]) * light->half_width + fabsf(y[a]) * light->half_height;
+        else if (light->kind == HG_LIGHT_KIND_TUBE)
+            out[a] = fabsf(x[a]) * light->half_width + light->radius;
+        else
+            out[a] = light->radius;
+        out[a] *= 1.0001f; // rays that meet it by rounding alone
+    }
+}
+
 static struct hg_light_item leaf_of(const struct hg_gpu_light *light)
 {
     struct hg_light_item item = {.cos_o = -1,
@@ -89,6 +110,16 @@ static struct hg_light_item leaf_of(const struct hg_gpu_light *light)
     memcpy(item.min, &light->position_ws, sizeof item.min);
     memcpy(item.max, &light->position_ws, sizeof item.max);
     memcpy(item.axis, &light->direction_ws, sizeof item.axis);
+    if (light->radiance > 0) {
+        float half[3];
+        extent_of(light, half);
+        hg_sub3(item.min, half, item.min);
+        hg_mad3(item.max, half, 1, item.max);
+    }
+    if (light->kind == HG_LIGHT_KIND_RECTANGLE || light->kind == HG_LIGHT_KIND_DISC) {
+        item.cos_o = 1;
+        item.cos_e = 0;
+    }
     // The cone ends where cos * scale + offset is 0.
     if (light->kind == HG_LIGHT_KIND_SPOT && light->spot_scale > 0 &&
         hg_dot3(item.axis, item.axis) > 0.5f)
@@ -105,6 +136,7 @@ static void widen(struct hg_light_item *item, const struct hg_light_item *then)
     }
     if (memcmp(item->axis, then->axis, sizeof item->axis) != 0)
         item->cos_o = -1;
+    item->cos_e = fminf(item->cos_e, then->cos_e);
     item->cos_o = fminf(item->cos_o, then->cos_o);
     item->power = fmaxf(item->power, then->power);
     item->range = item->range > 0 && then->range > 0 ? fmaxf(item->range, then->range) : 0;
@@ -118,4 +150,23 @@ struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *l, u
         widen(&leaf, &then);
     }
     return leaf;
+}
+
+enum hg_status hg_emitter_lights_tree(
+    const struct hg_emitter_lights *l, struct hg_jobs *jobs, struct hg_light_tree *out)
+{
+    const uint32_t count = l->count - l->directional_count;
+    *out = (struct hg_light_tree){0};
+    if (l->sized_lamps == 0)
+        return HG_OK;
+    struct hg_light_item *items = hg_calloc(count, sizeof *items);
+    if (!items)
+        return HG_E_NOMEM;
+    for (uint32_t i = 0; i < count; i++) { // those without a size stay dark, which leaves them out
+        if (l->items[l->directional_count + i].radiance > 0)
+            items[i] = hg_emitter_lights_leaf(l, l->directional_count + i);
+    }
+    const enum hg_status status = hg_light_tree_build(items, count, jobs, out);
+    hg_free(items);
+    return status;
 }

@@ -14,7 +14,8 @@ struct hg_emitter_lights {
     size_t capacity;
     bool move;
     uint32_t count, directional_count;
-    float directional_lux; // of all of them
+    uint32_t sized_suns, sized_lamps; // directional ones and others that have a size
+    float directional_lux;            // of all directional ones
 };
 
 // Relative luminance of linear Rec. 709, 0 or more; 0 where it is not finite.
@@ -29,5 +30,9 @@ void hg_emitter_lights_finish(struct hg_emitter_lights *lights); // accepts a ze
 void hg_emitter_lights_shares(const struct hg_emitter_lights *lights, float *shares);
 // The leaf of a positional light, with bounds over the shutter's time.
 struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *lights, uint32_t index);
+// A tree over the positional lights that have a size, for rays that may meet them; its leaves are
+// their numbers among the positional ones. HG_E_NOMEM.
+enum hg_status hg_emitter_lights_tree(const struct hg_emitter_lights *lights, struct hg_jobs *jobs,
+    struct hg_light_tree *out) HG_MUST_CHECK;
 
 #endif

@@ -29,7 +29,7 @@ struct hg_emitters {
     uint32_t environment_levels;
     float environment_mean; // 0: black
     struct hg_gpu_buffer nodes, leaves, trails, weights, pieces, draw_pieces, light_table,
-        directional, environment;
+        directional, environment, lamp_nodes;
     struct hg_gpu_emitters block;
     struct hg_emitters_stats stats;
 };
@@ -53,11 +53,12 @@ enum hg_status hg_emitters_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     return HG_OK;
 }
 
-#define BUFFERS 9
+#define BUFFERS 10
 static void list_buffers(struct hg_emitters *e, struct hg_gpu_buffer *out[BUFFERS])
 {
     struct hg_gpu_buffer *all[BUFFERS] = {&e->nodes, &e->leaves, &e->trails, &e->weights,
-        &e->pieces, &e->draw_pieces, &e->light_table, &e->directional, &e->environment};
+        &e->pieces, &e->draw_pieces, &e->light_table, &e->directional, &e->environment,
+        &e->lamp_nodes};
     memcpy(out, all, sizeof all);
 }
 
@@ -93,8 +94,16 @@ static enum hg_status upload_lights(struct hg_emitters *e, struct hg_error *err)
     if (!shares)
         return no_memory(err);
     hg_emitter_lights_shares(l, shares);
-    enum hg_status status = put(e, &e->light_table, "emitters: lights", l->items,
-        (l->move ? 2 : 1) * l->count * sizeof *l->items, err);
+    struct hg_light_tree tree;
+    enum hg_status status = hg_emitter_lights_tree(l, e->jobs, &tree) ? no_memory(err) : HG_OK;
+    if (!status)
+        status = put(e, &e->lamp_nodes, "emitters: lamps", tree.nodes,
+            tree.node_count * sizeof *tree.nodes, err);
+    e->block.lamp_node_count = tree.node_count;
+    hg_light_tree_finish(&tree);
+    if (!status)
+        status = put(e, &e->light_table, "emitters: lights", l->items,
+            (l->move ? 2 : 1) * l->count * sizeof *l->items, err);
     if (!status)
         status = put(e, &e->directional, "emitters: directional", shares,
             l->directional_count * sizeof *shares, err);
@@ -199,6 +208,7 @@ static enum hg_status build(
     if (!status)
         status = upload_lights(e, err);
     e->block.draw_count = in->draw_count;
+    e->block.first_lamp_leaf = plan.leaf_count;
     e->stats.run = 1u << plan.shift;
     e->stats.builds++;
     e->stats.build_ns = hg_clock_now_ns() - begin;
@@ -307,6 +317,8 @@ static void fill_addresses(struct hg_emitters *e)
         b->lights_before += e->lights.count * sizeof *e->lights.items;
     b->directional = e->directional.address;
     b->environment = e->environment.address;
+    b->lamp_nodes = e->lamp_nodes.address;
+    b->sized_suns = e->lights.sized_suns;
     b->directional_count = e->lights.directional_count;
     b->directional_lux = e->lights.directional_lux;
 }

@@ -28,8 +28,7 @@ static float cone_half_angle(const struct hg_gpu_light *light)
 
 static bool needs_cube(const struct hg_gpu_light *light)
 {
-    return light->kind == HG_LIGHT_KIND_POINT ||
-           (light->kind == HG_LIGHT_KIND_SPOT && cone_half_angle(light) > 1.3f);
+    return light->kind != HG_LIGHT_KIND_SPOT || cone_half_angle(light) > 1.3f;
 }
 
 static float light_weight(const struct hg_gpu_light *light, const struct hg_lighting_view *view)

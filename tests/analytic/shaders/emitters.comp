@@ -68,7 +68,7 @@ vec4 uniform_choice(uint i, vec3 position, vec3 normal)
     for (uint k = 0u; k < push.picks; k++) {
         vec3 u = random(i, k);
         hg_gpu_emitter_leaf leaf = HG_EMITTERS.leaves.v[min(uint(u.x * count), uint(count) - 1u)];
-        float e = value(hg_emitter_delta(leaf.draw, 1.0 / count, position), normal);
+        float e = value(hg_emitter_light(leaf.draw, 1.0 / count, position, vec2(0.5)), normal);
         sum.xy += vec2(e, e * e);
     }
     return sum;

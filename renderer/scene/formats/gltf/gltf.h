@@ -137,7 +137,7 @@ struct hg_draco_mesh;
 enum hg_status hg_gltf_decode_draco(struct hg_gltf *g, const struct hg_gltf_at *extension,
     struct hg_draco_mesh **out) HG_MUST_CHECK;
 
-// gltf_mesh.c, gltf_material.c, gltf_texture.c, gltf_node.c, gltf_anim.c
+// gltf_mesh.c, gltf_material.c, gltf_texture.c, gltf_light.c, gltf_node.c, gltf_anim.c
 enum hg_status hg_gltf_load_images(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_textures(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_materials(struct hg_gltf *g) HG_MUST_CHECK;
@@ -147,6 +147,9 @@ enum hg_status hg_gltf_load_lights(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_nodes(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_skins(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_animations(struct hg_gltf *g) HG_MUST_CHECK;
+// gltf_light.c: from the extras of a light, or of a node that has it; warns only.
+void hg_gltf_read_light_size(
+    struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_light *light);
 // gltf_specgloss.c: converts KHR_materials_pbrSpecularGlossiness.
 enum hg_status hg_gltf_convert_spec_gloss(struct hg_gltf *g, const struct hg_gltf_at *extension,
     struct hg_material *material) HG_MUST_CHECK;

@@ -1,4 +1,4 @@
-// Nodes, cameras, lights, skins, instances.
+// Nodes, cameras, skins, instances.
 #include "renderer/scene/formats/gltf/gltf.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 #include "base/alloc.h"
 #include "renderer/scene/xform.h"
 
-// ---- cameras and lights ------------------------------------------------------------------------
+// ---- cameras -----------------------------------------------------------------------------------
 
 static void read_camera(const struct hg_gltf_at *at, struct hg_camera *camera)
 {
@@ -40,50 +40,6 @@ enum hg_status hg_gltf_load_cameras(struct hg_gltf *g)
         if (!camera)
             return hg_gltf_fail(g, &at, HG_E_NOMEM, "no memory for a camera");
         read_camera(&at, camera);
-    }
-    return HG_OK;
-}
-
-static enum hg_status read_light(
-    struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_light *light)
-{
-    const char *type = hg_gltf_string(at, "type");
-    if (type && strcmp(type, "directional") == 0)
-        light->kind = HG_LIGHT_DIRECTIONAL;
-    else if (type && strcmp(type, "point") == 0)
-        light->kind = HG_LIGHT_POINT;
-    else if (type && strcmp(type, "spot") == 0)
-        light->kind = HG_LIGHT_SPOT;
-    else
-        return hg_gltf_fail(
-            g, at, HG_E_FORMAT, "VALUE_NOT_IN_LIST: light type '%s'", type ? type : "");
-    hg_gltf_numbers(at, "color", light->color, 3);
-    light->intensity = (float)fmax(hg_gltf_number(at, "intensity", 1), 0);
-    light->range = (float)fmax(hg_gltf_number(at, "range", 0), 0);
-    struct hg_gltf_at spot = hg_gltf_key(at, "spot");
-    double outer = hg_gltf_number(&spot, "outerConeAngle", M_PI / 4);
-    double inner = hg_gltf_number(&spot, "innerConeAngle", 0);
-    if (light->kind == HG_LIGHT_SPOT && !(inner >= 0 && inner < outer && outer <= M_PI / 2 + 1e-4))
-        hg_gltf_warn(
-            g, &spot, "KHR_LIGHTS_PUNCTUAL_LIGHT_SPOT_ANGLES: inner %g, outer %g", inner, outer);
-    light->outer_cone_rad = (float)fmin(fmax(outer, 1e-3), M_PI / 2);
-    light->inner_cone_rad = (float)fmin(fmax(inner, 0), light->outer_cone_rad);
-    return HG_OK;
-}
-
-enum hg_status hg_gltf_load_lights(struct hg_gltf *g)
-{
-    struct hg_gltf_at extensions;
-    struct hg_gltf_at punctual = hg_gltf_extension(&g->root, "KHR_lights_punctual", &extensions);
-    struct hg_gltf_at list = hg_gltf_key(&punctual, "lights");
-    for (size_t i = 0; i < hg_gltf_count(&list); i++) {
-        struct hg_gltf_at at = hg_gltf_item(&list, i);
-        struct hg_light *light = hg_asset_add_light(g->asset, hg_gltf_string(&at, "name"));
-        if (!light)
-            return hg_gltf_fail(g, &at, HG_E_NOMEM, "no memory for a light");
-        enum hg_status status = read_light(g, &at, light);
-        if (status)
-            return status;
     }
     return HG_OK;
 }
@@ -207,8 +163,10 @@ static enum hg_status read_node(
         node->mesh = g->asset->meshes[mesh];
     if (camera >= 0 && camera < g->asset->camera_count)
         node->camera = g->asset->cameras[camera];
-    if (light >= 0 && light < g->asset->light_count)
+    if (light >= 0 && light < g->asset->light_count) {
         node->light = g->asset->lights[light];
+        hg_gltf_read_light_size(g, at, node->light);
+    }
     struct hg_gltf_at visibility = hg_gltf_extension(at, "KHR_node_visibility", &extensions);
     node->visible = hg_gltf_bool(&visibility, "visible", true);
     enum hg_status status = read_weights(g, at, node);

@@ -20,8 +20,9 @@ unsigned hg_import_light_kind(const struct aiLight *from, bool *known)
         return HG_LIGHT_DIRECTIONAL;
     case aiLightSource_SPOT:
         return HG_LIGHT_SPOT;
-    case aiLightSource_POINT:
     case aiLightSource_AREA:
+        return from->mSize.x > 0 && from->mSize.y > 0 ? HG_LIGHT_RECTANGLE : HG_LIGHT_POINT;
+    case aiLightSource_POINT:
     case aiLightSource_UNDEFINED: // of FBX: area and volume lights
         return HG_LIGHT_POINT;
     default:
@@ -167,15 +168,22 @@ void hg_import_light_units(struct hg_import *im)
         world_matrix(node_of(im->asset, light), lamp);
         const float distance = lit_distance(&extent, lamp);
         const bool sun = light->kind == HG_LIGHT_DIRECTIONAL;
+        const bool flat = light->kind == HG_LIGHT_RECTANGLE;
         float scale;
         if (watts)
-            scale = sun ? LUMENS_PER_WATT : LUMENS_PER_WATT / (4 * PI);
+            scale = sun    ? LUMENS_PER_WATT
+                    : flat ? LUMENS_PER_WATT / PI // on the axis of a Lambertian surface
+                           : LUMENS_PER_WATT / (4 * PI);
         else if (sun)
             scale = PI;
         else
             scale = conventional(im, from, lamp, distance) * distance * distance;
         light->intensity *= scale;
-        if (from->mType == aiLightSource_AREA || from->mType == aiLightSource_UNDEFINED)
+        if (flat) {
+            light->width = fminf(from->mSize.x * sqrtf(hg_dot3(lamp, lamp)), HG_LIGHT_MOST_SIZE_M);
+            light->height =
+                fminf(from->mSize.y * sqrtf(hg_dot3(lamp + 4, lamp + 4)), HG_LIGHT_MOST_SIZE_M);
+        } else if (from->mType == aiLightSource_AREA || from->mType == aiLightSource_UNDEFINED)
             hg_asset_warn(im->asset, from->mName.data, "an area light is shown as a point light");
     }
 }

@@ -1,0 +1,99 @@
+// Loops over eight pixels at a time: runs of samples that move differently, and both ways to filter
+// history.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <string.h>
+
+#include "renderer/temporal/look_up.h"
+
+#define WIDTH    203
+#define HEIGHT   5
+#define MATRICES 4
+
+static uint32_t next(uint32_t *random)
+{
+    *random = *random * 1664525u + 1013904223u;
+    return *random >> 8;
+}
+
+// Motion vectors of runs of 1 to 20 samples are those of pictures in which all moves like the run.
+static void test_runs(void **state)
+{
+    (void)state;
+    static float depth[HEIGHT * WIDTH], motion[HEIGHT * WIDTH][3],
+        alone[MATRICES][HEIGHT * WIDTH][3];
+    static uint32_t ids[HEIGHT * WIDTH][2];
+    const uint16_t matrix_of_draw[MATRICES + 1] = {0, 1, 2, 3, HG_TEMPORAL_DEFORMED};
+    double matrices[MATRICES][16] = {0};
+    uint32_t random = 3;
+    for (int m = 0; m < MATRICES; m++)
+        for (int i = 0; i < 16; i++)
+            matrices[m][i] = (i % 5 == 0 ? 1.0 : 0.0) + (double)(next(&random) % 1000) * 1e-5;
+    for (size_t i = 0; i < HEIGHT * WIDTH;) {
+        const uint32_t run = 1 + next(&random) % 20, id = next(&random) % 6;
+        for (uint32_t k = 0; k < run && i < HEIGHT * WIDTH; k++, i++) {
+            ids[i][0] = id;
+            depth[i] = 0.001f * (float)(next(&random) % 1000);
+        }
+    }
+    struct hg_temporal_picture picture = {.width = WIDTH,
+        .height = HEIGHT,
+        .depth = depth,
+        .matrix_of_draw = matrix_of_draw,
+        .draw_count = MATRICES + 1,
+        .matrix_count = 1};
+    for (int m = 0; m < MATRICES; m++) {
+        picture.to_previous = (const double(*)[16]) & matrices[m];
+        assert_int_equal(hg_temporal_motion(&picture, NULL, alone[m][0]), HG_OK);
+    }
+    picture.to_previous = (const double(*)[16])matrices;
+    picture.matrix_count = MATRICES;
+    picture.ids = ids[0];
+    assert_int_equal(hg_temporal_motion(&picture, NULL, motion[0]), HG_OK);
+    for (size_t i = 0; i < HEIGHT * WIDTH; i++) {
+        const uint32_t draw = ids[i][0] - 1u, m = ids[i][0] > 0 ? matrix_of_draw[draw] : 0;
+        if (m == HG_TEMPORAL_DEFORMED)
+            assert_true(motion[i][2] == 0);
+        else
+            assert_memory_equal(motion[i], alone[m][i], sizeof motion[i]);
+    }
+}
+
+static void test_filters(void **state)
+{
+    (void)state;
+    static uint16_t color[HEIGHT * WIDTH * 4 + 16];
+    static float weight[WIDTH], part_x[WIDTH], part_y[WIDTH], found[2][WIDTH * 4];
+    static int32_t texel[WIDTH];
+    uint32_t random = 5;
+    if (!hg_temporal_has_avx2())
+        skip();
+    for (size_t i = 0; i < sizeof color / sizeof color[0]; i++)
+        color[i] = (uint16_t)next(&random);
+    for (uint32_t i = 0; i < WIDTH; i++) {
+        weight[i] = (float)(i % 3); // the first of three has no history
+        part_x[i] = (float)(next(&random) % 1000) * 1e-3f;
+        part_y[i] = (float)(next(&random) % 1000) * 1e-3f;
+        texel[i] = (int32_t)(next(&random) % (WIDTH * (HEIGHT - 4)));
+    }
+    const struct hg_temporal_past past = {.color = color};
+    struct hg_temporal_found out = {
+        .weight = weight, .part_x = part_x, .part_y = part_y, .texel = texel};
+    out.color = found[0];
+    hg_temporal_filter_plain(&past, WIDTH, WIDTH, &out);
+    out.color = found[1];
+    hg_temporal_filter_avx2(&past, WIDTH, WIDTH, &out);
+    assert_memory_equal(found[0], found[1], sizeof found[0]);
+    for (uint32_t i = 1; i < WIDTH; i += 3) // and neither is idle: weights have the sum 1
+        assert_true(found[0][4 * i] > -0.6f && found[0][4 * i] < 1.6f && found[0][4 * i] != 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_runs), cmocka_unit_test(test_filters)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
