@@ -5,7 +5,6 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/json.h"
-#include "renderer/bench/bench.h"
 #include "renderer/bench/body.h"
 #include "renderer/bench/common.h"
 #include "renderer/bench/walk.h"
@@ -274,10 +273,10 @@ static enum hg_status write_report(const struct run *run, char **text)
 
 static enum hg_status prepare(struct run *run, struct hg_error *err)
 {
+    float min[3] = {-1, -1, -1}, max[3] = {1, 1, 1};
     enum hg_status status = hg_bench_walk_init(&run->walk, run->scene, run->bench, err);
     if (status != HG_OK)
         return status;
-    float min[3] = {-1, -1, -1}, max[3] = {1, 1, 1};
     hg_scene_bounds(run->scene, NULL, min, max);
     run->distance = 0.2f * fmaxf(fmaxf(max[0] - min[0], max[1] - min[1]), max[2] - min[2]);
     status = hg_bench_body_add(run->scene, GHOST_HALF * run->distance, &run->body);

@@ -157,6 +157,11 @@ enum hg_status hg_bench_walk_find_motion(struct hg_bench_walk *walk, struct hg_v
 
 // --- judging -------------------------------------------------------------------------------------
 
+float hg_bench_luma(const uint8_t *p)
+{
+    return (0.299f * (float)p[0] + 0.587f * (float)p[1] + 0.114f * (float)p[2]) / 255.0f;
+}
+
 static float luma_at(const struct hg_bench_walk *walk, const uint8_t *rgba, float x, float y)
 {
     const float tx = fminf(fmaxf(x - 0.5f, 0.0f), (float)walk->width - 1.001f);

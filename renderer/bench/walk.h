@@ -40,11 +40,7 @@ enum hg_status hg_bench_walk_warm_up(
 enum hg_status hg_bench_walk_find_motion(struct hg_bench_walk *walk, struct hg_view *view,
     uint32_t pose, float **depth_before, struct hg_error *err) HG_MUST_CHECK;
 
-// Of an RGBA8 pixel, 0..1: ITU-R BT.601, of encoded values.
-static inline float hg_bench_luma(const uint8_t *p)
-{
-    return (0.299f * (float)p[0] + 0.587f * (float)p[1] + 0.114f * (float)p[2]) / 255.0f;
-}
+float hg_bench_luma(const uint8_t *rgba); // 0..1, of encoded values
 // Of RGBA8 pictures of the walk's size. Mean change of luma where a pixel of the pose was a picture
 // before, over those that were seen.
 double hg_bench_walk_change(

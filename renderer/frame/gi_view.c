@@ -64,7 +64,8 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
         .jobs = view->context->jobs,
         .geometry = s->geometry,
         .textures = s->textures,
-        .rays = s->rays};
+        .rays = s->rays,
+        .budget_bytes = view->context->geometry_budget_bytes};
     return s->gi != NULL ? HG_OK : hg_gi_create(&params, &s->gi, err);
 }
 

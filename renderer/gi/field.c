@@ -146,12 +146,22 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
     *f = (struct hg_gi_field){.buffer = f->buffer};
 }
 
+static uint64_t host_bytes(uint32_t probes)
+{
+    const struct hg_gi_field *f = NULL;
+    return probes *
+           (sizeof *f->offsets + sizeof *f->inside + sizeof *f->needed + sizeof *f->updates +
+               sizeof *f->irradiance + sizeof *f->moments + sizeof *f->means + PROBE_WORDS * 4ull);
+}
+
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
 {
-    return f->count * (sizeof *f->offsets + sizeof *f->inside + sizeof *f->needed +
-                          sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments +
-                          sizeof *f->means + PROBE_WORDS * 4ull) +
-           f->buffer.size_bytes;
+    return host_bytes(f->count) + f->buffer.size_bytes;
+}
+
+uint64_t hg_gi_field_bytes_of(uint32_t probes)
+{
+    return host_bytes(probes) + probes * PROBE_WORDS * 4ull;
 }
 
 void hg_gi_probe_position(const struct hg_gi_field *f, uint32_t probe, float out[3])

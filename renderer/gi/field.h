@@ -65,6 +65,8 @@ enum hg_status hg_gi_field_place(
     struct hg_gi_field *field, const float min[3], const float max[3]) HG_MUST_CHECK;
 void hg_gi_field_finish(struct hg_gi_field *field, struct hg_gpu *gpu);
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *field);
+// What a field of so many probes takes, on the host and the device together.
+uint64_t hg_gi_field_bytes_of(uint32_t probes);
 
 // The probe takes part: it is updated, and lookups read it once it has been.
 static inline bool hg_gi_probe_is_awake(const struct hg_gi_field *field, uint32_t probe)

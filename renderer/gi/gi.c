@@ -414,6 +414,22 @@ static void list_probes(struct build *b)
             b->list[b->listed++] = i;
 }
 
+// Before any memory is taken.
+static enum hg_status check_budget(
+    const struct hg_gi *gi, const float min[3], const float max[3], struct hg_error *err)
+{
+    struct hg_gi_field grid = {0};
+    const uint64_t budget = gi->params.budget_bytes;
+    if (budget == 0)
+        return HG_OK;
+    hg_gi_field_grid(&grid, min, max);
+    const uint64_t bytes = hg_gi_field_bytes_of(grid.count);
+    return bytes <= budget ? HG_OK
+                           : hg_error_set(err, HG_E_LIMIT, "probes", NULL,
+                                 "%u probes take %.1f MiB, the geometry budget is %.1f MiB",
+                                 grid.count, (double)bytes / (1 << 20), (double)budget / (1 << 20));
+}
+
 static enum hg_status place_within(
     struct hg_gi *gi, struct build *b, const float min[3], const float max[3])
 {
@@ -439,7 +455,10 @@ static enum hg_status place(struct hg_gi *gi, struct build *b, struct hg_error *
         b->round = ROUNDS;
         return HG_OK;
     }
-    const enum hg_status status = place_within(gi, b, min, max);
+    enum hg_status status = check_budget(gi, min, max, err);
+    if (status != HG_OK)
+        return status;
+    status = place_within(gi, b, min, max);
     return status == HG_OK ? HG_OK
                            : hg_error_set(err, status, "probes", NULL, "out of host memory");
 }

@@ -24,6 +24,7 @@ struct hg_gi_params {
     struct hg_geometry *geometry;
     struct hg_textures *textures;
     struct hg_rays *rays;
+    uint64_t budget_bytes; // of each field, as of structures of rays; 0 = unlimited
 };
 // HG_E_NOMEM.
 enum hg_status hg_gi_create(

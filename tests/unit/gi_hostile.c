@@ -260,6 +260,39 @@ static void test_shapes(void **state)
     show("one point", scene, 3);
 }
 
+// --- the budget ----------------------------------------------------------------------------------
+
+static struct hg_refbuf *settle_under(uint32_t budget_mib, enum hg_view_gi gi)
+{
+    const struct hg_renderer_params small = {
+        .geometry_budget_bytes = (uint64_t)budget_mib << 20, .threads = 2};
+    const struct hg_view_params params = {.width = WIDTH, .height = HEIGHT, .samples = 2, .gi = gi};
+    struct rig rig = {0};
+    rig_open_with(&rig, &small);
+    struct hg_scene *scene = make_room(0.5f, 0.2f);
+    hg_scene_publish(scene);
+    rig_use_scene(&rig, scene, &params);
+    look(&rig, 1.5f, 0);
+    rig_settle(&rig, 8);
+    struct hg_refbuf *out = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+    rig_close_scene(&rig);
+    rig_close(&rig);
+    return out;
+}
+
+// Probes that do not fit are none, and the picture is that without them.
+static void test_budget(void **state)
+{
+    (void)state;
+    struct hg_refbuf *none = settle_under(8, HG_GI_NONE), *small = settle_under(8, HG_GI_RAYS),
+                     *large = settle_under(64, HG_GI_RAYS);
+    rig_assert_same(none, small);
+    assert_true(rig_difference(none, large) > 0.01);
+    hg_refbuf_unref(none);
+    hg_refbuf_unref(small);
+    hg_refbuf_unref(large);
+}
+
 static int set_up(void **state)
 {
     struct rig rig = {0};
@@ -280,6 +313,7 @@ static int tear_down(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_budget),
         cmocka_unit_test(test_shapes),
         cmocka_unit_test(test_normals),
         cmocka_unit_test(test_sizes),
