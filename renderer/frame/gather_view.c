@@ -101,26 +101,42 @@ static enum hg_status make_image(struct hg_view_state *view, struct hg_error *er
     return hg_gpu_image_create(view->context->gpu, &params, image, err);
 }
 
-static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
+// What the paths brought, out of their film, which is large and let go of.
+static enum hg_status load(
+    struct hg_view_state *view, struct hg_gi_gather **out, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
-    const size_t pixels = (size_t)s->width * s->height;
     struct hg_gi_gather_input input = {.width = s->width,
         .height = s->height,
         .samples = samples_of(s),
         .first_half = first_half(samples_of(s))};
+    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &input.sums, err);
+    if (status == HG_OK) {
+        input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * (size_t)s->width * s->height;
+        status = hg_gi_gather_load(view->context->jobs, &input, out, err);
+    }
+    hg_path_destroy(view->gi.gather.path);
+    view->gi.gather.path = NULL;
+    return status;
+}
+
+static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_view_settings *s = &view->settings;
     const struct hg_gpu_region all = {.width = s->width, .height = s->height};
     const uint64_t start = hg_clock_now_ns();
-    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &input.sums, err);
+    struct hg_gi_gather *gather = NULL;
+    uint32_t *words = NULL;
+    enum hg_status status = load(view, &gather, err);
+    if (status == HG_OK) {
+        words = hg_calloc(4 * (size_t)s->width * s->height, sizeof *words);
+        status = words != NULL
+                     ? hg_gi_gather_filter(gather, view->context->jobs, words, err)
+                     : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    }
+    hg_gi_gather_free(gather);
     if (status == HG_OK)
         status = make_image(view, err);
-    if (status != HG_OK)
-        return status;
-    input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * pixels;
-    uint32_t *words = hg_calloc(4 * pixels, sizeof *words);
-    if (words == NULL)
-        return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
-    status = hg_gi_gather_filter(view->context->jobs, &input, words, err);
     if (status == HG_OK)
         status =
             hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
@@ -145,8 +161,6 @@ enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *
     if (status == HG_OK && hg_path_done(g->path)) {
         status = filter(view, err);
         g->done = status == HG_OK;
-        hg_path_destroy(g->path); // its film is large
-        g->path = NULL;
     }
     g->begun = status == HG_OK && !g->done;
     return status;

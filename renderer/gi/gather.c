@@ -39,8 +39,9 @@ enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, CLOTH, 
 enum { SCATTERED, MIRRORED, KINDS };
 static const int colours[KINDS] = {WORTH, OPEN_RED}; // planes that are averaged
 
-struct work {
-    const struct hg_gi_gather_input *in;
+struct hg_gi_gather {
+    struct hg_gi_gather_input in; // sums and halves while it is loaded
+    float *loaded, *more;         // memory of `from` and guides; of `to` and rows
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
     float *rows;   // [strips][LIGHT_PLANES + 1][width]
@@ -49,14 +50,14 @@ struct work {
     uint32_t *out;
 };
 
-static size_t strips_of(const struct work *w)
+static size_t strips_of(const struct hg_gi_gather *w)
 {
-    return (w->in->height + STRIP - 1) / STRIP;
+    return (w->in.height + STRIP - 1) / STRIP;
 }
 
-static size_t pixels_of(const struct work *w)
+static size_t pixels_of(const struct hg_gi_gather *w)
 {
-    return (size_t)w->in->width * w->in->height;
+    return (size_t)w->in.width * w->in.height;
 }
 
 // --- what the film has ---------------------------------------------------------------------------
@@ -66,10 +67,10 @@ static float luminance(const float c[3])
     return 0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2];
 }
 
-static void set_guides(struct work *w, size_t at, float hits)
+static void set_guides(struct hg_gi_gather *w, size_t at, float hits)
 {
     const size_t pixels = pixels_of(w);
-    const float *sums = w->in->sums, scale = 1 / hits;
+    const float *sums = w->in.sums, scale = 1 / hits;
     float n[3];
     for (size_t c = 0; c < 3; c++)
         n[c] = sums[(HG_PATH_GUIDE_NORMAL + c) * pixels + at];
@@ -90,9 +91,9 @@ static void add3(const float *planes, size_t first, size_t pixels, size_t at, fl
 
 // What samples brought, and the variance of their mean: a quarter of the squared difference of the
 // two halves' means.
-static void set_light(struct work *w, int kind, size_t at)
+static void set_light(struct hg_gi_gather *w, int kind, size_t at)
 {
-    const struct hg_gi_gather_input *in = w->in;
+    const struct hg_gi_gather_input *in = &w->in;
     const size_t pixels = pixels_of(w);
     const size_t lobes[KINDS][2] = {{HG_PATH_GUIDE_DIRECT, HG_PATH_GUIDE_INDIRECT},
         {HG_PATH_GUIDE_SPECULAR, HG_PATH_GUIDE_SPECULAR}};
@@ -130,10 +131,10 @@ static void set_light(struct work *w, int kind, size_t at)
 
 static void load_row(void *user, size_t y)
 {
-    struct work *w = user;
-    const size_t width = w->in->width, pixels = pixels_of(w);
+    struct hg_gi_gather *w = user;
+    const size_t width = w->in.width, pixels = pixels_of(w);
     for (size_t at = y * width; at < (y + 1) * width; at++) {
-        const float hits = w->in->sums[HG_PATH_GUIDE_HITS * pixels + at];
+        const float hits = w->in.sums[HG_PATH_GUIDE_HITS * pixels + at];
         if (!(hits > 0)) // planes are zero
             continue;
         set_guides(w, at, hits);
@@ -157,8 +158,8 @@ static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool af
 // themselves.
 static void prepare_row(void *user, size_t y)
 {
-    struct work *w = user;
-    const size_t width = w->in->width, height = w->in->height;
+    struct hg_gi_gather *w = user;
+    const size_t width = w->in.width, height = w->in.height;
     const size_t y0 = y > 3 ? y - 3 : 0, y1 = y + 4 < height ? y + 4 : height;
     for (size_t x = 0; x < width; x++) {
         const size_t at = y * width + x, x0 = x > 3 ? x - 3 : 0, x1 = x + 4 < width ? x + 4 : width;
@@ -199,8 +200,8 @@ static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
 
 // What one neighbour of each pixel [begin, end) is worth to it; indices begin at the first pixel of
 // a row.
-HG_SIMD_LOOP static void weigh_tap(const struct work *w, size_t row, size_t begin, size_t end,
-    const struct tap *tap, const struct row *out)
+HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, size_t begin,
+    size_t end, const struct tap *tap, const struct row *out)
 {
     float *const *light = w->from[w->kind];
     const float *restrict nx = w->guides[NORMAL_X] + row, *restrict ny = w->guides[NORMAL_Y] + row;
@@ -254,7 +255,7 @@ HG_SIMD_LOOP static void add_weighted(float *restrict sums, const float *restric
 }
 
 HG_SIMD_LOOP static void finish_row(
-    const struct work *w, size_t row, size_t width, const struct row *sums)
+    const struct hg_gi_gather *w, size_t row, size_t width, const struct row *sums)
 {
     float *const *light = w->from[w->kind];
     float *const *to = w->to[w->kind];
@@ -269,10 +270,10 @@ HG_SIMD_LOOP static void finish_row(
     }
 }
 
-static void filter_row(const struct work *w, size_t y, const struct row *row)
+static void filter_row(const struct hg_gi_gather *w, size_t y, const struct row *row)
 {
     static const float kernel[2] = {0.5f, 0.25f}; // of a B-spline of three taps
-    const size_t width = w->in->width, height = w->in->height, step = w->step;
+    const size_t width = w->in.width, height = w->in.height, step = w->step;
     for (int plane = 0; plane < LIGHT_PLANES; plane++)
         memset(row->sums[plane], 0, width * sizeof(float));
     for (int j = -1; j <= 1; j++) {
@@ -300,8 +301,8 @@ static void filter_row(const struct work *w, size_t y, const struct row *row)
 
 static void filter_strip(void *user, size_t strip)
 {
-    struct work *w = user;
-    const size_t width = w->in->width, height = w->in->height, first = strip * STRIP;
+    struct hg_gi_gather *w = user;
+    const size_t width = w->in.width, height = w->in.height, first = strip * STRIP;
     struct row row;
     float *next = w->rows + strip * (LIGHT_PLANES + 1) * width;
     for (size_t p = 0; p < LIGHT_PLANES; p++, next += width)
@@ -315,12 +316,12 @@ static void filter_strip(void *user, size_t strip)
 
 // What is left of a pixel that no neighbour was like (edges within it): its luminance is at most
 // the third largest of those around it. Returns the factor that does it.
-static float despeckle(const struct work *w, int kind, size_t at)
+static float despeckle(const struct hg_gi_gather *w, int kind, size_t at)
 {
     float *const *light = w->from[kind];
-    const size_t width = w->in->width, x = at % width, y = at / width;
+    const size_t width = w->in.width, x = at % width, y = at / width;
     float most[3] = {0}; // the largest first
-    if (x == 0 || y == 0 || x + 1 == width || y + 1 == w->in->height)
+    if (x == 0 || y == 0 || x + 1 == width || y + 1 == w->in.height)
         return 1;
     if (kind == MIRRORED && w->guides[ROUGHNESS][at] < SHARP) // thin things are seen in mirrors
         return 1;
@@ -347,9 +348,9 @@ static float despeckle(const struct work *w, int kind, size_t at)
 // Stochastic Shadows"). What is left of the light is the rest.
 static void part_row(void *user, size_t y)
 {
-    struct work *w = user;
+    struct hg_gi_gather *w = user;
     float *const *s = w->from[SCATTERED];
-    for (size_t at = y * w->in->width; at < (y + 1) * (size_t)w->in->width; at++) {
+    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         const float open[3] = {s[OPEN_RED][at], s[OPEN_GREEN][at], s[OPEN_BLUE][at]};
         const float all = luminance(open), share = all > 0 ? fminf(s[SKY][at] / all, 1) : 0;
         for (int c = 0; c < 3; c++)
@@ -360,8 +361,8 @@ static void part_row(void *user, size_t y)
 
 static void pack_row(void *user, size_t y)
 {
-    struct work *w = user;
-    for (size_t at = y * w->in->width; at < (y + 1) * (size_t)w->in->width; at++) {
+    struct hg_gi_gather *w = user;
+    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         uint32_t *out = w->out + 4 * at;
         const float depth = w->guides[DEPTH][at];
         uint32_t bits;
@@ -387,7 +388,7 @@ static void pack_row(void *user, size_t y)
 
 // --- all of it -----------------------------------------------------------------------------------
 
-static void swap_planes(struct work *w, int kind, int plane)
+static void swap_planes(struct hg_gi_gather *w, int kind, int plane)
 {
     float *other = w->from[kind][plane];
     w->from[kind][plane] = w->to[kind][plane];
@@ -401,11 +402,10 @@ static uint32_t widest_step(const struct hg_gi_gather_input *in)
     return in->height > part ? in->height / part : 1;
 }
 
-static void filter(struct work *w, struct hg_jobs *jobs)
+static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
 {
-    const size_t height = w->in->height;
-    const uint32_t widest = widest_step(w->in);
-    hg_jobs_for(jobs, height, load_row, w);
+    const size_t height = w->in.height;
+    const uint32_t widest = widest_step(&w->in);
     hg_jobs_for(jobs, height, prepare_row, w);
     for (w->kind = 0; w->kind < KINDS; w->kind++) {
         swap_planes(w, w->kind, VARIANCE);
@@ -419,30 +419,70 @@ static void filter(struct work *w, struct hg_jobs *jobs)
     hg_jobs_for(jobs, height, pack_row, w);
 }
 
-enum hg_status hg_gi_gather_filter(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
-    uint32_t *out, struct hg_error *err)
+// Gives the planes of light their places in memory; without it says how much they take.
+static size_t lay_out(
+    const struct hg_gi_gather *w, float *memory, float *planes[KINDS][LIGHT_PLANES])
 {
-    struct work w = {.in = input, .out = out};
-    const size_t pixels = pixels_of(&w);
-    size_t planes = GUIDES;
-    for (int kind = 0; kind < KINDS; kind++)
-        planes += 2 * ((size_t)colours[kind] + LIGHT_PLANES - WORTH);
-    const size_t rows = strips_of(&w) * (LIGHT_PLANES + 1) * input->width;
-    float *memory = hg_calloc(planes * pixels + rows, sizeof *memory), *next = memory;
-    if (memory == NULL)
-        return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
-    for (int i = 0; i < GUIDES; i++, next += pixels)
-        w.guides[i] = next;
+    size_t count = 0;
     for (int kind = 0; kind < KINDS; kind++)
         for (int plane = 0; plane < LIGHT_PLANES; plane++) {
             if (plane >= colours[kind] && plane < WORTH)
                 continue;
-            w.from[kind][plane] = next;
-            w.to[kind][plane] = next + pixels;
-            next += 2 * pixels;
+            if (memory != NULL)
+                planes[kind][plane] = memory + count * pixels_of(w);
+            count++;
         }
-    w.rows = next;
-    filter(&w, jobs);
-    hg_free(memory);
+    return count * pixels_of(w);
+}
+
+static enum hg_status no_memory(struct hg_error *err)
+{
+    return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+}
+
+enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+    struct hg_gi_gather **out, struct hg_error *err)
+{
+    struct hg_gi_gather *w = hg_calloc(1, sizeof *w);
+    *out = w;
+    if (w == NULL)
+        return no_memory(err);
+    w->in = *input;
+    const size_t pixels = pixels_of(w), light = lay_out(w, NULL, NULL);
+    w->loaded = hg_calloc(GUIDES * pixels + light, sizeof *w->loaded);
+    if (w->loaded == NULL) {
+        hg_gi_gather_free(w);
+        *out = NULL;
+        return no_memory(err);
+    }
+    for (size_t i = 0; i < GUIDES; i++)
+        w->guides[i] = w->loaded + i * pixels;
+    lay_out(w, w->loaded + GUIDES * pixels, w->from);
+    hg_jobs_for(jobs, input->height, load_row, w);
+    w->in.sums = w->in.halves = NULL;
     return HG_OK;
+}
+
+enum hg_status hg_gi_gather_filter(
+    struct hg_gi_gather *w, struct hg_jobs *jobs, uint32_t *words, struct hg_error *err)
+{
+    const size_t light = lay_out(w, NULL, NULL);
+    const size_t rows = strips_of(w) * (LIGHT_PLANES + 1) * w->in.width;
+    w->more = hg_calloc(light + rows, sizeof *w->more);
+    if (w->more == NULL)
+        return no_memory(err);
+    lay_out(w, w->more, w->to);
+    w->rows = w->more + light;
+    w->out = words;
+    filter(w, jobs);
+    return HG_OK;
+}
+
+void hg_gi_gather_free(struct hg_gi_gather *w)
+{
+    if (w == NULL)
+        return;
+    hg_free(w->loaded);
+    hg_free(w->more);
+    hg_free(w);
 }

@@ -14,14 +14,20 @@
 struct hg_gi_gather_input {
     uint32_t width, height;
     uint32_t samples, first_half; // of each pixel, >= 1; and those of them in `halves`
-    // [HG_PATH_GUIDE_CHANNELS][height][width] sums over samples, and over the first half of them
-    // (shaders/shared/path.h).
+    // [HG_PATH_GUIDE_CHANNELS][height][width] sums over samples, and [HG_PATH_GUIDE_LIGHT][..][..]
+    // over the first half of them (shaders/shared/path.h).
     const float *sums, *halves;
 };
 
-// out: [height][width][4] words as the device reads them (shaders/shared/gi.h). The same bytes for
-// any number of threads. HG_E_NOMEM. Takes 140 bytes per pixel meanwhile.
-enum hg_status hg_gi_gather_filter(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
-    uint32_t *out, struct hg_error *err) HG_MUST_CHECK;
+struct hg_gi_gather; // 92 bytes per pixel, and 60 more while it is filtered
+
+// What the film has; the input is not needed any more then. HG_E_NOMEM.
+enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+    struct hg_gi_gather **out, struct hg_error *err) HG_MUST_CHECK;
+// words: [height][width][4] as the device reads them (shaders/shared/gi.h). The same bytes for any
+// number of threads. Once. HG_E_NOMEM.
+enum hg_status hg_gi_gather_filter(struct hg_gi_gather *gather, struct hg_jobs *jobs,
+    uint32_t *words, struct hg_error *err) HG_MUST_CHECK;
+void hg_gi_gather_free(struct hg_gi_gather *gather); // accepts NULL
 
 #endif

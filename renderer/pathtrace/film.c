@@ -68,8 +68,10 @@ static void plan_channels(struct hg_path_film *f, const struct hg_path_settings 
         f->channels += stored ? channels_of(i, plan->group_count) : 0;
     }
     f->sampled_channels = f->channels;
+    const bool gathers = (plan->options & HG_PATH_GATHERS) != 0;
+    f->halves = gathers ? HG_PATH_GUIDE_LIGHT : HG_PATH_GUIDE_CHANNELS;
     if (settings->denoise != 0)
-        f->channels += HG_PATH_GUIDE_CHANNELS + HG_PATH_SHOWN_CHANNELS;
+        f->channels += f->halves + (gathers ? 0 : HG_PATH_SHOWN_CHANNELS);
     f->lists = f->channels;
     f->channels += plan->list_count * 2 * HG_PATH_DRAWS_LENGTH;
 }

@@ -19,13 +19,14 @@ struct hg_path_film { // zeroed = empty; hg_path_film_destroy
     struct hg_gpu_buffer ring;    // samples of the pass whose neighbouring tiles are not traced yet
     struct hg_gpu_buffer traced; // [tile_count] words: samples of each tile that were in it, mapped
     uint32_t ring_rows;          // of tiles that it holds
+    uint32_t halves; // channels of the guide of which there are those of half of the samples
     bool splats;                 // samples are splatted to neighbouring pixels
     bool transparent;            // the background has alpha 0
 };
 
 // Determines the film's channels.
 struct hg_path_film_plan {
-    uint32_t options;     // of which HG_PATH_CATCHER is used
+    uint32_t options;     // of which HG_PATH_CATCHER and _GATHERS are used
     uint32_t group_count; // of lights
     uint32_t list_count;  // of names
 };

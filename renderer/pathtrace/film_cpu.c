@@ -280,12 +280,12 @@ static void add_planes(const struct tile *t)
         else
             blend(t, c - 1, value);
         add_channel(t, c, t->first, value);
-        if (c >= guide && HG_PATH_IS_FIRST_HALF(t->pass))
+        if (c >= guide && c - guide < f->halves && HG_PATH_IS_FIRST_HALF(t->pass))
             add_channel(t, c + HG_PATH_GUIDE_CHANNELS, t->first, value);
     }
     if (t->ids->list_count > 0)
         list_all(t);
-    if (guide != HG_PATH_NO_PLANE)
+    if (guide != HG_PATH_NO_PLANE && f->halves == HG_PATH_GUIDE_CHANNELS)
         add_shown(t, guide);
 }
 

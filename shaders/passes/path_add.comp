@@ -145,7 +145,8 @@ void add(uvec2 pixel, uint number)
     uint moved = hg_path.planes[HG_PATH_PLANE_MOVED];
     uint what = moved == HG_PATH_NO_PLANE ? moved : moved + HG_PATH_MOVED_WHAT;
     uint guide = hg_path.planes[HG_PATH_PLANE_GUIDE];
-    bool first_half = HG_PATH_IS_FIRST_HALF(number);
+    bool first_half = HG_PATH_IS_FIRST_HALF(number), gathers = HG_PATH_CAN(HG_PATH_GATHERS);
+    uint halves = gathers ? HG_PATH_GUIDE_LIGHT : HG_PATH_GUIDE_CHANNELS;
     for (uint i = 0u; HG_PATH_CAN(HG_PATH_PLANES) && i < hg_path.list_count; i++)
         list_names(t, i, at, pixels, first);
     for (uint c = 0u; c < hg_path.channels; c++) {
@@ -157,12 +158,12 @@ void add(uvec2 pixel, uint number)
         if (c == object || c == material || c == draws || c == what) // of the first sample
             value = first ? own(t, c) : 0.0;
         hg_path.film.v[k] = before + value;
-        if (HG_PATH_CAN(HG_PATH_PLANES) && c >= guide && first_half) {
+        if (HG_PATH_CAN(HG_PATH_PLANES) && c >= guide && c - guide < halves && first_half) {
             uint h = k + HG_PATH_GUIDE_CHANNELS * pixels;
             hg_path.film.v[h] = (first ? 0.0 : hg_path.film.v[h]) + value;
         }
     }
-    for (uint c = 0u; HG_PATH_HAS(HG_PATH_PLANE_GUIDE) && c < HG_PATH_SHOWN_CHANNELS; c++) {
+    for (uint c = 0u; !gathers && HG_PATH_HAS(HG_PATH_PLANE_GUIDE) && c < HG_PATH_SHOWN_CHANNELS; c++) {
         uint k = (guide + 2u * HG_PATH_GUIDE_CHANNELS + c) * pixels + at;
         hg_path.film.v[k] = (first ? 0.0 : hg_path.film.v[k]) + shown(t, guide, c);
     }

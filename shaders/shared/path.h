@@ -120,6 +120,7 @@
 #define HG_PATH_GUIDE_SEEN_OWN    25 // 1 where it is that of the first surface
 #define HG_PATH_GUIDE_SEEN        26 // 1
 #define HG_PATH_GUIDE_CHANNELS    27
+#define HG_PATH_GUIDE_LIGHT       9 // of these are light; gathering paths have halves of them alone, and no SHOWN
 // Of gathering paths, in place of what is SEEN: light of the environment that the first surface scatters, had
 // it met nothing on its way there, and as it did come there (part of DIRECT). rgb
 #define HG_PATH_GUIDE_OPEN_SKY 21

@@ -15,6 +15,7 @@
 #include "tests/support/check.h"
 
 enum { WIDTH = 256, HEIGHT = 192, PIXELS = WIDTH * HEIGHT, SAMPLES = 8 };
+#define FILM ((size_t)(HG_PATH_GUIDE_CHANNELS + HG_PATH_GUIDE_LIGHT) * PIXELS)
 
 struct film {
     float *sums, *halves;
@@ -24,7 +25,7 @@ struct film {
 
 static void film_init(struct film *f, uint32_t threads)
 {
-    f->sums = hg_calloc(2 * (size_t)HG_PATH_GUIDE_CHANNELS * PIXELS, sizeof(float));
+    f->sums = hg_calloc(FILM, sizeof(float));
     f->words = hg_calloc(4 * (size_t)PIXELS, sizeof(uint32_t));
     assert_non_null(f->sums);
     assert_non_null(f->words);
@@ -44,7 +45,8 @@ static void put3(struct film *f, size_t channel, size_t at, float value)
 {
     for (size_t c = 0; c < 3; c++) {
         f->sums[(channel + c) * PIXELS + at] = value * SAMPLES;
-        f->halves[(channel + c) * PIXELS + at] = value * SAMPLES / 2;
+        if (channel < HG_PATH_GUIDE_LIGHT)
+            f->halves[(channel + c) * PIXELS + at] = value * SAMPLES / 2;
     }
 }
 
@@ -75,7 +77,10 @@ static void run(struct film *f)
         .first_half = SAMPLES / 2,
         .sums = f->sums,
         .halves = f->halves};
-    assert_int_equal(hg_gi_gather_filter(f->jobs, &input, f->words, &err), HG_OK);
+    struct hg_gi_gather *gather;
+    assert_int_equal(hg_gi_gather_load(f->jobs, &input, &gather, &err), HG_OK);
+    assert_int_equal(hg_gi_gather_filter(gather, f->jobs, f->words, &err), HG_OK);
+    hg_gi_gather_free(gather);
 }
 
 static float green(uint32_t rgb9e5)
@@ -151,7 +156,7 @@ static void test_sparse_light(void **state)
         before += (double)light;
         before_squares += (double)(light * light);
     }
-    memcpy(two.sums, one.sums, 2 * (size_t)HG_PATH_GUIDE_CHANNELS * PIXELS * sizeof(float));
+    memcpy(two.sums, one.sums, FILM * sizeof(float));
     run(&one);
     run(&two);
     assert_memory_equal(one.words, two.words, 4 * (size_t)PIXELS * sizeof(uint32_t));
