@@ -77,6 +77,7 @@ expect 0 "$helio" compare "$temp/a.exr" "$temp/b.exr" --metric max --fail-above 
     echo "load $knot"
     echo "set size 48x32"
     echo "set samples 2"
+    echo "set gi none"
     echo "set aov depth,crypto-asset"
     echo "frame $temp/planes.exr"
     echo "frame $temp/planes.png"
@@ -120,6 +121,7 @@ cat >"$temp/script" <<SCRIPT
 load ${knot}
 set size 160x120
 set samples 8
+set gi none
 wait settled
 frame $temp/script.png
 camera orbit 30,60,3 target 0,0.8,0
@@ -143,6 +145,7 @@ SCRIPT
     echo "load $knot"
     echo "set size 160x120"
     echo "set samples 2"
+    echo "set gi none"
     echo "include $temp/keys"
     echo "expect psnr $temp/reference.png >= 60"
 } >"$temp/suite"
@@ -168,11 +171,12 @@ done
     echo "load $knot"
     echo "set size 1024x1024"
     echo "set samples 65536"
+    echo "set gi none"
     echo "wait settled"
 } >"$temp/holder"
 "$helio" run "$temp/holder" --connect "$url" >/dev/null 2>&1 &
 holder=$!
-look() { printf '%s\n' "set size 96x64" "set samples 2" "frame $temp/$1.png"; }
+look() { printf '%s\n' "set size 96x64" "set samples 2" "set gi none" "frame $temp/$1.png"; }
 { echo "load $knot" && look own; } >"$temp/own"
 # Not before it is loaded: a camera is fitted to what the scene holds at that moment.
 { echo "scene show" && echo "expect stat geometry.triangles_total > 0" && look joined; } >"$temp/join"
@@ -209,7 +213,7 @@ grep -q "warning: .*knot.png" "$temp/out" || fail "a missing image is not told"
 # Quick machines get more to do, until the kill strikes a frame.
 at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }
 for samples in 400 4000 40000; do
-    slow=(--size 96x96 --samples "$samples" --progress json)
+    slow=(--size 96x96 --samples "$samples" --gi none --progress json)
     : >"$temp/out"
     "$helio" render "$knot" -o "$temp/j.png" --connect "$url" "${slow[@]}" 2>"$temp/out" &
     client=$!
@@ -227,7 +231,7 @@ same "$temp/i.png" "$temp/j.png"
 # A private worker that dies, and one that is stopped by Ctrl-C, both in a frame without an end.
 endless() {
     : >"$temp/out"
-    "$helio" render "$knot" -o "$temp/h.png" --size 1024x1024 --samples 65536 --progress json \
+    "$helio" render "$knot" -o "$temp/h.png" --size 1024x1024 --samples 65536 --gi none --progress json \
         2>"$temp/out" &
     client=$!
     until_true at_work
