@@ -19,12 +19,13 @@ struct sample {
 
 static struct sample sample_of(const struct hg_cli_option_row *row)
 {
-    static char choice[HG_CLI_CHOICES_BYTES];
+    static char choice[HG_CLI_CHOICES_BYTES], number[32];
     switch (row->kind) {
     case HG_CLI_KIND_U32:
         return (struct sample){"1", "-1"};
     case HG_CLI_KIND_F64:
-        return (struct sample){"1", "1e999"};
+        snprintf(number, sizeof number, "%g", row->low > 1 ? row->low : 1.0);
+        return (struct sample){number, "1e999"};
     case HG_CLI_KIND_SIZE:
         return (struct sample){"640x480", "640"};
     case HG_CLI_KIND_REGION:
