@@ -129,7 +129,13 @@ static enum hg_status set_variant(struct hg_words *w, struct hg_cli_step *s, str
     return status ? status : hg_words_take_asset(w, s, err);
 }
 
-// One of `names`, which are fields of the message, and its value. *found: it was one of them.
+// What is set of a thing that has a name: fields of a message.
+struct named_fields {
+    const char *thing, *missing, *known; // for messages
+    const char *const *names;            // ends with NULL
+};
+
+// One of the fields and its value. *found: it was one of them.
 static enum hg_status set_field(struct hg_words *w, const char *const *names,
     const struct hg_words_fields *fields, bool *found, struct hg_error *err)
 {
@@ -141,25 +147,29 @@ static enum hg_status set_field(struct hg_words *w, const char *const *names,
     return HG_OK;
 }
 
+static enum hg_status set_named(struct hg_words *w, struct hg_cli_step *s,
+    const struct named_fields *named, const struct hg_words_fields *fields, struct hg_error *err)
+{
+    bool found = true;
+    enum hg_status status = hg_words_take(w, named->thing, &s->name, err);
+    if (status)
+        return status;
+    if (w->next == w->count)
+        return hg_words_error(err, "%s is missing", named->missing);
+    while (!status && found && w->next < w->count)
+        status = set_field(w, named->names, fields, &found, err);
+    return found ? status : hg_words_error(err, "'%s' is not %s", w->at[w->next], named->known);
+}
+
 static enum hg_status set_node(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     static const char *const names[] = {"translation", "rotation", "scale", "visible",
         "next-translation", "next-rotation", "next-scale", "catches_shadows", NULL};
-    const struct hg_words_fields fields = {HGP_T_node_set, &s->node};
-    bool found = true;
+    static const struct named_fields named = {"node name",
+        "translation, rotation, scale or visible",
+        "[next-]translation, rotation, scale, visible or catches_shadows", names};
     s->kind = HG_CLI_STEP_NODE;
-    enum hg_status status = hg_words_take(w, "node name", &s->name, err);
-    if (status)
-        return status;
-    if (w->next == w->count)
-        return hg_words_error(err, "translation, rotation, scale or visible is missing");
-    while (!status && found && w->next < w->count)
-        status = set_field(w, names, &fields, &found, err);
-    if (found)
-        return status;
-    return hg_words_error(err,
-        "'%s' is not [next-]translation, rotation, scale, visible or catches_shadows",
-        w->at[w->next]);
+    return set_named(w, s, &named, &(struct hg_words_fields){HGP_T_node_set, &s->node}, err);
 }
 
 static enum hg_status set_material(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -167,17 +177,11 @@ static enum hg_status set_material(struct hg_words *w, struct hg_cli_step *s, st
     static const char *const names[] = {"base_color", "emissive", "metallic", "roughness",
         "emissive_strength", "normal_scale", "alpha_cutoff", "double_sided", "unlit", "alpha_mode",
         NULL};
-    const struct hg_words_fields fields = {HGP_T_material_set, &s->material};
-    bool found = true;
+    static const struct named_fields named = {
+        "material name", "what to set", "a value of materials", names};
     s->kind = HG_CLI_STEP_MATERIAL;
-    enum hg_status status = hg_words_take(w, "material name", &s->name, err);
-    if (status)
-        return status;
-    if (w->next == w->count)
-        return hg_words_error(err, "what to set is missing");
-    while (!status && found && w->next < w->count)
-        status = set_field(w, names, &fields, &found, err);
-    return found ? status : hg_words_error(err, "'%s' is not a value of materials", w->at[w->next]);
+    return set_named(
+        w, s, &named, &(struct hg_words_fields){HGP_T_material_set, &s->material}, err);
 }
 
 static enum hg_status set_light(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -185,17 +189,10 @@ static enum hg_status set_light(struct hg_words *w, struct hg_cli_step *s, struc
     static const char *const names[] = {"kind", "color", "intensity", "range", "inner_cone_rad",
         "outer_cone_rad", "casts_shadow", "radius", "width", "height", "angular_diameter_rad",
         NULL};
-    const struct hg_words_fields fields = {HGP_T_light_set, &s->light};
-    bool found = true;
+    static const struct named_fields named = {
+        "light name", "what to set", "a value of lights", names};
     s->kind = HG_CLI_STEP_LIGHT;
-    enum hg_status status = hg_words_take(w, "light name", &s->name, err);
-    if (status)
-        return status;
-    if (w->next == w->count)
-        return hg_words_error(err, "what to set is missing");
-    while (!status && found && w->next < w->count)
-        status = set_field(w, names, &fields, &found, err);
-    return found ? status : hg_words_error(err, "'%s' is not a value of lights", w->at[w->next]);
+    return set_named(w, s, &named, &(struct hg_words_fields){HGP_T_light_set, &s->light}, err);
 }
 
 static enum hg_status set_shutter(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)

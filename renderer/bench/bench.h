@@ -24,7 +24,7 @@ struct hg_bench_settings {  // zero of each field = default
         HG_BENCH_TRUTH_PATHS,
         HG_BENCH_TRUTH_RAYS,
     } truth;                // of gi: path-traced pictures, or settled ones of parameter gi RAYS
-    const char *references; // folder that keeps them; NULL: they are made anew
+    const char *references; // folder of cached reference pictures; NULL: rendered each time
     bool no_walk, no_rooms; // of gi: parts that are left out
     // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
     bool (*progress)(void *user, uint32_t done, uint32_t total);

@@ -78,9 +78,10 @@ static void set_guides(struct hg_gi_gather *w, size_t at, float hits)
     for (size_t c = 0; c < 3; c++)
         w->guides[NORMAL_X + c][at] = n[c];
     w->guides[DEPTH][at] = expf(sums[HG_PATH_GUIDE_DEPTH * pixels + at] * scale);
-    const float rough = sums[HG_PATH_GUIDE_ROUGHNESS * pixels + at] * scale;
-    w->guides[CLOTH][at] = rough >= 0.5f * HG_PATH_GUIDE_CLOTH ? 1.0f : 0.0f;
-    w->guides[ROUGHNESS][at] = fmaxf(rough - w->guides[CLOTH][at] * HG_PATH_GUIDE_CLOTH, 0);
+    const float marked = sums[HG_PATH_GUIDE_ROUGHNESS * pixels + at];
+    const float cloth = floorf(marked / HG_PATH_GUIDE_CLOTH); // samples that met some
+    w->guides[CLOTH][at] = 2 * cloth >= hits ? 1.0f : 0.0f;
+    w->guides[ROUGHNESS][at] = (marked - cloth * HG_PATH_GUIDE_CLOTH) * scale;
 }
 
 static void add3(const float *planes, size_t first, size_t pixels, size_t at, float out[3])

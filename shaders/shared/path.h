@@ -125,7 +125,7 @@
 // it met nothing on its way there, and as it did come there (part of DIRECT). rgb
 #define HG_PATH_GUIDE_OPEN_SKY 21
 #define HG_PATH_GUIDE_SEEN_SKY 24
-#define HG_PATH_GUIDE_CLOTH    4.0f // added to their ROUGHNESS where the surface has sheen
+#define HG_PATH_GUIDE_CLOTH    1024.0f // added to their ROUGHNESS where the surface has sheen; more than a sum of that
 
 // What the guide knows as pixels show it: sums over all samples that count for them, as the colour's.
 #define HG_PATH_SHOWN_LIGHT      0 // rgb: DIRECT, INDIRECT and SPECULAR together

@@ -21,14 +21,13 @@ static struct rig_camera camera = {.eye = {1, 4, 2.5},
 
 static void add_plane(struct rig *rig, float metallic, float roughness)
 {
-    static const float corners[4][3] = {{-9, 0, 9}, {9, 0, 9}, {9, 0, -9}, {-9, 0, -9}};
     rig_scene(rig);
     struct hg_material *m = rig_material(rig);
     m->specular.factor = 0;
     m->specular.is_set = metallic == 0;
     m->metallic = metallic;
     m->roughness = roughness;
-    rig_quad(rig, m, corners);
+    rig_plane(rig, m);
 }
 
 // A light, and the frame of its node: x along the width, z against its direction.

@@ -21,30 +21,16 @@ static struct hg_material *grey(struct rig *rig, float albedo, float emission)
     return m;
 }
 
-// A face of a box seen from inside (side 1) or outside (-1): across `axis`, at its low or high end.
-static void face(struct rig *rig, struct hg_material *m, const float box[2][3], int side, int which)
-{
-    const int axis = which / 2, high = which % 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
-    float corners[4][3];
-    for (int i = 0; i < 4; i++) {
-        const int turn = (high == 1) == (side > 0) ? 3 - i : i; // counter-clockwise from the front
-        corners[i][axis] = box[high][axis];
-        corners[i][u] = box[turn == 1 || turn == 2][u];
-        corners[i][v] = box[turn >= 2][v];
-    }
-    rig_quad(rig, m, (const float(*)[3])corners);
-}
-
 static void room(struct rig *rig, struct hg_material *m, const float box[2][3])
 {
     for (int i = 0; i < 6; i++)
-        face(rig, m, box, 1, i);
+        rig_face(rig, m, box, 1, i);
 }
 
 static void solid(struct rig *rig, struct hg_material *m, const float box[2][3])
 {
     for (int i = 0; i < 6; i++)
-        face(rig, m, box, -1, i);
+        rig_face(rig, m, box, -1, i);
 }
 
 static void sky(struct rig *rig, float radiance)
@@ -258,7 +244,7 @@ static void test_open_furnace(void **state)
         m->diffuse_transmission.factor = ball == 6 ? 1 : 0;
         struct hg_node *node = ball < 6 ? rig_sphere(rig, m, (const float[3]){0}, 1, 24) : NULL;
         if (!node) // flat, facing the eye
-            face(rig, m, (const float[2][3]){{-1, -1, -1}, {1, 1, 0}}, -1, 5);
+            rig_face(rig, m, (const float[2][3]){{-1, -1, -1}, {1, 1, 0}}, -1, 5);
         else if (ball == 5)
             morph(rig, node);
         sky(rig, 1);
@@ -333,7 +319,7 @@ static void test_court(void **state)
     rig_scene(rig);
     for (int which = 0; which < 6; which++)
         if (which != 3) // the ceiling
-            face(rig, grey(rig, 0.6f, 0), box, 1, which);
+            rig_face(rig, grey(rig, 0.6f, 0), box, 1, which);
     lamp_in_environment(rig);
     against_path(rig, 4, (double[2][2]){{0.15, 0.05}, {0.08, 0.03}});
 }
@@ -343,8 +329,8 @@ static void panel_room(struct rig *rig)
     rig_scene(rig);
     room(rig, grey(rig, 0.6f, 0), box);
     const float panel[2][3] = {{-1, 2.9f, -1.5f}, {1, 2.95f, 1.5f}};
-    face(rig, grey(rig, 0, 5), panel, -1, 2); // its lower side
-    face(rig, grey(rig, 0, 0), panel, -1, 3);
+    rig_face(rig, grey(rig, 0, 5), panel, -1, 2); // its lower side
+    rig_face(rig, grey(rig, 0, 0), panel, -1, 3);
 }
 
 static void test_panel_room(void **state)

@@ -13,20 +13,6 @@ enum { WIDTH = 640, HEIGHT = 480 };
 
 // --- scenes --------------------------------------------------------------------------------------
 
-// Across `axis`, at its low or high end, seen from inside (1) or outside (-1).
-static void face(struct rig *rig, struct hg_material *m, const float box[2][3], int side, int which)
-{
-    const int axis = which / 2, high = which % 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
-    float corners[4][3];
-    for (int i = 0; i < 4; i++) {
-        const int turn = (high == 1) == (side > 0) ? 3 - i : i; // counter-clockwise from the front
-        corners[i][axis] = box[high][axis];
-        corners[i][u] = box[turn == 1 || turn == 2][u];
-        corners[i][v] = box[turn >= 2][v];
-    }
-    rig_quad(rig, m, (const float(*)[3])corners);
-}
-
 // A room, and on its floor a solid block whose face to the camera (+z) is left out.
 static void room_with_block(struct rig *rig)
 {
@@ -34,9 +20,9 @@ static void room_with_block(struct rig *rig)
     rig_scene(rig);
     struct hg_material *m = rig_material(rig);
     for (int i = 0; i < 6; i++)
-        face(rig, m, room, 1, i);
+        rig_face(rig, m, room, 1, i);
     for (int i = 0; i < 5; i++)
-        face(rig, m, block, -1, i);
+        rig_face(rig, m, block, -1, i);
     m->emissive[1] = 0.1f;
 }
 
@@ -182,7 +168,7 @@ static void test_places(void **state)
     // A wall in between.
     const float wall[2][3] = {{-9, -9, 5}, {9, 9, 5.1f}};
     double counts[COLORS];
-    face(rig, rig_material(rig), wall, -1, 5);
+    rig_face(rig, rig_material(rig), wall, -1, 5);
     hg_scene_publish(rig->scene);
     pixels = settle(view);
     count_colors(pixels, counts);
@@ -211,7 +197,7 @@ static void test_irradiance(void **state)
         m->emissive[c] = 0.5f;
     }
     for (int i = 0; i < 6; i++)
-        face(rig, m, room, 1, i);
+        rig_face(rig, m, room, 1, i);
     struct hg_view *view = open_view(rig, HG_DEBUG_IRRADIANCE, true);
     struct hg_refbuf *pixels = settle(view);
     double sum = 0;
@@ -236,7 +222,7 @@ static void test_shadows(void **state)
     struct rig *rig = *state;
     const float floor_box[2][3] = {{-40, -1, -40}, {40, 0, 40}};
     rig_scene(rig);
-    face(rig, rig_material(rig), floor_box, -1, 3);
+    rig_face(rig, rig_material(rig), floor_box, -1, 3);
     struct hg_light *sun = rig_light(
         rig, HG_LIGHT_DIRECTIONAL, (const double[3]){0, 5, 0}, (const double[3]){0.1, -1, 0.05});
     sun->casts_shadow = true;
@@ -285,7 +271,7 @@ static void test_counters(void **state)
     struct hg_material *m = rig_material(rig);
     m->emissive[0] = 1;
     for (int i = 0; i < 6; i++)
-        face(rig, m, room, 1, i);
+        rig_face(rig, m, room, 1, i);
     struct hg_view *view = open_view(rig, HG_DEBUG_IRRADIANCE, true);
     hg_view_set_final(view, true); // no rays for pictures in motion
     hg_refbuf_unref(settle(view));
@@ -312,7 +298,7 @@ static void test_gathered(void **state)
     rig_scene(rig);
     struct hg_material *m = rig_material(rig);
     for (int i = 0; i < 6; i++)
-        face(rig, m, room, 1, i);
+        rig_face(rig, m, room, 1, i);
     struct hg_view *view = open_view(rig, HG_DEBUG_OFF, true);
     struct hg_error err = {0};
     const struct hg_view_params params = {

@@ -130,9 +130,8 @@ static struct hg_light *add(struct rig *rig, const struct lamp *lamp)
 
 static void add_plane(struct rig *rig)
 {
-    static const float corners[4][3] = {{-9, 0, 9}, {9, 0, 9}, {9, 0, -9}, {-9, 0, -9}};
     rig_scene(rig);
-    rig_quad(rig, rig_material(rig), corners);
+    rig_plane(rig, rig_material(rig));
 }
 
 // Every pixel within 0.05 % of the sum over the lamps, or of the brightest where they hardly reach.

@@ -36,9 +36,8 @@ static struct hg_material *lambert(struct rig *rig, float white, float emission)
 
 static void add_plane(struct rig *rig)
 {
-    static const float corners[4][3] = {{-9, 0, 9}, {9, 0, 9}, {9, 0, -9}, {-9, 0, -9}};
     rig_scene(rig);
-    rig_quad(rig, lambert(rig, 1, 0), corners);
+    rig_plane(rig, lambert(rig, 1, 0));
 }
 
 // Irradiance on the plane at a point.

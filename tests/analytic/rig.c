@@ -114,6 +114,26 @@ struct hg_node *rig_quad(struct rig *rig, struct hg_material *material, const fl
     return node;
 }
 
+struct hg_node *rig_plane(struct rig *rig, struct hg_material *material)
+{
+    static const float corners[4][3] = {{-9, 0, 9}, {9, 0, 9}, {9, 0, -9}, {-9, 0, -9}};
+    return rig_quad(rig, material, corners);
+}
+
+struct hg_node *rig_face(
+    struct rig *rig, struct hg_material *material, const float box[2][3], int side, int which)
+{
+    const int axis = which / 2, high = which % 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+    float corners[4][3];
+    for (int i = 0; i < 4; i++) {
+        const int turn = (high == 1) == (side > 0) ? 3 - i : i; // counter-clockwise from the front
+        corners[i][axis] = box[high][axis];
+        corners[i][u] = box[turn == 1 || turn == 2][u];
+        corners[i][v] = box[turn >= 2][v];
+    }
+    return rig_quad(rig, material, (const float(*)[3])corners);
+}
+
 struct hg_node *rig_sphere(
     struct rig *rig, struct hg_material *material, const float center[3], float radius, int rings)
 {
