@@ -239,19 +239,4 @@ vec3 hg_path_finite(vec3 v)
     return any(isnan(v)) || any(isinf(v)) ? vec3(0.0) : v;
 }
 
-// Shading normal nearest to n at which the mirrored view does not lead below the triangle, where
-// light would be lost: the mirrored direction is lifted to just above it, and the normal is half-way.
-// v and geometric lie on one side.
-vec3 hg_path_valid_normal(vec3 n, vec3 geometric, vec3 v)
-{
-    vec3 r = 2.0 * dot(n, v) * n - v;
-    float height = dot(r, geometric), least = min(0.9 * dot(v, geometric), 0.01);
-    if (height >= least)
-        return n;
-    vec3 along = r - height * geometric;
-    float scale = sqrt((1.0 - least * least) / max(dot(along, along), 1e-12));
-    vec3 half_way = v + along * scale + geometric * least;
-    return half_way * inversesqrt(max(dot(half_way, half_way), 1e-12));
-}
-
 #endif

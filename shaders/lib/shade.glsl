@@ -27,6 +27,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #ifndef HG_NO_LOBES
 #include "lib/bsdf.glsl"
 #endif
+#include "lib/shading_normal.glsl"
 #include "lib/light.glsl"
 #include "lib/environment.glsl"
 #include "lib/ground.glsl"
@@ -228,6 +229,8 @@ vec4 surface(uvec2 id, out float depth)
     vec3 view = -hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
+    if (HG_HAS2(HG_FEATURE2_GATHERED))
+        hg_bend_normals(s, view);
 #ifndef HG_NO_LOBES
     if (HG_HAS(HG_FEATURE_LOBES))
         return vec4(lobes(s, v, view), 1.0) * alpha;

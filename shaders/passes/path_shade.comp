@@ -16,6 +16,7 @@
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "lib/brdf.glsl"
+#include "lib/shading_normal.glsl"
 #include "lib/light.glsl"
 #include "lib/probes.glsl"
 #include "lib/environment.glsl"
@@ -436,27 +437,6 @@ uint see(inout path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
     return HG_PATH_DONE;
 }
 
-// Share of specular (reflected or transmitted) light in all light that leaves a surface.
-float specular_share(hg_surface s, float n_dot_v)
-{
-    vec2 dfg = hg_dfg(clamp(n_dot_v, 0.0, 1.0), s.roughness);
-    float color = hg_max3(s.base_color), dielectric = s.specular * (s.f0 * dfg.x + dfg.y);
-    float mirrored = mix(dielectric, color * dfg.x + dfg.y, s.metallic);
-    float below = (1.0 - s.metallic) * (1.0 - min(dielectric, 1.0)) * color;
-    return clamp((mirrored + s.transmission * below) / max(mirrored + below, 1e-6), 0.0, 1.0);
-}
-
-// A normal that points behind its triangle is mirrored at it. One whose mirrored view would lead
-// behind it is bent, by as much as the surface mirrors: what it scatters goes by the normal as it is.
-vec3 shading_normal(hg_surface s, vec3 view)
-{
-    vec3 n = s.normal - s.geometric_normal * (2.0 * min(dot(s.normal, s.geometric_normal), 0.0));
-    vec3 bent = hg_path_valid_normal(n, s.geometric_normal, view);
-    if (bent == n)
-        return n;
-    return normalize(mix(n, bent, specular_share(s, dot(bent, view))));
-}
-
 // The ground below the scene, where a camera ray that met nothing else meets it.
 bool meets_ground(path p)
 {
@@ -487,10 +467,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     uint number = hg_path_number(p.slot);
     hg_vertex v = hg_fetch_hit(hit, p.ray.direction_ws, width);
     hg_surface s = hg_material_evaluate(v);
-    s.normal = shading_normal(s, -p.ray.direction_ws);
-    if (HG_HAS(HG_FEATURE_CLEARCOAT))
-        s.clearcoat_normal =
-            hg_path_valid_normal(s.clearcoat_normal, s.geometric_normal, -p.ray.direction_ws);
+    hg_bend_normals(s, -p.ray.direction_ws);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
     hg_sampler points = hg_path_step_sampler(pixel, number);
