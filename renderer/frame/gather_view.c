@@ -55,9 +55,7 @@ static uint32_t samples_of(const struct hg_view_settings *s)
 static struct hg_path_request request_of(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    struct hg_lighting_sources sources;
     struct hg_gi_stats field;
-    hg_lighting_sources(view->lighting, &sources);
     hg_gi_stats(view->scene_gpu->gi, &field);
     struct hg_path_request request = {.camera = view->camera,
         .width = s->width,
@@ -69,7 +67,6 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .gather = {.on = true, .reach = REACH * field.spacing},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
-    memcpy(request.gather.sky_sun_ws, sources.sky_sun_ws, sizeof sources.sky_sun_ws);
     request.settings = (struct hg_path_settings){.trace = s->path.trace,
         .filter = FILTER_BOX,
         .filter_radius_px = 0.5f,

@@ -12,13 +12,6 @@
 
 #define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
 
-// The sun of a sky by what it is made from; the integral along its ray is kept.
-struct sky_sun {
-    float sun_direction[3], turbidity;
-    float illuminance[3];
-    float towards_ws[3]; // 0: the sky has none
-};
-
 struct hg_lighting {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
@@ -28,7 +21,7 @@ struct hg_lighting {
     struct hg_gpu_image atlas;
     struct hg_light_set set;
     struct hg_clusters cells;
-    struct sky_sun sun;
+    struct hg_sky_disc sun;
     struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
     uint64_t drawn_shape_revision, atlas_revision;
     bool overflow_told, unshadowed_told;
@@ -243,30 +236,13 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
     fill_environment(l, &view->scene->environment);
 }
 
-// The disc of a sky lights real-time pictures as a directional light with a shadow. Paths sample it
-// in the image of the sky (emitters.c), where it has its size.
+// The disc of a sky is a directional light with a shadow, as it is for paths (emitter_lights.c).
 static enum hg_status add_sky_sun(struct hg_lighting *l, const struct hg_environment *env)
 {
-    memset(l->sun.towards_ws, 0, sizeof l->sun.towards_ws);
-    if (env->kind != HG_ENV_SKY)
-        return HG_OK;
-    const struct hg_sky sky = hg_sky_of(env, l->set.directional_count > 0);
-    struct sky_sun *sun = &l->sun;
-    const float *to = sky.sun_direction;
-    if (memcmp(sun->sun_direction, to, sizeof sun->sun_direction) != 0 ||
-        sun->turbidity != sky.turbidity) {
-        hg_copy3(to, sun->sun_direction);
-        sun->turbidity = sky.turbidity;
-        hg_sky_sun_illuminance(&sky, sun->illuminance);
-    }
-    const float lux[3] = {sun->illuminance[0] * env->intensity,
-        sun->illuminance[1] * env->intensity, sun->illuminance[2] * env->intensity};
-    if (!sky.with_disc || !(fmaxf(lux[0], fmaxf(lux[1], lux[2])) > 0))
-        return HG_OK;
-    const float c = cosf(env->rotation_rad), s = sinf(env->rotation_rad);
-    const float towards[3] = {c * to[0] + s * to[2], to[1], c * to[2] - s * to[0]};
-    hg_copy3(towards, l->sun.towards_ws);
-    return hg_light_set_add_sun(&l->set, lux, towards);
+    hg_sky_disc_update(&l->sun, env, l->set.directional_count > 0);
+    return hg_sky_disc_is_there(&l->sun)
+               ? hg_light_set_add_sun(&l->set, l->sun.lux, l->sun.towards_ws)
+               : HG_OK;
 }
 
 enum hg_status hg_lighting_sync(
@@ -341,16 +317,13 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
 
 bool hg_lighting_has_sky_sun(const struct hg_lighting *l)
 {
-    const float *sun = l->sun.towards_ws;
-    return sun[0] != 0 || sun[1] != 0 || sun[2] != 0;
+    return hg_sky_disc_is_there(&l->sun);
 }
 
 void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources *out)
 {
     const struct hg_gpu_lighting *b = &l->block;
-    const float *sun = l->sun.towards_ws;
     *out = (struct hg_lighting_sources){.lights = l->set.items,
-        .sky_sun_ws = {sun[0], sun[1], sun[2]},
         .casts = l->set.casts,
         .count = l->set.count,
         .directional_count = l->set.directional_count,

@@ -80,7 +80,6 @@ struct hg_lighting_sources {
     const bool *casts;                 // [count]
     uint32_t count, directional_count;
     uint32_t env_kind;  // HG_ENV_KIND_*
-    float sky_sun_ws[3]; // towards the sun that the sky brought; 0: none
     float env_color[3]; // as of hg_gpu_lighting
     float env_rotation_cos, env_rotation_sin;
     const float

@@ -159,6 +159,16 @@ bool hg_scene_has_directional_light(const struct hg_scene *scene)
     return false;
 }
 
+struct hg_gpu_light hg_light_of_sun(const float illuminance[3], const float towards_ws[3])
+{
+    return (struct hg_gpu_light){
+        .direction_ws = {-towards_ws[0], -towards_ws[1], -towards_ws[2]},
+        .kind = HG_LIGHT_KIND_DIRECTIONAL,
+        .color = {illuminance[0], illuminance[1], illuminance[2]},
+        .shadow = HG_SHADOW_NONE,
+    };
+}
+
 enum hg_status hg_light_set_add_sun(
     struct hg_light_set *set, const float illuminance[3], const float towards_ws[3])
 {
@@ -167,12 +177,7 @@ enum hg_status hg_light_set_add_sun(
     memmove(set->items + 1, set->items, set->count * sizeof *set->items);
     memmove(set->casts + 1, set->casts, set->count * sizeof *set->casts);
     memmove(set->nodes + 1, set->nodes, set->count * sizeof *set->nodes);
-    set->items[0] = (struct hg_gpu_light){
-        .direction_ws = {-towards_ws[0], -towards_ws[1], -towards_ws[2]},
-        .kind = HG_LIGHT_KIND_DIRECTIONAL,
-        .color = {illuminance[0], illuminance[1], illuminance[2]},
-        .shadow = HG_SHADOW_NONE,
-    };
+    set->items[0] = hg_light_of_sun(illuminance, towards_ws);
     set->casts[0] = true;
     set->nodes[0] = NULL;
     set->count++;

@@ -22,6 +22,8 @@ enum hg_status hg_light_set_collect(
     struct hg_light_set *set, const struct hg_scene *scene, const double origin[3]) HG_MUST_CHECK;
 // Whether the set of a scene has directional lights. hg_scene_update was called.
 bool hg_scene_has_directional_light(const struct hg_scene *scene);
+// A directional light that casts shadows; illuminance: lux on a surface that faces it.
+struct hg_gpu_light hg_light_of_sun(const float illuminance[3], const float towards_ws[3]);
 // Adds a directional light that no node has, in front of all others: it casts shadows, and its node
 // is NULL. illuminance: lux on a surface that faces it. HG_E_NOMEM.
 enum hg_status hg_light_set_add_sun(

@@ -122,6 +122,8 @@ static enum hg_status name_lights(struct naming *n, struct hg_error *err)
     else
         status = reserve(n, &n->groups->of_lights, "groups of lights", set.count, err);
     uint32_t *groups = status == HG_OK ? n->groups->of_lights.mapped : NULL;
+    if (groups != NULL)
+        groups[set.count] = 0; // the sun of a sky goes with the environment
     for (uint32_t i = 0; i < set.count && groups != NULL; i++) {
         const struct hg_node *node = set.nodes[i];
         const char *name = node->light->head.name;

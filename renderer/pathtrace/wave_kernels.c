@@ -60,7 +60,6 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
 
 // --- kernels -------------------------------------------------------------------------------------
 
-#define HG_PATH_SKY_SUN_RAD 0.012f // of the disc in the image of a sky, its soft edge included
 
 static void fill_lens(const struct hg_path *p, struct hg_gpu_path *block)
 {
@@ -109,15 +108,6 @@ static uint32_t may_of(const struct hg_path *p, const struct hg_gpu_emitters *e)
     return may | apart;
 }
 
-static struct hg_gpu_path_gather gather_of(const struct hg_path_gather *g)
-{
-    const float *sun = g->sky_sun_ws;
-    const bool any = sun[0] != 0 || sun[1] != 0 || sun[2] != 0;
-    return (struct hg_gpu_path_gather){.sun_ws = {sun[0], sun[1], sun[2]},
-        .sun_cos = any ? cosf(HG_PATH_SKY_SUN_RAD) : 2,
-        .reach = g->reach};
-}
-
 // Scale of ray differentials by the number of samples. The mean of samples is filtered by the pixel
 // filter, so that coarser mips would only blur it. Source: Pharr,
 // Jakob and Humphreys, "Physically Based Rendering", 4th ed., section 10.1.3.
@@ -156,7 +146,7 @@ void hg_path_wave_fill(struct hg_path *p)
         .capacity = HG_PATH_WAVE_PX,
         .channels = p->film.sampled_channels,
         .sample_bits = hg_path_sample_bits(p->request.samples),
-        .gather = gather_of(&p->request.gather),
+        .gather = {.reach = p->request.gather.reach},
         .branch_bits = p->branch_bits,
         .footprint = footprint_of(p),
         .max_bounces = s->max_bounces,

@@ -5,12 +5,24 @@
 #ifndef HG_LIB_EMITTERS_ENVIRONMENT_GLSL
 #define HG_LIB_EMITTERS_ENVIRONMENT_GLSL
 
-// Radiance from far away.
-vec3 hg_emitter_environment(vec3 direction_ws)
+// The direction belongs to the sun of a sky.
+bool hg_emitter_is_sky_sun(vec3 direction_ws)
+{
+    return dot(direction_ws, HG_EMITTERS.sky_sun_ws) > HG_EMITTERS.sky_sun_cos;
+}
+
+// What is seen far away.
+vec3 hg_emitter_backdrop(vec3 direction_ws)
 {
     if (hg_frame.lighting.env_kind != HG_ENV_KIND_IMAGE)
         return hg_frame.lighting.env_color;
     return hg_environment_seen(direction_ws, hg_emitter_environment_lod);
+}
+
+// Radiance from far away: without the sun of a sky, which is a light.
+vec3 hg_emitter_environment(vec3 direction_ws)
+{
+    return hg_emitter_is_sky_sun(direction_ws) ? vec3(0.0) : hg_emitter_backdrop(direction_ws);
 }
 
 // First quad of a level of the grid, 1..levels.

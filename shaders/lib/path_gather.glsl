@@ -5,20 +5,14 @@
 #ifndef HG_LIB_PATH_GATHER_GLSL
 #define HG_LIB_PATH_GATHER_GLSL
 
-// The direction belongs to the sun of a sky.
-bool hg_gather_is_sky_sun(vec3 direction_ws)
-{
-    return dot(direction_ws, hg_path.gather.sun_ws) > hg_path.gather.sun_cos;
-}
-
 // Of a gathering path: light that real-time pictures draw themselves at the first surface, or that the
 // field of probes holds where the path ends.
 // Lights with a size are not among what is drawn, nor does the field hold them.
 bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
 {
-    bool sun = e.group == HG_EMITTER_GROUP_ENVIRONMENT && hg_gather_is_sky_sun(e.direction);
     bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
-    return ends ? !(sun || lamp) : bounce == 0u && (sun || (lamp && e.delta));
+    bool sun = e.distance >= HG_EMITTER_FAR && hg_emitter_is_sky_sun(e.direction);
+    return ends ? !lamp : bounce == 0u && lamp && (sun || e.delta);
 }
 
 // What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and
@@ -49,8 +43,6 @@ bool hg_gather_ends(path p, float t)
 vec3 hg_gather_behind(path p)
 {
     vec3 d = p.ray.direction_ws;
-    if (hg_gather_is_sky_sun(d))
-        return vec3(0.0);
     float other = hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, d);
     return clamped(p.throughput * hg_emitter_environment(d) * weight_found(p, other, CANDIDATES), p.bounce);
 }

@@ -120,7 +120,7 @@ vec3 background(path p, vec3 direction)
         return hg_frame.background_color;
     if (hg_frame.camera.orthographic == 0u)
         hg_emitter_environment_lod = hg_frame.textures.background_lod;
-    return hg_emitter_environment(direction) *
+    return hg_emitter_backdrop(direction) *
         weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction), CANDIDATES);
 }
 
@@ -143,8 +143,6 @@ uint miss(path p)
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
     meet_lights(p, HG_EMITTER_FAR, p.throughput, p.media);
-    if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && hg_gather_is_sky_sun(d))
-        radiance = vec3(0.0);
     vec3 light = clamped(p.throughput * radiance, p.bounce);
     hg_path_light(p.slot, p.bounce, 0u, HG_EMITTER_GROUP_ENVIRONMENT, light);
     if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u)

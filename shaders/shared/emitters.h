@@ -108,8 +108,11 @@ struct hg_gpu_emitters {
                                             // lights with a place
     HG_UINT lamp_node_count, first_lamp_leaf; // leaf of the first light that has a place
     HG_UINT sized_suns;                     // directional lights with a size
+    HG_VEC3 sky_sun_ws;                     // towards the sun of a sky, which is the first light, unit
+    float sky_sun_cos;                      // of the angle within which the image of the sky has it drawn,
+                                            // which lights nothing; 2: there is none
     HG_UINT reserved;
 };
-HG_SHARED_SIZE(hg_gpu_emitters, 136);
+HG_SHARED_SIZE(hg_gpu_emitters, 152);
 
 #endif

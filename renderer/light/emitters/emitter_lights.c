@@ -31,11 +31,36 @@ static bool is_usable(const struct hg_gpu_light *light)
            (light->kind == HG_LIGHT_KIND_DIRECTIONAL || is_finite3(light->position_ws));
 }
 
+// The sun of a sky, of its size; it does not move while a shutter is open. Its number follows those of
+// the scene's lights.
+static struct hg_gpu_light light_of_sky(const struct hg_emitter_lights *l)
+{
+    struct hg_gpu_light light = hg_light_of_sun(l->sun.lux, l->sun.towards_ws);
+    light.radius = sinf(HG_SUN_RADIUS);
+    light.bound = cosf(HG_SUN_RADIUS);
+    light.radiance = 1 / ((float)HG_PI * light.radius * light.radius);
+    light.id = l->set.count;
+    return light;
+}
+
+static void add(struct hg_emitter_lights *l, const struct hg_gpu_light *light, uint64_t *signature)
+{
+    if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
+        l->directional_count++;
+        l->directional_lux += light_luminance(light);
+        l->sized_suns += light->radiance > 0;
+    } else {
+        l->sized_lamps += light->radiance > 0;
+    }
+    *signature = hg_hash_mix_bytes(*signature, light, sizeof *light);
+    l->items[l->count++] = *light;
+}
+
 enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const struct hg_scene *scene,
     const double origin[3], uint64_t *signature)
 {
     if (hg_light_set_collect(&l->set, scene, origin) ||
-        hg_grow(&l->items, &l->capacity, 2 * (size_t)l->set.count + 1, sizeof *l->items))
+        hg_grow(&l->items, &l->capacity, 2 * ((size_t)l->set.count + 1), sizeof *l->items))
         return HG_E_NOMEM;
     // If a light exists at one of the two times only, all lights are static.
     l->move = l->opening && l->closing && l->opening->count == l->set.count &&
@@ -44,22 +69,22 @@ enum hg_status hg_emitter_lights_collect(struct hg_emitter_lights *l, const stru
     const struct hg_gpu_light *then = l->move ? l->opening->items : l->set.items;
     l->count = l->directional_count = l->sized_suns = l->sized_lamps = 0;
     l->directional_lux = 0;
+    hg_sky_disc_update(&l->sun, &scene->environment, l->set.directional_count > 0);
+    const struct hg_gpu_light sun = light_of_sky(l);
+    const bool shines = hg_sky_disc_is_there(&l->sun) && is_usable(&sun);
+    if (shines)
+        add(l, &sun, signature);
     for (uint32_t i = 0; i < l->set.count; i++) {
-        const struct hg_gpu_light *light = &now[i];
-        if (!is_usable(light) || !is_usable(&then[i]))
+        if (!is_usable(&now[i]) || !is_usable(&then[i]))
             continue;
-        if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
-            l->directional_count++;
-            l->directional_lux += light_luminance(light);
-            l->sized_suns += light->radiance > 0;
-        } else {
-            l->sized_lamps += light->radiance > 0;
-        }
-        l->items[l->count] = *light;
-        l->items[l->count].shadow = l->set.casts[i] ? HG_SHADOW_NONE : HG_SHADOW_UNASKED;
-        *signature = hg_hash_mix_bytes(*signature, &l->items[l->count++], sizeof *light);
+        struct hg_gpu_light light = now[i];
+        light.shadow = l->set.casts[i] ? HG_SHADOW_NONE : HG_SHADOW_UNASKED;
+        add(l, &light, signature);
     }
-    for (uint32_t i = 0, k = l->count; i < l->set.count && l->move; i++) {
+    uint32_t k = l->count;
+    if (l->move && shines)
+        l->items[k++] = sun;
+    for (uint32_t i = 0; i < l->set.count && l->move; i++) {
         if (!is_usable(&now[i]) || !is_usable(&then[i]))
             continue;
         *signature = hg_hash_mix_bytes(*signature, &then[i], sizeof then[i]);

@@ -4,11 +4,13 @@
 #define HG_RENDERER_LIGHT_EMITTERS_EMITTER_LIGHTS_H
 
 #include "renderer/light/emitters/light_tree.h"
+#include "renderer/light/env/sky.h"
 #include "renderer/light/lights.h"
 
 // Zero-initialise. Directional lights come first.
 struct hg_emitter_lights {
     struct hg_light_set set;                      // of the scene
+    struct hg_sky_disc sun;                        // of its sky, which is the first light
     const struct hg_light_set *opening, *closing; // of a shutter; NULL: nothing moves
     struct hg_gpu_light *items;                   // [count], then those of the opening if they move
     size_t capacity;

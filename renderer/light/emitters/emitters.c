@@ -15,6 +15,8 @@
 #include "renderer/light/env/sky.h"
 #include "renderer/math/vec.h"
 
+#define SKY_SUN_RAD 0.012f // of the disc in the image of a sky, its soft edge included
+
 #define BUDGET     (96ull << 20)
 #define LEAF_BYTES (2 * sizeof(struct hg_gpu_light_node) + sizeof(struct hg_gpu_emitter_leaf) + 4)
 
@@ -247,7 +249,8 @@ static enum hg_status make_warp(
     struct hg_image drawn = {0};
     struct hg_env_warp warp = {0};
     enum hg_status status = HG_OK;
-    const struct hg_sky sky = hg_sky_of(env, has_sun);
+    struct hg_sky sky = hg_sky_of(env, has_sun);
+    sky.with_disc = false; // a light of its own (emitter_lights.c)
     if (env->kind == HG_ENV_SKY)
         status = hg_sky_render(&sky, e->jobs, &drawn);
     if (!status)
@@ -321,6 +324,9 @@ static void fill_addresses(struct hg_emitters *e)
     b->sized_suns = e->lights.sized_suns;
     b->directional_count = e->lights.directional_count;
     b->directional_lux = e->lights.directional_lux;
+    const float *sun = e->lights.sun.towards_ws;
+    b->sky_sun_ws = (struct hg_vec3){sun[0], sun[1], sun[2]};
+    b->sky_sun_cos = hg_sky_disc_is_there(&e->lights.sun) ? cosf(SKY_SUN_RAD) : 2;
 }
 
 enum hg_status hg_emitters_update(

@@ -398,6 +398,31 @@ void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3])
         out[c] = light[c] * HG_SKY_SUN_LUX;
 }
 
+void hg_sky_disc_update(
+    struct hg_sky_disc *sun, const struct hg_environment *env, bool scene_has_sun)
+{
+    memset(sun->lux, 0, sizeof sun->lux);
+    memset(sun->towards_ws, 0, sizeof sun->towards_ws);
+    if (env->kind != HG_ENV_SKY)
+        return;
+    const struct hg_sky sky = hg_sky_of(env, scene_has_sun);
+    const float *to = sky.sun_direction;
+    if (memcmp(sun->sun_direction, to, sizeof sun->sun_direction) != 0 ||
+        sun->turbidity != sky.turbidity) {
+        hg_copy3(to, sun->sun_direction);
+        sun->turbidity = sky.turbidity;
+        hg_sky_sun_illuminance(&sky, sun->illuminance);
+    }
+    const float lux[3] = {sun->illuminance[0] * env->intensity,
+        sun->illuminance[1] * env->intensity, sun->illuminance[2] * env->intensity};
+    if (!sky.with_disc || !(fmaxf(lux[0], fmaxf(lux[1], lux[2])) > 0))
+        return;
+    const float c = cosf(env->rotation_rad), s = sinf(env->rotation_rad);
+    const float towards[3] = {c * to[0] + s * to[2], to[1], c * to[2] - s * to[0]};
+    hg_copy3(lux, sun->lux);
+    hg_copy3(towards, sun->towards_ws);
+}
+
 float hg_sky_sun_luminance(const struct hg_environment *environment, bool scene_has_sun)
 {
     const struct hg_sky sky = hg_sky_of(environment, scene_has_sun);

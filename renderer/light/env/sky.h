@@ -41,6 +41,20 @@ void hg_sky_draw_disc(const struct hg_sky *sky, struct hg_image *image);
 
 // Illuminance of the sun seen from the ground, facing it, linear Rec.709 lux.
 void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3]);
+// The disc as a directional light, of an environment as it stands in its scene. Zero-initialise: what
+// is costly is kept from one update to the next.
+struct hg_sky_disc {
+    float sun_direction[3], turbidity; // that illuminance was made from
+    float illuminance[3];
+    float lux[3], towards_ws[3]; // 0: the sky has none
+};
+void hg_sky_disc_update(
+    struct hg_sky_disc *sun, const struct hg_environment *environment, bool scene_has_sun);
+static inline bool hg_sky_disc_is_there(const struct hg_sky_disc *sun)
+{
+    return sun->towards_ws[0] != 0 || sun->towards_ws[1] != 0 || sun->towards_ws[2] != 0;
+}
+
 // Luminance of a white diffuser that faces the sun of an environment; 0: it has none.
 float hg_sky_sun_luminance(const struct hg_environment *environment, bool scene_has_sun);
 
