@@ -347,7 +347,8 @@ static void test_sky(void **state)
     env->sun_direction[1] = 0.8f;
     rig_sync(&r);
     const struct estimate with_disc = rig_estimate(&r, p, up);
-    assert_true(with_disc.bad == 0.0 && with_disc.error < 0.005 * with_disc.mean);
+    print_message("sky: %.3f, noise of the mean %.3f\n", with_disc.mean, with_disc.error);
+    assert_true(with_disc.bad == 0.0 && with_disc.error < 0.01 * with_disc.mean);
     assert_true(with_disc.mean > 2 && with_disc.mean < 4); // about 0.8 * 3.2 lux and the sky's half
     // A directional light stands for the disc.
     struct hg_light *sun = rig_add_light(&r, HG_LIGHT_DIRECTIONAL, 0, 0, 0, 1);
