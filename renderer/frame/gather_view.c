@@ -17,9 +17,9 @@
 #define LEAST_BITS   1        // log2 of samples
 #define MOST_BITS    6
 #define MOST_BOUNCE  6    // of paths that do not find the field
-#define REACH        0.5f // spacings of the field
+#define REACH        0.5f // spacings of the finest grid of probes there
 
-static struct hg_gather_key key_of(const struct hg_view_state *view)
+struct hg_gather_key hg_gather_view_key(const struct hg_view_state *view)
 {
     return (struct hg_gather_key){.scene = view->scene_gpu->scene->revision,
         .environment = view->scene_gpu->scene->environment.revision,
@@ -30,7 +30,7 @@ static struct hg_gather_key key_of(const struct hg_view_state *view)
 
 bool hg_gather_view_is_done(const struct hg_view_state *view)
 {
-    const struct hg_gather_key key = key_of(view);
+    const struct hg_gather_key key = hg_gather_view_key(view);
     return view->gi.gather.done && memcmp(&key, &view->gi.gather.key, sizeof key) == 0;
 }
 
@@ -56,9 +56,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
     struct hg_lighting_sources sources;
-    struct hg_gi_stats field;
     hg_lighting_sources(view->lighting, &sources);
-    hg_gi_stats(view->scene_gpu->gi, &field);
     struct hg_path_request request = {.camera = view->camera,
         .width = s->width,
         .height = s->height,
@@ -66,7 +64,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .samples = samples_of(s),
         .seed = s->seed,
         .error_px = s->error_px,
-        .gather = {.on = true, .reach = REACH * field.spacing},
+        .gather = {.on = true, .reach = REACH},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     memcpy(request.gather.sky_sun_ws, sources.sky_sun_ws, sizeof sources.sky_sun_ws);
@@ -148,7 +146,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
 enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_view_gather *g = &view->gi.gather;
-    const struct hg_gather_key key = key_of(view);
+    const struct hg_gather_key key = hg_gather_view_key(view);
     const struct hg_path_request request = request_of(view);
     const bool begins = !g->begun || memcmp(&key, &g->key, sizeof key) != 0;
     enum hg_status status = hg_path_view_create(view, &g->path, err);

@@ -46,7 +46,7 @@ struct hg_path_settings {
 struct hg_path_gather {
     bool on;
     float sky_sun_ws[3]; // towards a sky's sun, unit; 0: there is none
-    float reach;         // metres from which on a hit is shaded by the field
+    float reach; // from which on a hit is shaded by the field, in spacings of its probes there
 };
 
 #define HG_PATH_DENOISE_SERIES 2u // flag of `denoise`: temporal, with the previous pictures
