@@ -171,12 +171,16 @@ static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
     hg_gi_stats(s->scene_gpu->gi, &g);
     const struct hg_path_stats *gathered = &s->gi.gather.stats;
     const struct hg_path_time *p = gathered->pieces;
+    hg_json_put(w, ",\"gi\":{\"probes\":%u,\"asleep\":%u,\"inside\":%u,\"moved\":%u,\"grids\":[",
+        g.probes, g.asleep, g.inside, g.moved);
+    for (uint32_t i = 0; i < g.grid_count; i++)
+        hg_json_put(w, "%s{\"spacing_m\":%.6g,\"probes\":%u,\"asleep\":%u}", i > 0 ? "," : "",
+            (double)g.grids[i].spacing, g.grids[i].probes, g.grids[i].asleep);
     hg_json_put(w,
-        ",\"gi\":{\"probes\":%u,\"asleep\":%u,\"inside\":%u,\"moved\":%u,\"spacing_m\":%.6g,"
-        "\"updates\":%llu,\"rays\":%llu,"
+        "],\"updates\":%llu,\"rays\":%llu,"
         "\"shadow_rays\":%llu,\"misses\":%llu,\"shaded\":%llu,\"ms\":%.3f,\"bytes\":%llu,",
-        g.probes, g.asleep, g.inside, g.moved, (double)g.spacing, (unsigned long long)g.updates,
-        (unsigned long long)g.rays, (unsigned long long)g.shadow_rays, (unsigned long long)g.misses,
+        (unsigned long long)g.updates, (unsigned long long)g.rays,
+        (unsigned long long)g.shadow_rays, (unsigned long long)g.misses,
         (unsigned long long)g.shaded, ms(g.ns), (unsigned long long)g.bytes);
     hg_json_put(w,
         "\"gathered\":{\"paths\":%llu,\"rays\":%llu,\"shadow_rays\":%llu,\"misses\":%llu,"

@@ -119,7 +119,10 @@ struct hg_draw {
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;
     struct hg_view_stats *stats;
-    enum hg_gi_field_kind probes; // of the scene, that samples are drawn with
+    struct {
+        enum hg_gi_field_kind kind;
+        uint64_t view;             // whose camera it is
+    } probes;                      // of the scene, that samples are drawn with
     struct hg_gpu_image *gathered; // light on opaque surfaces; NULL: the probes'
     bool crowded; // of the newest cull: the geometry budget did not hold all that was chosen
 };

@@ -126,7 +126,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     fill_background(draw, f);
     fill_ground(draw, f);
     hg_geometry_fill(draw->scene_gpu->geometry, &f->geometry);
-    hg_gi_fill(draw->scene_gpu->gi, draw->probes, &f->probes);
+    hg_gi_fill(draw->scene_gpu->gi, draw->probes.kind, draw->probes.view, &f->probes);
     const struct hg_blend_lists *lists = &draw->blend->lists;
     f->blend = (struct hg_gpu_blend_lists){.heads = lists->heads.address,
         .nodes = lists->nodes.address,
@@ -279,7 +279,7 @@ static struct hg_pass make_pass(
     pass.features = features_of(draw, pass.tables, streams);
     pass.features2 = mixes_of(draw, pass.features);
     struct hg_gpu_probes probes;
-    hg_gi_fill(draw->scene_gpu->gi, draw->probes, &probes);
+    hg_gi_fill(draw->scene_gpu->gi, draw->probes.kind, draw->probes.view, &probes);
     pass.features2 |= probes.count > 0 ? HG_FEATURE2_PROBES : 0;
     struct hg_lighting_stats lights;
     hg_lighting_stats(draw->lighting, &lights);

@@ -17,9 +17,9 @@
 #define LEAST_BITS   1        // log2 of samples
 #define MOST_BITS    6
 #define MOST_BOUNCE  6    // of paths that do not find the field
-#define REACH        0.5f // spacings of the field
+#define REACH        0.5f // spacings of the finest grid of probes there
 
-static struct hg_gather_key key_of(const struct hg_view_state *view)
+struct hg_gather_key hg_gather_view_key(const struct hg_view_state *view)
 {
     return (struct hg_gather_key){.scene = view->scene_gpu->scene->revision,
         .environment = view->scene_gpu->scene->environment.revision,
@@ -30,7 +30,7 @@ static struct hg_gather_key key_of(const struct hg_view_state *view)
 
 bool hg_gather_view_is_done(const struct hg_view_state *view)
 {
-    const struct hg_gather_key key = key_of(view);
+    const struct hg_gather_key key = hg_gather_view_key(view);
     return view->gi.gather.done && memcmp(&key, &view->gi.gather.key, sizeof key) == 0;
 }
 
@@ -55,8 +55,6 @@ static uint32_t samples_of(const struct hg_view_settings *s)
 static struct hg_path_request request_of(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    struct hg_gi_stats field;
-    hg_gi_stats(view->scene_gpu->gi, &field);
     struct hg_path_request request = {.camera = view->camera,
         .width = s->width,
         .height = s->height,
@@ -64,7 +62,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .samples = samples_of(s),
         .seed = s->seed,
         .error_px = s->error_px,
-        .gather = {.on = true, .reach = REACH * field.spacing},
+        .gather = {.on = true, .reach = REACH},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     request.settings = (struct hg_path_settings){.trace = s->path.trace,
@@ -145,7 +143,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
 enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_view_gather *g = &view->gi.gather;
-    const struct hg_gather_key key = key_of(view);
+    const struct hg_gather_key key = hg_gather_view_key(view);
     const struct hg_path_request request = request_of(view);
     const bool begins = !g->begun || memcmp(&key, &g->key, sizeof key) != 0;
     enum hg_status status = hg_path_view_create(view, &g->path, err);

@@ -10,6 +10,8 @@
 
 #include "renderer/frame/state.h"
 
+// The present state of the view, which the field of rest and gathered light are of.
+struct hg_gather_key hg_gather_view_key(const struct hg_view_state *view);
 void hg_gather_view_finish(struct hg_view_state *view);
 // Light was gathered for the present state of the view.
 bool hg_gather_view_is_done(const struct hg_view_state *view);

@@ -33,10 +33,44 @@ bool hg_gi_view_is_on(const struct hg_view_state *view)
            !is_refused(view, &view->gi.field_refused);
 }
 
+// The rays of the picture, which probes are placed by.
+static struct hg_gi_eye eye_of(const struct hg_view_state *view)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const struct hg_camera_setup setup =
+        hg_scene_gpu_camera(view->scene_gpu, &view->camera, s->width, s->height);
+    struct hg_gpu_camera c;
+    hg_camera_fill(&setup, &c);
+    const float width = (float)s->width, height = (float)s->height;
+    const struct hg_vec3 from = c.orthographic != 0 ? c.forward_ws : c.eye_ws;
+    return (struct hg_gi_eye){.view = hg_gi_view_id(view),
+        .eye = {from.x, from.y, from.z},
+        .corner = {c.ray_origin_ws.x, c.ray_origin_ws.y, c.ray_origin_ws.z},
+        .across = {c.ray_x_ws.x * width, c.ray_x_ws.y * width, c.ray_x_ws.z * width},
+        .down = {c.ray_y_ws.x * height, c.ray_y_ws.y * height, c.ray_y_ws.z * height},
+        .parallel = c.orthographic};
+}
+
+uint64_t hg_gi_view_id(const struct hg_view_state *view)
+{
+    return (uint64_t)(uintptr_t)view;
+}
+
 bool hg_gi_view_has_rest(const struct hg_view_state *view)
 {
     const struct hg_gi_key key = key_of(view);
-    return hg_gi_is_rest(view->scene_gpu->gi, &key);
+    if (view->scene_gpu->gi == NULL)
+        return false;
+    const struct hg_gi_eye eye = eye_of(view);
+    return hg_gi_is_rest(view->scene_gpu->gi, &key, &eye);
+}
+
+// The view had the field of rest for what it is to show. Its grids may be others' by now, which
+// what is drawn is not the worse for.
+static bool has_rested(const struct hg_view_state *view)
+{
+    const struct hg_gather_key key = hg_gather_view_key(view);
+    return memcmp(&key, &view->gi.rested, sizeof key) == 0;
 }
 
 static bool gathers(const struct hg_view_state *view)
@@ -47,12 +81,12 @@ static bool gathers(const struct hg_view_state *view)
 bool hg_gi_view_is_done(const struct hg_view_state *view)
 {
     return !hg_gi_view_is_on(view) ||
-           (hg_gi_view_has_rest(view) && (!gathers(view) || hg_gather_view_is_done(view)));
+           (has_rested(view) && (!gathers(view) || hg_gather_view_is_done(view)));
 }
 
 enum hg_gi_view_stage hg_gi_view_stage(const struct hg_view_state *view)
 {
-    if (!hg_gi_view_is_on(view) || !hg_gi_view_has_rest(view))
+    if (!hg_gi_view_is_on(view) || !has_rested(view))
         return HG_GI_VIEW_MOVES;
     return hg_gi_view_is_done(view) ? HG_GI_VIEW_DONE : HG_GI_VIEW_FIELD;
 }
@@ -86,8 +120,9 @@ static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_
         return status;
     hg_lighting_sources(view->lighting, &sources);
     const uint32_t rays = hg_gi_view_rays(view);
-    return rests ? hg_gi_rest(view->scene_gpu->gi, &key, &sources, REST_RAYS, err)
-                 : hg_gi_move(view->scene_gpu->gi, &key, &sources, rays, err);
+    const struct hg_gi_eye eye = eye_of(view);
+    return rests ? hg_gi_rest(view->scene_gpu->gi, &key, &eye, &sources, REST_RAYS, err)
+                 : hg_gi_move(view->scene_gpu->gi, &key, &eye, &sources, rays, err);
 }
 
 static enum hg_status refuse(struct hg_view_state *view, enum hg_status status, const char *what,
@@ -127,20 +162,24 @@ enum hg_status hg_gi_view_step(
     view->gi.gathered = false;
     if (!hg_gi_view_is_on(view))
         return HG_OK;
+    hg_gi_touch(view->scene_gpu->gi, hg_gi_view_id(view));
     const bool had = hg_gi_view_has_rest(view);
     if (!had)
         status = advance(view, rests, err);
     if (status != HG_OK)
         return refuse_field(view, status, err);
-    view->gi.field = hg_gi_view_has_rest(view) ? HG_GI_REST : HG_GI_MOVING;
+    const bool has = had || hg_gi_view_has_rest(view),
+               shows = has && !has_rested(view) && !view->final;
+    view->gi.field = has ? HG_GI_REST : HG_GI_MOVING;
+    if (has)
+        view->gi.rested = hg_gather_view_key(view);
     if (had && rests && gathers(view) && !hg_gather_view_is_done(view))
         status = hg_gather_view_step(view, err);
     if (status != HG_OK)
         status = refuse_gathering(view, status, err);
     if (status != HG_OK)
         return status;
-    const bool shows = !had && hg_gi_view_has_rest(view) && !view->final;
-    *waits = rests && !shows && !hg_gi_view_is_done(view);
+    *waits = rests && !shows && !(has && hg_gi_view_is_done(view));
     view->gi.gathered = gathers(view) && hg_gather_view_is_done(view);
     hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);
     return HG_OK;

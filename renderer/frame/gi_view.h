@@ -10,7 +10,9 @@
 
 // Pictures have light from probes, and those are not refused for want of memory.
 bool hg_gi_view_is_on(const struct hg_view_state *view);
-// The field of rest is that of the scene as it is.
+// The view among those of its scene, as renderer/gi knows it.
+uint64_t hg_gi_view_id(const struct hg_view_state *view);
+// The field of rest is that of the scene as it is, and of the camera.
 bool hg_gi_view_has_rest(const struct hg_view_state *view);
 // How far indirect light has come; pictures of different stages do not add up.
 enum hg_gi_view_stage {

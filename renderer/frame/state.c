@@ -1,6 +1,8 @@
 // state.c - see state.h.
 #include "renderer/frame/state.h"
 
+#include "renderer/frame/gi_view.h"
+
 struct hg_picture_region hg_view_region(const struct hg_view_settings *settings)
 {
     const struct hg_picture_region all = {0, 0, settings->width, settings->height};
@@ -23,6 +25,6 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .blend = &view->blend,
         .unlit = &view->unlit,
         .stats = &view->stats,
-        .probes = view->gi.field,
+        .probes = {view->gi.field, hg_gi_view_id(view)},
         .gathered = view->gi.gathered ? &view->gi.gather.light : NULL};
 }

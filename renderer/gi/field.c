@@ -18,6 +18,8 @@
 #define CLEARANCE         0.15f // distance that probes keep from surfaces, in spacings
 #define MOST_OFFSET       0.45f
 #define LOBE_POWER        32 // of the cosine in moments
+#define NEAR              2.3f // spacings: no surface whose lookups read a probe is farther from it
+#define SEED_WEIGHT       4    // of light that a probe begins with, in updates of 8 rays
 
 // --- octahedral tables ---------------------------------------------------------------------------
 
@@ -106,12 +108,17 @@ static void set_lobes(struct hg_gi_lobes *out)
         texel_direction(t, MOMENT_SIDE, out->moments[t]);
 }
 
-enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], const float max[3])
+enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_field *grid)
 {
-    struct hg_gi_field next = {.buffer = f->buffer};
+    struct hg_gi_field next = {.count = grid->count,
+        .spacing = grid->spacing,
+        .coarser = grid->coarser,
+        .salt = grid->salt,
+        .buffer = f->buffer};
+    memcpy(next.counts, grid->counts, sizeof next.counts);
+    hg_copy3(grid->origin, next.origin);
     f->buffer = (struct hg_gpu_buffer){0};
     hg_gi_field_finish(f, NULL);
-    hg_gi_field_grid(&next, min, max);
     next.offsets = hg_calloc(next.count, sizeof *next.offsets);
     next.inside = hg_calloc(next.count, sizeof *next.inside);
     next.needed = hg_calloc(next.count, sizeof *next.needed);
@@ -126,9 +133,16 @@ enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], cons
         hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
     }
-    memset(f->needed, true, f->count * sizeof *f->needed);
+    memset(f->needed, f->coarser == NULL, f->count * sizeof *f->needed);
     set_lobes(&f->lobes);
     return HG_OK;
+}
+
+enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], const float max[3])
+{
+    struct hg_gi_field grid = {0};
+    hg_gi_field_grid(&grid, min, max);
+    return hg_gi_field_place_grid(f, &grid);
 }
 
 void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
@@ -170,35 +184,6 @@ void hg_gi_probe_position(const struct hg_gi_field *f, uint32_t probe, float out
         probe / f->counts[0] / f->counts[1]};
     for (int a = 0; a < 3; a++)
         out[a] = f->origin[a] + ((float)cell[a] + f->offsets[probe][a]) * f->spacing;
-}
-
-void hg_gi_probe_relocate(
-    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count)
-{
-    const struct hg_gi_ray *back = NULL, *front = NULL;
-    uint32_t backs = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        const struct hg_gi_ray **nearest = rays[i].back ? &back : &front;
-        backs += rays[i].back;
-        if (rays[i].distance < FLT_MAX && (!*nearest || rays[i].distance < (*nearest)->distance))
-            *nearest = &rays[i];
-    }
-    const bool inside = (float)backs > INSIDE * (float)count;
-    float step = 0;
-    const struct hg_gi_ray *by = inside ? back : front;
-    if (inside)
-        step = back->distance / f->spacing + CLEARANCE;
-    else if (front)
-        step = fminf(front->distance / f->spacing - CLEARANCE, 0);
-    for (int a = 0; a < 3 && by; a++)
-        f->offsets[probe][a] =
-            hg_clampf(f->offsets[probe][a] + by->direction[a] * step, -MOST_OFFSET, MOST_OFFSET);
-    // Offsets are what the device has of them.
-    for (int a = 0; a < 3; a++)
-        f->offsets[probe][a] =
-            rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) / HG_PROBE_OFFSET_STEPS -
-            0.5f;
-    f->inside[probe] = inside;
 }
 
 // --- gathering -----------------------------------------------------------------------------------
@@ -245,6 +230,39 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
             to->squared[t] += w * distance * distance;
             to->weight[t] += w;
         }
+}
+
+void hg_gi_probe_relocate(
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count)
+{
+    const struct hg_gi_ray *back = NULL, *front = NULL;
+    uint32_t backs = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct hg_gi_ray **nearest = rays[i].back ? &back : &front;
+        backs += rays[i].back;
+        if (rays[i].distance < FLT_MAX && (!*nearest || rays[i].distance < (*nearest)->distance))
+            *nearest = &rays[i];
+    }
+    const bool inside = (float)backs > INSIDE * (float)count;
+    float step = 0;
+    const struct hg_gi_ray *by = inside ? back : front;
+    if (inside)
+        step = back->distance / f->spacing + CLEARANCE;
+    else if (front)
+        step = fminf(front->distance / f->spacing - CLEARANCE, 0);
+    for (int a = 0; a < 3 && by; a++)
+        f->offsets[probe][a] =
+            hg_clampf(f->offsets[probe][a] + by->direction[a] * step, -MOST_OFFSET, MOST_OFFSET);
+    // Offsets are what the device has of them.
+    for (int a = 0; a < 3; a++)
+        f->offsets[probe][a] =
+            rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) / HG_PROBE_OFFSET_STEPS -
+            0.5f;
+    f->inside[probe] = inside;
+    if (!f->coarser)
+        return;
+    f->needed[probe] |= (front && front->distance < NEAR * f->spacing) ||
+                        (back && back->distance < NEAR * f->spacing);
 }
 
 #define DOUBT 0.3f // what old distances are worth
@@ -339,19 +357,17 @@ static float probe_weight(const struct hg_gi_field *f, uint32_t probe, const str
     return weight < 0.2f ? weight * weight * weight * 25 : weight;
 }
 
-void hg_gi_field_irradiance(
-    const struct hg_gi_field *f, const struct hg_gi_point *p, const float xi[3], float out[3])
+// Of the eight probes around a point: light times weight, and weight. at: the point that is looked
+// up, in units of the grid.
+static void look(const struct hg_gi_field *f, const struct hg_gi_point *p, const float lifted[3],
+    const float at[3], const float xi[3], float sum[4])
 {
-    float lifted[3], fraction[3], sum[4] = {0};
+    float fraction[3];
     uint32_t base[3];
     for (int a = 0; a < 3; a++) {
-        lifted[a] =
-            p->position[a] +
-            (p->normal[a] * HG_PROBE_BIAS_NORMAL + p->view[a] * HG_PROBE_BIAS_VIEW) * f->spacing;
-        const float at = (lifted[a] - f->origin[a]) / f->spacing;
         const float most = f->counts[a] > 1 ? (float)(f->counts[a] - 2) : 0;
-        base[a] = (uint32_t)hg_clampf(floorf(at), 0, most);
-        fraction[a] = hg_clampf(at - (float)base[a], 0, 1);
+        base[a] = (uint32_t)hg_clampf(floorf(at[a]), 0, most);
+        fraction[a] = hg_clampf(at[a] - (float)base[a], 0, 1);
     }
     const uint32_t t = texel_of(p->normal, IRRADIANCE_SIDE, xi[0], xi[1]);
     for (uint32_t i = 0; i < 8; i++) {
@@ -370,8 +386,81 @@ void hg_gi_field_irradiance(
             sum[c] += weight * f->means[k].light[t][c];
         sum[3] += weight;
     }
-    for (int c = 0; c < 3; c++)
-        out[c] = sum[3] > 0 ? sum[c] / sum[3] : 0;
+}
+
+// How much of the light at a point is that of this grid: all of it inside, none far beyond its
+// edge.
+static float share_of(const struct hg_gi_field *f, const float at[3])
+{
+    float edge = 1;
+    for (int a = 0; a < 3 && f->coarser; a++) {
+        const float inner = fminf(at[a], (float)(f->counts[a] - 1) - at[a]);
+        edge = fminf(edge, inner + HG_PROBE_BEYOND);
+    }
+    return fmaxf(edge, 0);
+}
+
+float hg_gi_field_irradiance(
+    const struct hg_gi_field *f, const struct hg_gi_point *p, const float xi[3], float out[3])
+{
+    float left = 1;
+    out[0] = out[1] = out[2] = 0;
+    for (; f && left > 0; f = f->coarser) {
+        float lifted[3], at[3], sum[4] = {0};
+        for (int a = 0; a < 3; a++) {
+            const float bias =
+                p->normal[a] * HG_PROBE_BIAS_NORMAL + p->view[a] * HG_PROBE_BIAS_VIEW;
+            lifted[a] = p->position[a] + bias * f->spacing;
+            at[a] = (lifted[a] - f->origin[a]) / f->spacing;
+        }
+        float share = left * share_of(f, at);
+        if (share <= 0)
+            continue;
+        look(f, p, lifted, at, xi, sum);
+        if (f->coarser || sum[3] <= 0)
+            share *= fminf(HG_PROBE_SURE * sum[3], 1);
+        for (int c = 0; c < 3 && sum[3] > 0; c++)
+            out[c] += share * (sum[c] / sum[3]);
+        left -= share;
+    }
+    return 1 - left;
+}
+
+// --- probes of grids with a coarser one ----------------------------------------------------------
+
+void hg_gi_probe_copy(
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_field *from, uint32_t k)
+{
+    memcpy(f->offsets[probe], from->offsets[k], sizeof f->offsets[probe]);
+    f->inside[probe] = from->inside[k];
+    f->needed[probe] = from->needed[k];
+    f->updates[probe] = from->updates[k];
+    f->irradiance[probe] = from->irradiance[k];
+    f->moments[probe] = from->moments[k];
+    f->means[probe] = from->means[k];
+}
+
+void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
+{
+    static const float middle[3] = {0.5f, 0.5f, 0.5f};
+    const float weight = SEED_WEIGHT * 8 * 0.25f; // the mean of max(0, cos) over the sphere is 1/4
+    struct hg_gi_irradiance *to = &f->irradiance[probe];
+    struct hg_gi_point point;
+    hg_gi_probe_position(f, probe, point.position);
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        float light[3];
+        for (int a = 0; a < 3; a++)
+            point.normal[a] = point.view[a] = f->lobes.irradiance[a][t];
+        if (hg_gi_field_irradiance(f->coarser, &point, middle, light) < 0.5f) {
+            *to = (struct hg_gi_irradiance){0};
+            return;
+        }
+        for (int c = 0; c < 3; c++)
+            to->light[c][t] = to->surfaces[c][t] = weight * light[c];
+        to->weight[t] = weight;
+    }
+    f->updates[probe] = SEED_WEIGHT;
+    set_means(f, probe);
 }
 
 // --- the device ----------------------------------------------------------------------------------

@@ -8,7 +8,7 @@
 #include "renderer/gpu/gpu.h"
 #include "shaders/shared/gi.h"
 
-#define HG_GI_MOST_PROBES 2048
+#define HG_GI_MOST_PROBES 2048 // of a grid
 #define HG_GI_FARTHEST    3.0f // distances in moments end there, in spacings
 
 // Sums over rays, weighted by the cosine about the texel's direction.
@@ -38,6 +38,8 @@ struct hg_gi_lobes { // directions of texels
 struct hg_gi_field { // zeroed: none
     uint32_t counts[3], count;
     float origin[3], spacing;
+    const struct hg_gi_field *coarser; // for what lies beyond the grid; NULL: it is the coarsest
+    uint32_t salt;                     // fields of different ones have other random numbers
     float (*offsets)[3]; // [count] from the grid, in spacings
     bool *inside;        // [count] of something solid
     bool *needed;        // [count] surfaces are near (occupancy.h); set by who places the field
@@ -63,6 +65,17 @@ void hg_gi_field_grid(struct hg_gi_field *field, const float min[3], const float
 // Probes for these bounds (relative to the geometry's origin), all empty and needed. HG_E_NOMEM.
 enum hg_status hg_gi_field_place(
     struct hg_gi_field *field, const float min[3], const float max[3]) HG_MUST_CHECK;
+// Probes for a grid: counts, count, origin and spacing are those of `grid`, as are coarser and
+// salt. Of a grid with a coarser one none is needed until relocation finds surfaces near.
+// HG_E_NOMEM.
+enum hg_status hg_gi_field_place_grid(
+    struct hg_gi_field *field, const struct hg_gi_field *grid) HG_MUST_CHECK;
+// A probe becomes what that of another grid with the same spacing is.
+void hg_gi_probe_copy(
+    struct hg_gi_field *field, uint32_t probe, const struct hg_gi_field *from, uint32_t from_probe);
+// An empty probe begins with the light of the coarser grids, if they have any; it counts as much as
+// a few rays.
+void hg_gi_probe_seed(struct hg_gi_field *field, uint32_t probe);
 void hg_gi_field_finish(struct hg_gi_field *field, struct hg_gpu *gpu);
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *field);
 // What a field of so many probes takes, on the host and the device together.
@@ -75,6 +88,8 @@ static inline bool hg_gi_probe_is_awake(const struct hg_gi_field *field, uint32_
 }
 void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float out[3]);
 // Moves a probe out of and away from what its rays met, and says whether it is inside of something.
+// Of a grid with a coarser one: needed where surfaces are so near that lookups read it. The
+// distances count as seen.
 void hg_gi_probe_relocate(
     struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count);
 // What a ray to a peak of the environment brought: illuminance across the direction.
@@ -94,11 +109,14 @@ void hg_gi_probe_gather(
 // hold which were updated since it last did.
 void hg_gi_field_doubt_distances(struct hg_gi_field *field);
 
-// Irradiance over pi on a surface. xi: three numbers in [0, 1), as in the shader.
+// Irradiance over pi on a surface: of the field where its grid is, of coarser ones towards its edge
+// and beyond, and where no probe of it sees the surface. xi: three numbers in [0, 1), as in the
+// shader.
 struct hg_gi_point {
     float position[3], normal[3], view[3];
 };
-void hg_gi_field_irradiance(const struct hg_gi_field *field, const struct hg_gi_point *point,
+// Returns how much of it is known: 1, less where no probe has light.
+float hg_gi_field_irradiance(const struct hg_gi_field *field, const struct hg_gi_point *point,
     const float xi[3], float out[3]);
 
 // Packs and uploads all of it. HG_E_NOMEM, device errors.

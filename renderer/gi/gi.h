@@ -1,11 +1,15 @@
 // gi.h - diffuse light that bounces: fields of irradiance probes of a scene, filled by rays.
 // Floor 2 (gi). Thread: the render thread; rays are shaded on jobs.
 //
+// A field is a grid of probes over the whole scene, and where that is coarse beside what a camera
+// sees finer ones around that (cascades.h), for each of the cameras that were drawn last.
+//
 // A scene has two fields. That of rest is built from empty by a fixed schedule: rays in directions
 // that follow from the probe's number and the round, waves of the same probes in the same order. It
-// depends on the scene and its lights alone; neither threads, nor how the work is cut into steps,
-// nor what was seen before has a part in it. The moving one follows a scene that changes, under a
-// budget of rays per picture, and never contributes to the other. docs/internals/gi.md.
+// depends on the scene, its lights and the camera at rest alone; neither threads, nor how the work
+// is cut into steps, nor what was seen before has a part in it. The moving one follows a scene that
+// changes, under a budget of rays per picture, and never contributes to the other.
+// docs/internals/gi.md.
 #ifndef HG_RENDERER_GI_GI_H
 #define HG_RENDERER_GI_GI_H
 
@@ -36,31 +40,55 @@ struct hg_gi_key {
     uint64_t scene, environment, geometry; // revisions
 };
 
+// A camera, by the rays of its picture (relative to the geometry's origin): from `eye` in the
+// direction corner + x across + y down, or when parallel from there in the direction `eye`; x, y in
+// 0..1.
+struct hg_gi_eye {
+    uint64_t view; // whose camera it is
+    float eye[3], corner[3], across[3], down[3];
+    uint32_t parallel; // 0 or 1
+    uint32_t zero;
+};
+
 enum hg_gi_field_kind { HG_GI_NO_FIELD, HG_GI_MOVING, HG_GI_REST };
 
 // Between batches, after the scene was synced and posed and before culling. Casts about `rays` rays
-// (whole waves) for the field of rest. The caller goes on until hg_gi_is_rest. HG_E_LIMIT,
-// HG_E_NOMEM, device errors: then there is no field of rest.
+// (whole waves) for the field of rest. The caller goes on until hg_gi_is_rest; it waits while the
+// fields of other cameras are under way that take up all places. HG_E_LIMIT, HG_E_NOMEM, device
+// errors: then there is no field of rest.
 enum hg_status hg_gi_rest(struct hg_gi *gi, const struct hg_gi_key *key,
-    const struct hg_lighting_sources *sources, uint64_t rays, struct hg_error *err) HG_MUST_CHECK;
+    const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
+    struct hg_error *err) HG_MUST_CHECK;
 // The same for the moving field, which the picture of now is shown with. No rays once all of it has
-// been updated often enough since the last change.
+// been updated often enough since the last change. Where the field of rest has the grid of the
+// whole scene, or all that the camera needs, that is taken.
 enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
-    const struct hg_lighting_sources *sources, uint64_t rays, struct hg_error *err) HG_MUST_CHECK;
-// The field of rest is that of the key, and complete.
-bool hg_gi_is_rest(const struct hg_gi *gi, const struct hg_gi_key *key);
+    const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
+    struct hg_error *err) HG_MUST_CHECK;
+// The field of rest is that of the key and the camera, and complete.
+bool hg_gi_is_rest(
+    const struct hg_gi *gi, const struct hg_gi_key *key, const struct hg_gi_eye *eye);
+// The view's grids are in use; those unused for longest make room for others'.
+void hg_gi_touch(struct hg_gi *gi, uint64_t view);
 
-// Of NO_FIELD: zeroed.
-void hg_gi_fill(const struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gpu_probes *out);
+// view: whose camera it is. Of NO_FIELD: zeroed.
+void hg_gi_fill(
+    const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view, struct hg_gpu_probes *out);
 
+struct hg_gi_grid_stats {
+    uint32_t probes, asleep;
+    float spacing; // metres
+};
 struct hg_gi_stats {
-    uint32_t probes, asleep;            // of the field of rest, or the moving one
-    uint32_t inside, moved;             // asleep inside of something; awake off their place
-    float spacing;                      // metres
+    // Of the field of rest, or the moving one, with the finer grids of the camera drawn last.
+    uint32_t probes, asleep;
+    uint32_t inside, moved; // asleep inside of something; awake off their place
+    uint32_t grid_count;
+    struct hg_gi_grid_stats grids[HG_PROBE_GRIDS]; // from coarse to fine
     uint64_t rays, shadow_rays, misses; // since creation
     uint64_t shaded;                    // hits: not while probes are placed, nor backs
     uint64_t updates;                   // of probes
-    uint64_t ns, bytes;                 // bytes: of both fields
+    uint64_t ns, bytes;                 // bytes: of all fields
     uint64_t structure_bytes;           // of what rays meet
 };
 void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out); // gi NULL: zeroed

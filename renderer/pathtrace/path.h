@@ -45,7 +45,7 @@ struct hg_path_settings {
 // (HG_PATH_GATHERS of shaders/shared/path.h). The film is read by hg_path_read_gathered.
 struct hg_path_gather {
     bool on;
-    float reach; // metres from which on a hit is shaded by the field
+    float reach; // from which on a hit is shaded by the field, in spacings of its probes there
 };
 
 #define HG_PATH_DENOISE_SERIES 2u // flag of `denoise`: temporal, with the previous pictures

@@ -1,6 +1,6 @@
 // debug_probes.glsl - probes as spheres in the scene, for debug views (lib/probes.glsl).
 //
-// A ray visits the cells about the grid's points in their order (Amanatides and Woo 1987, "A Fast Voxel
+// Of each grid, from the finest on: what a finer one has is not shown of a coarser one. A ray visits the cells about the grid's points in their order (Amanatides and Woo 1987, "A Fast Voxel
 // Traversal Algorithm for Ray Tracing"). A probe stays within 0.45 spacings of its point, so a sphere of
 // HG_DEBUG_PROBE_RADIUS lies in its cell. Include lib/frame.glsl, lib/tables.glsl and lib/probes.glsl first.
 #ifndef HG_LIB_DEBUG_PROBES_GLSL
@@ -27,9 +27,8 @@ vec3 hg_debug_probe_state(uint place)
 
 // Colour of the sphere in a cell that a ray meets, and how far away (spacings); a < 0: none. from, d: in
 // units of the grid; d is unit.
-vec4 hg_debug_probe_in(ivec3 cell, vec3 from, vec3 d)
+vec4 hg_debug_probe_in(hg_gpu_probe_grid p, ivec3 cell, vec3 from, vec3 d)
 {
-    hg_gpu_probes p = hg_frame.probes;
     uint k = uint((cell.z * int(p.counts[1]) + cell.y) * int(p.counts[0]) + cell.x);
     uint place = p.words.v[k];
     vec3 moved = vec3(uvec3(place, place >> 10, place >> 20) & 1023u) * (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
@@ -43,15 +42,25 @@ vec4 hg_debug_probe_in(ivec3 cell, vec3 from, vec3 d)
     bool rim = dot(n, d) > -0.6;
     if (rim || (place & HG_PROBE_AWAKE) == 0u)
         return vec4(state, t);
-    return vec4(hg_debug_light(hg_probe_irradiance(p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, vec2(0.5))), t);
+    return vec4(hg_debug_light(hg_probe_irradiance(p, p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, vec2(0.5))), t);
 }
 
-// Colour of the nearest sphere along a ray, alpha 1, nearer than `most` (in lengths of direction); alpha 0: none.
-vec4 hg_debug_probes(vec3 start_ws, vec3 direction, float most)
+// A finer grid has the light of the place.
+bool hg_debug_is_finer(int grid, vec3 at_ws)
 {
-    hg_gpu_probes p = hg_frame.probes;
-    if (p.count == 0u)
-        return vec4(0.0);
+    for (int c = grid + 1; c < int(hg_frame.probes.count); c++) {
+        hg_gpu_probe_grid p = hg_frame.probes.grids[c];
+        if (hg_probe_grid_share(p, (at_ws - p.origin_ws) / p.spacing) >= 1.0)
+            return true;
+    }
+    return false;
+}
+
+// Colour of the nearest sphere of a grid along a ray, and how far away (in lengths of direction), nearer than `most`;
+// a < 0: none.
+vec4 hg_debug_probes_of(int grid, vec3 start_ws, vec3 direction, float most)
+{
+    hg_gpu_probe_grid p = hg_frame.probes.grids[grid];
     vec3 counts = vec3(p.counts[0], p.counts[1], p.counts[2]);
     vec3 from = (start_ws - p.origin_ws) / p.spacing, d = normalize(direction);
     vec3 inverse = 1.0 / mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
@@ -63,9 +72,9 @@ vec4 hg_debug_probes(vec3 start_ws, vec3 direction, float most)
     ivec3 step_to = ivec3(sign(d));
     int left = int(counts.x + counts.y + counts.z);
     while (t < end && left-- > 0) {
-        vec4 found = hg_debug_probe_in(cell, from, d);
-        if (found.a >= 0.0)
-            return found.a < end ? vec4(found.rgb, 1.0) : vec4(0.0);
+        vec4 found = hg_debug_probe_in(p, cell, from, d);
+        if (found.a >= 0.0 && !hg_debug_is_finer(grid, p.origin_ws + vec3(cell) * p.spacing))
+            return found.a < end ? vec4(found.rgb, found.a * p.spacing / length(direction)) : vec4(-1.0);
         vec3 leaves = (vec3(cell) + 0.5 * vec3(step_to) - from) * inverse;
         leaves = mix(leaves, vec3(3.4e38), equal(step_to, ivec3(0)));
         t = min(leaves.x, min(leaves.y, leaves.z));
@@ -74,7 +83,19 @@ vec4 hg_debug_probes(vec3 start_ws, vec3 direction, float most)
         if (cell[axis] < 0 || cell[axis] >= int(counts[axis]))
             break;
     }
-    return vec4(0.0);
+    return vec4(-1.0);
+}
+
+// The nearest one of all grids, alpha 1; alpha 0: none.
+vec4 hg_debug_probes(vec3 start_ws, vec3 direction, float most)
+{
+    vec4 nearest = vec4(0.0);
+    for (int grid = int(hg_frame.probes.count) - 1; grid >= 0; grid--) {
+        vec4 found = hg_debug_probes_of(grid, start_ws, direction, most);
+        nearest = found.a >= 0.0 ? vec4(found.rgb, 1.0) : nearest;
+        most = found.a >= 0.0 ? found.a : most;
+    }
+    return nearest;
 }
 
 #endif

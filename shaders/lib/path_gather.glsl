@@ -36,7 +36,8 @@ bool hg_gather_ends(path p, float t)
 {
     uvec2 pixel = hg_path_pixel(p.slot);
     uint least = 1u + ((hg_path_sample(p.slot) >> 1u) + pixel.x + pixel.y & 1u);
-    return p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u && t >= hg_path.gather.reach;
+    return p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
+        t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws);
 }
 
 // What the environment would send along the ray to the surface that it left, had it met nothing.

@@ -1,6 +1,8 @@
 // probes.glsl - diffuse light from a field of irradiance probes (shared/gi.h).
 //
-// Eight probes around a point, weighed by the grid, by whether they lie in front of the surface, and
+// Probes stand on nested grids. The finest one around a point has its light, but for beyond its outermost probes, where
+// the next coarser one comes in, and for points that none of its probes sees.
+// Of a grid the eight probes around a point count, weighed by the grid, by whether they lie in front of the surface, and
 // by Chebyshev's inequality on the distances that their rays met. Tables are read at one texel that
 // the sample's random numbers choose, so that accumulated samples see them interpolated.
 // Source: Majercik et al. 2019, "Dynamic Diffuse Global Illumination with Ray-Traced Irradiance
@@ -36,16 +38,50 @@ vec3 hg_rgb9e5(uint word)
     return vec3(uvec3(word, word >> 9, word >> 18) & 511u) * scale;
 }
 
-// Weight of a probe without that of the grid, for a point that was lifted.
-float hg_probe_weight(uint probe, vec3 at_ws, vec3 pos_ws, vec3 lifted_ws, vec3 n, vec2 xi)
+// A point that is looked up, relative to a grid.
+struct hg_probe_point {
+    vec3 pos_ws, lifted_ws, at; // at: in units of the grid
+};
+
+hg_probe_point hg_probe_point_in(hg_gpu_probe_grid p, vec3 pos_ws, vec3 n_geometric, vec3 view)
 {
-    float wrap = dot(normalize(at_ws - pos_ws), n) * 0.5 + 0.5;
+    hg_probe_point point;
+    point.pos_ws = pos_ws;
+    point.lifted_ws = pos_ws +
+        (n_geometric * HG_PROBE_BIAS_NORMAL + view * HG_PROBE_BIAS_VIEW) * p.spacing;
+    point.at = (point.lifted_ws - p.origin_ws) / p.spacing;
+    return point;
+}
+
+// How much of the light at a point is that of a grid with a coarser one: all of it inside, none far beyond its edge.
+float hg_probe_grid_share(hg_gpu_probe_grid p, vec3 at)
+{
+    vec3 edge = min(at, vec3(p.counts[0], p.counts[1], p.counts[2]) - 1.0 - at);
+    return clamp(min(edge.x, min(edge.y, edge.z)) + HG_PROBE_BEYOND, 0.0, 1.0);
+}
+
+// Metres between the probes that light at a point is from.
+float hg_probes_spacing(vec3 pos_ws)
+{
+    int c = int(hg_frame.probes.count) - 1;
+    for (; c > 0; c--) {
+        hg_gpu_probe_grid p = hg_frame.probes.grids[c];
+        if (hg_probe_grid_share(p, (pos_ws - p.origin_ws) / p.spacing) > 0.5)
+            break;
+    }
+    return hg_frame.probes.grids[max(c, 0)].spacing;
+}
+
+// Weight of a probe without that of the grid.
+float hg_probe_weight(hg_gpu_probe_grid p, uint probe, vec3 at_ws, hg_probe_point point, vec3 n, vec2 xi)
+{
+    float wrap = dot(normalize(at_ws - point.pos_ws), n) * 0.5 + 0.5;
     float weight = wrap * wrap + 0.02;
-    vec3 from = lifted_ws - at_ws;
-    float distance = length(from) / hg_frame.probes.spacing;
-    uint k = hg_frame.probes.count * (1u + HG_PROBE_IRRADIANCE_TEXELS) +
+    vec3 from = point.lifted_ws - at_ws;
+    float distance = length(from) / p.spacing;
+    uint k = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS) +
         probe * HG_PROBE_MOMENT_TEXELS + hg_probe_texel(from, HG_PROBE_MOMENT_SIDE, xi);
-    vec2 moments = unpackHalf2x16(hg_frame.probes.words.v[k]);
+    vec2 moments = unpackHalf2x16(p.words.v[k]);
     float beyond = max(distance - moments.x, 0.0);
     float seen = moments.y / (moments.y + beyond * beyond);
     weight = max(weight * seen * seen * seen, 1e-6);
@@ -54,7 +90,7 @@ float hg_probe_weight(uint probe, vec3 at_ws, vec3 pos_ws, vec3 lifted_ws, vec3 
 
 // Irradiance of a probe, from the first word of its table. HG_PROBES_BILINEAR: of the four texels about n,
 // as the mean of many xi would have it.
-vec3 hg_probe_irradiance(uint first, vec3 n, vec2 xi)
+vec3 hg_probe_irradiance(hg_gpu_probe_grid p, uint first, vec3 n, vec2 xi)
 {
 #ifdef HG_PROBES_BILINEAR
     vec2 f = fract((hg_oct_encode(n) * 0.5 + 0.5) * float(HG_PROBE_IRRADIANCE_SIDE) - 0.5);
@@ -62,24 +98,25 @@ vec3 hg_probe_irradiance(uint first, vec3 n, vec2 xi)
     for (int i = 0; i < 4; i++) {
         vec2 off = vec2(i & 1, i >> 1), w = mix(1.0 - f, f, off);
         uint texel = hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, off);
-        sum += hg_rgb9e5(hg_frame.probes.words.v[first + texel]) * (w.x * w.y);
+        sum += hg_rgb9e5(p.words.v[first + texel]) * (w.x * w.y);
     }
     return sum;
 #else
-    return hg_rgb9e5(hg_frame.probes.words.v[first + hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, xi)]);
+    return hg_rgb9e5(p.words.v[first + hg_probe_texel(n, HG_PROBE_IRRADIANCE_SIDE, xi)]);
 #endif
 }
 
-// The light at a surface: n its shading normal, n_geometric faces the eye, r where it mirrors.
-void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, vec3 xi)
+struct hg_probe_light {
+    vec3 irradiance, surfaces;
+    float sky, weight; // of all probes
+};
+
+// Of one grid.
+hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec3 n_geometric, vec3 n, vec3 r, vec3 xi)
 {
-    hg_gpu_probes p = hg_frame.probes;
-    vec3 lifted = pos_ws +
-        (n_geometric * HG_PROBE_BIAS_NORMAL + view * HG_PROBE_BIAS_VIEW) * p.spacing;
     ivec3 most = ivec3(p.counts[0], p.counts[1], p.counts[2]) - 1;
-    vec3 at = (lifted - p.origin_ws) / p.spacing;
-    ivec3 base = clamp(ivec3(floor(at)), ivec3(0), max(most - 1, ivec3(0)));
-    vec3 f = clamp(at - vec3(base), 0.0, 1.0);
+    ivec3 base = clamp(ivec3(floor(point.at)), ivec3(0), max(most - 1, ivec3(0)));
+    vec3 f = clamp(point.at - vec3(base), 0.0, 1.0);
     vec4 sum = vec4(0.0);
 #ifdef HG_PROBES_BILINEAR
     vec4 reflection = vec4(0.0);
@@ -97,9 +134,9 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         vec3 moved = vec3(uvec3(place, place >> 10, place >> 20) & 1023u) *
             (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
         vec3 probe_ws = p.origin_ws + (vec3(cell) + moved) * p.spacing;
-        float w = tri.x * tri.y * tri.z * hg_probe_weight(k, probe_ws, pos_ws, lifted, n_geometric, xi.yz);
+        float w = tri.x * tri.y * tri.z * hg_probe_weight(p, k, probe_ws, point, n_geometric, xi.yz);
         w = (place & HG_PROBE_AWAKE) != 0u ? w : 0.0;
-        sum += vec4(hg_probe_irradiance(p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
+        sum += vec4(hg_probe_irradiance(p, p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
 #ifdef HG_PROBES_BILINEAR
         uint both = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
             2u * (k * HG_PROBE_IRRADIANCE_TEXELS + mirrored);
@@ -111,17 +148,42 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         chosen = take ? k : chosen;
         pick = take ? pick / max(share, 1e-6) : (pick - share) / max(1.0 - share, 1e-6);
     }
-    hg_probes_irradiance = sum.rgb / max(sum.w, 1e-12);
+    hg_probe_light light;
+    light.weight = sum.w;
+    light.irradiance = sum.rgb / max(sum.w, 1e-12);
 #ifdef HG_PROBES_BILINEAR
-    hg_probes_surfaces = reflection.rgb / max(sum.w, 1e-12);
-    hg_probes_sky = reflection.a / max(sum.w, 1e-12);
-    return;
-#endif
+    light.surfaces = reflection.rgb / max(sum.w, 1e-12);
+    light.sky = reflection.a / max(sum.w, 1e-12);
+#else
     uint k = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
         2u * (chosen * HG_PROBE_IRRADIANCE_TEXELS +
             hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx));
-    hg_probes_surfaces = sum.w > 0.0 ? hg_rgb9e5(p.words.v[k]) : vec3(0.0);
-    hg_probes_sky = sum.w > 0.0 ? uintBitsToFloat(p.words.v[k + 1u]) : 0.0;
+    light.surfaces = sum.w > 0.0 ? hg_rgb9e5(p.words.v[k]) : vec3(0.0);
+    light.sky = sum.w > 0.0 ? uintBitsToFloat(p.words.v[k + 1u]) : 0.0;
+#endif
+    return light;
+}
+
+// The light at a surface: n its shading normal, n_geometric faces the eye, r where it mirrors.
+void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, vec3 xi)
+{
+    float left = 1.0;
+    hg_probes_irradiance = hg_probes_surfaces = vec3(0.0);
+    hg_probes_sky = 0.0;
+    for (int c = int(hg_frame.probes.count) - 1; c >= 0 && left > 0.0; c--) {
+        hg_gpu_probe_grid p = hg_frame.probes.grids[c];
+        hg_probe_point point = hg_probe_point_in(p, pos_ws, n_geometric, view);
+        float share = c > 0 ? left * hg_probe_grid_share(p, point.at) : left;
+        if (share <= 0.0)
+            continue;
+        hg_probe_light light = hg_probe_grid_look(p, point, n_geometric, n, r, xi);
+        if (c > 0)
+            share *= min(HG_PROBE_SURE * light.weight, 1.0);
+        hg_probes_irradiance += share * light.irradiance;
+        hg_probes_surfaces += share * light.surfaces;
+        hg_probes_sky += share * light.sky;
+        left -= share;
+    }
 }
 
 #endif

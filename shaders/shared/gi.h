@@ -1,8 +1,8 @@
 // gi.h - the field of irradiance probes as shaders read it. Floor 0, shared by C and GLSL.
 //
-// Probes stand on a grid. Of each there are octahedral tables (lib/octahedral.glsl, texel centres, no
+// Probes stand on grids: one over the whole scene, and finer ones around what the camera sees. Of each there are octahedral tables (lib/octahedral.glsl, texel centres, no
 // border): irradiance over pi, moments of the distance to what rays met, and what reflections need.
-// The words: [count] places, [count][IRRADIANCE_TEXELS] irradiance as RGB9E5,
+// The words of a grid: [count] places, [count][IRRADIANCE_TEXELS] irradiance as RGB9E5,
 // [count][MOMENT_TEXELS] mean and variance as halves, in units of `spacing` and its square,
 // [count][IRRADIANCE_TEXELS][2] irradiance from surfaces alone as RGB9E5, and the share of the
 // cosine-weighted directions that see the environment as float.
@@ -33,6 +33,10 @@
 #define HG_PROBE_AWAKE        0x40000000u
 #define HG_PROBE_INSIDE       0x80000000u
 #define HG_PROBE_MOVED        0.02f // offset, in spacings, from which on debug views say so
+#define HG_PROBE_GRIDS        7 // that a field has at most
+#define HG_PROBE_BEYOND       1.25f // spacings beyond its outermost probes that the light of a finer grid
+                                    // reaches; over the last one the next coarser grid comes in
+#define HG_PROBE_SURE         1e5f // weight of a grid's probes, times this, above which no coarser one is asked
 // What a point is lifted off its surface by before probes are looked at, in spacings: along the
 // normal and towards the eye.
 #define HG_PROBE_BIAS_NORMAL 0.15f
@@ -40,13 +44,20 @@
 #define HG_GATHERED_SHARE_MASK 0xfffu
 #define HG_PROBE_LIGHT_PX    4 // of the picture along a side of a texel
 
-struct hg_gpu_probes {
+struct hg_gpu_probe_grid {
     HG_PTR(hg_word_stream) words;
     HG_VEC3 origin_ws; // of the first probe's cell corner, relative to the geometry's origin
     float spacing;     // metres
     HG_UINT counts[3];
-    HG_UINT count; // 0: there is no field
+    HG_UINT count;
 };
-HG_SHARED_SIZE(hg_gpu_probes, 40);
+HG_SHARED_SIZE(hg_gpu_probe_grid, 40);
+
+struct hg_gpu_probes {
+    HG_STRUCT(hg_gpu_probe_grid) grids[HG_PROBE_GRIDS]; // from coarse to fine
+    HG_UINT count; // 0: there is no field
+    HG_UINT zero;
+};
+HG_SHARED_SIZE(hg_gpu_probes, 288);
 
 #endif

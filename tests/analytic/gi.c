@@ -5,145 +5,12 @@
 
 #include "base/alloc.h"
 #include "renderer/internal.h"
-#include "tests/analytic/rig.h"
-
-enum { WIDTH = 64, HEIGHT = 48 };
-
-// --- scenes --------------------------------------------------------------------------------------
-
-static struct hg_material *grey(struct rig *rig, float albedo, float emission)
-{
-    struct hg_material *m = rig_material(rig);
-    for (int c = 0; c < 3; c++) {
-        m->base_color[c] = albedo;
-        m->emissive[c] = emission;
-    }
-    return m;
-}
-
-static void room(struct rig *rig, struct hg_material *m, const float box[2][3])
-{
-    for (int i = 0; i < 6; i++)
-        rig_face(rig, m, box, 1, i);
-}
-
-static void solid(struct rig *rig, struct hg_material *m, const float box[2][3])
-{
-    for (int i = 0; i < 6; i++)
-        rig_face(rig, m, box, -1, i);
-}
-
-static void sky(struct rig *rig, float radiance)
-{
-    struct hg_environment *e = &rig->scene->environment;
-    e->kind = HG_ENV_COLOR;
-    e->intensity = 1;
-    e->revision++;
-    for (int c = 0; c < 3; c++)
-        e->color[c] = radiance;
-}
-
-// --- pictures ------------------------------------------------------------------------------------
-
-struct shot {
-    float eye[3], target[3];
-    enum hg_view_gi gi;
-    enum hg_render_mode mode;
-    uint32_t samples;
-};
-
-static struct hg_view *open_view(struct rig *rig, const struct shot *shot)
-{
-    struct hg_error err = {0};
-    struct hg_view *view;
-    const struct hg_view_params params = {.width = WIDTH,
-        .height = HEIGHT,
-        .tonemap = HG_TONEMAP_LINEAR,
-        .background = HG_BACKGROUND_NONE,
-        .samples = shot->samples,
-        .mode = shot->mode,
-        .gi = shot->gi,
-        .filter = HG_FILTER_BOX};
-    struct hg_view_camera camera = {.vfov_rad = 1.2f};
-    memcpy(camera.eye, shot->eye, sizeof camera.eye);
-    memcpy(camera.target, shot->target, sizeof camera.target);
-    hg_scene_publish(rig->scene);
-    test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
-    test_ok(hg_view_set_params(view, &params, &err), &err);
-    test_ok(hg_view_set_camera(view, &camera, &err), &err);
-    return view;
-}
-
-static void settle(struct hg_view *view, uint32_t samples)
-{
-    struct hg_error err = {0};
-    struct hg_frame_info info = {0};
-    for (int i = 0; i < 4000 && !info.settled; i++)
-        test_ok(hg_view_step(view, samples, &info, &err), &err);
-    assert_true(info.settled);
-}
-
-static struct hg_refbuf *read_floats(struct hg_view *view)
-{
-    struct hg_error err = {0};
-    struct hg_refbuf *pixels;
-    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
-    return pixels;
-}
-
-static struct hg_refbuf *take(struct rig *rig, const struct shot *shot)
-{
-    struct hg_view *view = open_view(rig, shot);
-    settle(view, 8);
-    struct hg_refbuf *pixels = read_floats(view);
-    hg_view_destroy(view);
-    return pixels;
-}
-
-// By probes alone, and gathered by rays from each pixel; the field of probes is made once.
-static void take_both(struct rig *rig, const struct shot *shot, struct hg_refbuf *out[2])
-{
-    struct shot rays = *shot;
-    rays.gi = HG_GI_RAYS;
-    struct hg_view *view = open_view(rig, shot);
-    hg_view_set_final(view, true); // the very first step is one of the field of rest
-    settle(view, 8);
-    out[0] = read_floats(view);
-    out[1] = take(rig, &rays);
-    hg_view_destroy(view);
-}
-
-static const char *const ways[2] = {"probes", "rays"};
-
-// Mean of green over a rectangle given in eighths of the picture.
-static double mean(const struct hg_refbuf *pixels, const int cells[4])
-{
-    const float *p = (const float *)(const void *)pixels->data;
-    double sum = 0, count = 0;
-    for (int y = cells[1] * HEIGHT / 8; y < cells[3] * HEIGHT / 8; y++)
-        for (int x = cells[0] * WIDTH / 8; x < cells[2] * WIDTH / 8; x++, count++)
-            sum += (double)p[(y * WIDTH + x) * 4 + 1];
-    return sum / count;
-}
-
-// The same of the linear light behind sRGB bytes.
-static double mean_of_bytes(const struct hg_refbuf *pixels, const int cells[4])
-{
-    double sum = 0, count = 0;
-    for (int y = cells[1] * HEIGHT / 8; y < cells[3] * HEIGHT / 8; y++)
-        for (int x = cells[0] * WIDTH / 8; x < cells[2] * WIDTH / 8; x++, count++) {
-            const double v = pixels->data[(y * WIDTH + x) * 4 + 1] / 255.0;
-            sum += v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
-        }
-    return sum / count;
-}
-
-static const int all[4] = {0, 0, 8, 8};
+#include "tests/analytic/gi_rig.h"
 
 // --- closed forms --------------------------------------------------------------------------------
 
 static const float box[2][3] = {{-2, 0, -3}, {2, 3, 3}};
-static const struct shot inside = {
+static const struct gi_shot inside = {
     .eye = {0, 1.5f, 2.5f}, .target = {0, 1.4f, -3}, .gi = HG_GI_PROBES, .samples = 16};
 
 // One level of 255 in sRGB is 1 / 255 / 12.92.
@@ -151,56 +18,37 @@ static void test_closed_box(void **state)
 {
     struct rig *rig = *state;
     rig_scene(rig);
-    room(rig, grey(rig, 0.8f, 0), box);
-    sky(rig, 1);
+    gi_room(rig, gi_grey(rig, 0.8f, 0), box);
+    gi_sky(rig, 1);
     struct hg_refbuf *pixels[2];
-    take_both(rig, &inside, pixels);
+    gi_take_both(rig, &inside, pixels);
     for (int i = 0; i < 2; i++) {
-        const double dark = mean(pixels[i], all);
-        print_message("closed box under a sky of 1, %s: mean %.6f\n", ways[i], dark);
+        const double dark = gi_mean(pixels[i], gi_all);
+        print_message("closed box under a sky of 1, %s: mean %.6f\n", gi_ways[i], dark);
         assert_true(dark <= 1.0 / 255 / 12.92);
         hg_refbuf_unref(pixels[i]);
     }
-}
-
-// Squares of a quarter of the picture's side, from row `first` on (in eighths).
-static void compare(const char *name, const struct hg_refbuf *got, const struct hg_refbuf *path,
-    int first, double limits[2])
-{
-    double worst = 0, sum_a = 0, sum_b = 0;
-    for (int y = first; y < 8; y += 2)
-        for (int x = 0; x < 8; x += 2) {
-            const int cells[4] = {x, y, x + 2, y + 2};
-            const double a = mean(got, cells), b = mean(path, cells);
-            print_message("%s%.3f/%.3f", x ? " " : "\n  ", a, b);
-            worst = fmax(worst, fabs(a - b) / b);
-            sum_a += a;
-            sum_b += b;
-        }
-    print_message("\n%s: worst square off by %.3f, all by %.3f\n", name, worst, sum_a / sum_b - 1);
-    assert_true(worst <= limits[0]);
-    assert_true(fabs(sum_a / sum_b - 1) <= limits[1]);
 }
 
 // Walls that emit 0.5 and send back about half: the light in the room is 0.5 / (1 - albedo).
 static void furnace_room(struct rig *rig)
 {
     rig_scene(rig);
-    room(rig, grey(rig, 0.5f, 0.5f), box);
+    gi_room(rig, gi_grey(rig, 0.5f, 0.5f), box);
 }
 
 static void test_furnace_room(void **state)
 {
     struct rig *rig = *state;
     furnace_room(rig);
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     struct hg_refbuf *pixels[2];
-    take_both(rig, &shot, pixels);
+    gi_take_both(rig, &shot, pixels);
     shot.mode = HG_MODE_PATH;
     shot.samples = 64;
-    struct hg_refbuf *path = take(rig, &shot);
+    struct hg_refbuf *path = gi_take(rig, &shot);
     for (int i = 0; i < 2; i++) {
-        compare(i ? "furnace room, rays" : "furnace room, probes", pixels[i], path, 0,
+        gi_compare(i ? "furnace room, rays" : "furnace room, probes", pixels[i], path, 0,
             (double[2]){0.05, 0.05});
         hg_refbuf_unref(pixels[i]);
     }
@@ -235,7 +83,7 @@ static void test_open_furnace(void **state)
     struct rig *rig = *state;
     for (int ball = 0; ball < 7; ball++) {
         rig_scene(rig);
-        struct hg_material *m = grey(rig, 1, 0);
+        struct hg_material *m = gi_grey(rig, 1, 0);
         m->metallic = ball == 1 || ball == 2 ? 1 : 0;
         m->roughness = ball == 2 ? 0.4f : ball == 3 ? 0.1f : 1;
         for (int c = 0; c < 3 && ball == 4; c++)
@@ -247,13 +95,13 @@ static void test_open_furnace(void **state)
             rig_face(rig, m, (const float[2][3]){{-1, -1, -1}, {1, 1, 0}}, -1, 5);
         else if (ball == 5)
             morph(rig, node);
-        sky(rig, 1);
-        const struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
+        gi_sky(rig, 1);
+        const struct gi_shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
         struct hg_refbuf *pixels[2];
-        take_both(rig, &shot, pixels);
+        gi_take_both(rig, &shot, pixels);
         for (int i = 0; i < 2; i++) {
-            const double white = mean(pixels[i], (const int[4]){3, 3, 5, 5});
-            print_message("%s ball under a sky of 1, %s: %.4f\n", balls[ball], ways[i], white);
+            const double white = gi_mean(pixels[i], (const int[4]){3, 3, 5, 5});
+            print_message("%s ball under a sky of 1, %s: %.4f\n", balls[ball], gi_ways[i], white);
             assert_true(fabs(white - 1) <= 0.03);
             hg_refbuf_unref(pixels[i]);
         }
@@ -283,13 +131,13 @@ static void test_lamp_in_environment(void **state)
 {
     struct rig *rig = *state;
     rig_scene(rig);
-    rig_sphere(rig, grey(rig, 1, 0), (const float[3]){0, 0, 0}, 1, 24);
+    rig_sphere(rig, gi_grey(rig, 1, 0), (const float[3]){0, 0, 0}, 1, 24);
     lamp_in_environment(rig);
-    struct shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 32};
-    struct hg_refbuf *probes = take(rig, &shot);
+    struct gi_shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 32};
+    struct hg_refbuf *probes = gi_take(rig, &shot);
     shot.gi = HG_GI_NONE;
-    struct hg_refbuf *whole = take(rig, &shot);
-    compare("lamp in the environment", probes, whole, 2, (double[2]){0.06, 0.03});
+    struct hg_refbuf *whole = gi_take(rig, &shot);
+    gi_compare("lamp in the environment", probes, whole, 2, (double[2]){0.06, 0.03});
     hg_refbuf_unref(probes);
     hg_refbuf_unref(whole);
 }
@@ -299,14 +147,14 @@ static void test_lamp_in_environment(void **state)
 // Probes and rays from within the box; limits as of compare.
 static void against_path(struct rig *rig, int first, double limits[2][2])
 {
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     struct hg_refbuf *pixels[2];
-    take_both(rig, &shot, pixels);
+    gi_take_both(rig, &shot, pixels);
     shot.mode = HG_MODE_PATH;
     shot.samples = 256;
-    struct hg_refbuf *path = take(rig, &shot);
+    struct hg_refbuf *path = gi_take(rig, &shot);
     for (int i = 0; i < 2; i++) {
-        compare(ways[i], pixels[i], path, first, limits[i]);
+        gi_compare(gi_ways[i], pixels[i], path, first, limits[i]);
         hg_refbuf_unref(pixels[i]);
     }
     hg_refbuf_unref(path);
@@ -319,7 +167,7 @@ static void test_court(void **state)
     rig_scene(rig);
     for (int which = 0; which < 6; which++)
         if (which != 3) // the ceiling
-            rig_face(rig, grey(rig, 0.6f, 0), box, 1, which);
+            rig_face(rig, gi_grey(rig, 0.6f, 0), box, 1, which);
     lamp_in_environment(rig);
     against_path(rig, 4, (double[2][2]){{0.15, 0.05}, {0.08, 0.03}});
 }
@@ -327,10 +175,10 @@ static void test_court(void **state)
 static void panel_room(struct rig *rig)
 {
     rig_scene(rig);
-    room(rig, grey(rig, 0.6f, 0), box);
+    gi_room(rig, gi_grey(rig, 0.6f, 0), box);
     const float panel[2][3] = {{-1, 2.9f, -1.5f}, {1, 2.95f, 1.5f}};
-    rig_face(rig, grey(rig, 0, 5), panel, -1, 2); // its lower side
-    rig_face(rig, grey(rig, 0, 0), panel, -1, 3);
+    rig_face(rig, gi_grey(rig, 0, 5), panel, -1, 2); // its lower side
+    rig_face(rig, gi_grey(rig, 0, 0), panel, -1, 3);
 }
 
 static void test_panel_room(void **state)
@@ -345,24 +193,24 @@ static void test_wall(void **state)
 {
     struct rig *rig = *state;
     rig_scene(rig);
-    struct hg_material *m = grey(rig, 0.7f, 0);
+    struct hg_material *m = gi_grey(rig, 0.7f, 0);
     const float both[2][3] = {{-4, 0, -3}, {4, 3, 3}},
                 wall[2][3] = {{-0.05f, 0, -3}, {0.05f, 3, 3}};
     const float lamp[2][3] = {{1.5f, 2.8f, -1}, {3, 2.9f, 1}};
-    room(rig, m, both);
-    solid(rig, m, wall);
-    solid(rig, grey(rig, 0, 8), lamp);
-    struct shot shot = inside;
+    gi_room(rig, m, both);
+    gi_solid(rig, m, wall);
+    gi_solid(rig, gi_grey(rig, 0, 8), lamp);
+    struct gi_shot shot = inside;
     memcpy(shot.eye, (const float[3]){2, 1.5f, 2.5f}, sizeof shot.eye);
     memcpy(shot.target, (const float[3]){0.5f, 1, -3}, sizeof shot.target);
     struct hg_refbuf *bright[2], *dark[2];
-    take_both(rig, &shot, bright);
+    gi_take_both(rig, &shot, bright);
     shot.eye[0] = -2;
     shot.target[0] = -0.5f;
-    take_both(rig, &shot, dark);
+    gi_take_both(rig, &shot, dark);
     for (int i = 0; i < 2; i++) {
-        const double a = mean(dark[i], all), b = mean(bright[i], all);
-        print_message("behind a wall of 10 cm, %s: %.5f of %.3f, %.4f\n", ways[i], a, b, a / b);
+        const double a = gi_mean(dark[i], gi_all), b = gi_mean(bright[i], gi_all);
+        print_message("behind a wall of 10 cm, %s: %.5f of %.3f, %.4f\n", gi_ways[i], a, b, a / b);
         assert_true(b > 0.1);
         assert_true(a <= 0.01 * b);
         hg_refbuf_unref(bright[i]);
@@ -375,9 +223,9 @@ static void test_wall(void **state)
 static struct hg_light *lamp_room(struct rig *rig)
 {
     rig_scene(rig);
-    room(rig, grey(rig, 0.6f, 0), box);
+    gi_room(rig, gi_grey(rig, 0.6f, 0), box);
     const float block[2][3] = {{-0.8f, 0, -1.5f}, {0.2f, 1.2f, -0.7f}};
-    solid(rig, grey(rig, 0.4f, 0), block);
+    gi_solid(rig, gi_grey(rig, 0.4f, 0), block);
     struct hg_light *lamp = rig_light(
         rig, HG_LIGHT_POINT, (const double[3]){1.2, 2.2, -1}, (const double[3]){0, -1, 0});
     lamp->intensity = 8;
@@ -398,15 +246,15 @@ static void test_same_bytes(void **state)
     struct rig *rig = *state, alone = {0};
     struct hg_error err = {0};
     const struct hg_renderer_params one = {.threads = 1};
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     shot.gi = HG_GI_RAYS;
     lamp_room(rig);
-    struct hg_refbuf *first = take(rig, &shot);
+    struct hg_refbuf *first = gi_take(rig, &shot);
     test_ok(hg_renderer_create(&one, &alone.renderer, &err), &err);
     struct hg_light *lamp = lamp_room(&alone);
     lamp->intensity = 1; // a history of another light and another camera, in steps of a sample
     shot.eye[0] = 1;
-    struct hg_view *view = open_view(&alone, &shot);
+    struct hg_view *view = gi_open_view(&alone, &shot);
     struct hg_frame_info info;
     for (int i = 0; i < 3; i++)
         test_ok(hg_view_step(view, 1, &info, &err), &err);
@@ -415,8 +263,8 @@ static void test_same_bytes(void **state)
         .eye = {inside.eye[0], inside.eye[1], inside.eye[2]},
         .target = {inside.target[0], inside.target[1], inside.target[2]}};
     test_ok(hg_view_set_camera(view, &camera, &err), &err);
-    settle(view, 1);
-    struct hg_refbuf *second = read_floats(view);
+    gi_settle(view, 1);
+    struct hg_refbuf *second = gi_read_floats(view);
     hg_view_destroy(view);
     assert_int_equal(first->size, second->size);
     assert_memory_equal(first->data, second->data, first->size);
@@ -444,21 +292,21 @@ static void test_no_memory(void **state)
     enum { TRIES = 6, LEVELS = 3 };
     static const enum hg_view_gi levels[LEVELS] = {HG_GI_RAYS, HG_GI_PROBES, HG_GI_NONE};
     struct rig *rig = *state;
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     shot.samples = 1;
     struct hg_refbuf *want[LEVELS];
     uint32_t found[LEVELS] = {0}, errors = 0;
     for (int i = LEVELS; i-- > 0;) {
         shot.gi = levels[i];
         lamp_room(rig);
-        want[i] = take(rig, &shot);
+        want[i] = gi_take(rig, &shot);
     }
     for (int i = 0; i < TRIES; i++) {
         struct hg_error err = {0};
         struct hg_frame_info info = {0};
         enum hg_status status = HG_OK;
         lamp_room(rig);
-        struct hg_view *view = open_view(rig, &shot);
+        struct hg_view *view = gi_open_view(rig, &shot);
         for (int k = 0; k < 4000 && !probes_rest(view); k++)
             test_ok(hg_view_step(view, 8, &info, &err), &err);
         hg_alloc_fail_at(1 + (uint64_t)i);
@@ -466,7 +314,7 @@ static void test_no_memory(void **state)
             status = hg_view_step(view, 8, &info, &err);
         hg_alloc_fail_at(0);
         if (status == HG_OK) {
-            struct hg_refbuf *got = read_floats(view);
+            struct hg_refbuf *got = gi_read_floats(view);
             int level = 0;
             while (level < LEVELS && !is_same(got, want[level]))
                 level++;
@@ -494,7 +342,7 @@ static void test_lamp_switched(void **state)
     struct hg_light *lamp = lamp_room(rig);
     struct hg_frame_info info;
     lamp->intensity = 0.001f;
-    struct hg_view *view = open_view(rig, &inside);
+    struct hg_view *view = gi_open_view(rig, &inside);
     double seen[64] = {0}, final = 0;
     struct hg_refbuf *pixels;
     for (int i = 0; i < 200; i++) {
@@ -507,14 +355,14 @@ static void test_lamp_switched(void **state)
         test_ok(hg_view_set_camera(view, &camera, &err), &err);
         test_ok(hg_view_step(view, 1, &info, &err), &err);
         test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
-        final = mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
+        final = gi_mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
         if (i >= 5 && i < 69)
             seen[i - 5] = final;
         hg_refbuf_unref(pixels);
     }
-    settle(view, 8);
+    gi_settle(view, 8);
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
-    const double rest = mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
+    const double rest = gi_mean_of_bytes(pixels, (const int[4]){2, 6, 4, 7});
     print_message("lamp switched on: after 1, 5, 10, 15 and 60 pictures %.2f %.2f %.2f %.2f %.2f "
                   "of %.4f; at rest "
                   "%.4f\n",
@@ -534,9 +382,9 @@ static void test_shown_on_the_way(void **state)
     struct rig *rig = *state;
     struct hg_error err = {0};
     panel_room(rig);
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     shot.gi = HG_GI_RAYS;
-    struct hg_view *view = open_view(rig, &shot);
+    struct hg_view *view = gi_open_view(rig, &shot);
     struct hg_frame_info info = {0}, first, shown = {0};
     struct hg_refbuf *pixels[2];
     test_ok(hg_view_step(view, 1, &first, &err), &err);
@@ -550,9 +398,10 @@ static void test_shown_on_the_way(void **state)
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels[0], &err), &err);
     test_ok(hg_view_step(view, 1, &info, &err), &err);
     assert_int_equal(info.number, shown.number); // now light is gathered
-    settle(view, 8);
+    gi_settle(view, 8);
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels[1], &err), &err);
-    const double here = mean_of_bytes(pixels[0], all), rest = mean_of_bytes(pixels[1], all);
+    const double here = gi_mean_of_bytes(pixels[0], gi_all),
+                 rest = gi_mean_of_bytes(pixels[1], gi_all);
     print_message("on the way %.4f, at rest %.4f\n", here, rest);
     assert_true(fabs(here / rest - 1) <= 0.06);
     hg_refbuf_unref(pixels[0]);
@@ -588,27 +437,29 @@ static void test_motion_agrees(void **state)
     struct rig *rig = *state;
     struct hg_error err = {0};
     for (int scene = 0; scene < 2; scene++) {
-        struct shot shot = inside;
+        struct gi_shot shot = inside;
         shot.samples = 64;
         if (scene == 0)
             furnace_room(rig);
         else
             panel_room(rig);
-        struct hg_view *view = open_view(rig, &shot);
+        struct hg_view *view = gi_open_view(rig, &shot);
         struct hg_refbuf *rest, *motion;
         double worst = 0;
-        settle(view, 8);
+        gi_settle(view, 8);
         test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &rest, &err), &err);
         motion = take_in_motion(view);
         for (int i = 0; i < 16; i++) {
             const int x = i % 4 * 2, y = i / 4 * 2, cells[4] = {x, y, x + 2, y + 2};
-            const double want = mean_of_bytes(rest, cells), seen = mean_of_bytes(motion, cells);
+            const double want = gi_mean_of_bytes(rest, cells),
+                         seen = gi_mean_of_bytes(motion, cells);
             worst = fmax(worst, fabs(seen / want - 1));
         }
         print_message("motion: worst region off by %.1f %%, in all %+.1f %%\n", 100 * worst,
-            100 * (mean_of_bytes(motion, all) / mean_of_bytes(rest, all) - 1));
+            100 * (gi_mean_of_bytes(motion, gi_all) / gi_mean_of_bytes(rest, gi_all) - 1));
         assert_true(worst < 0.08); // of 16 x 12 texels
-        assert_true(fabs(mean_of_bytes(motion, all) / mean_of_bytes(rest, all) - 1) < 0.02);
+        assert_true(
+            fabs(gi_mean_of_bytes(motion, gi_all) / gi_mean_of_bytes(rest, gi_all) - 1) < 0.02);
         hg_refbuf_unref(rest);
         hg_refbuf_unref(motion);
         hg_view_destroy(view);
@@ -620,19 +471,19 @@ static void test_motion_agrees(void **state)
 static void test_motion_has_thin_things(void **state)
 {
     struct rig *rig = *state;
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     rig_scene(rig);
     for (int i = 0; i < 9; i++) {
         const float x = -2 + 0.47f * (float)i, bar[2][3] = {{x, 0, -2}, {x + 0.13f, 3, -1.9f}};
-        solid(rig, grey(rig, 0.5f, 0), bar);
+        gi_solid(rig, gi_grey(rig, 0.5f, 0), bar);
     }
-    sky(rig, 1);
-    struct hg_view *view = open_view(rig, &shot);
-    settle(view, 8);
+    gi_sky(rig, 1);
+    struct hg_view *view = gi_open_view(rig, &shot);
+    gi_settle(view, 8);
     struct hg_refbuf *pixels = take_in_motion(view);
     uint32_t seen = 0;
     double least = 1;
-    for (size_t i = 0; i < WIDTH * HEIGHT; i++) {
+    for (size_t i = 0; i < GI_WIDTH * GI_HEIGHT; i++) {
         const uint8_t *px = pixels->data + 4 * i;
         seen += px[3] == 255;
         if (px[3] == 255)
@@ -649,13 +500,13 @@ static void test_none_is_as_before(void **state)
 {
     struct rig *rig = *state;
     lamp_room(rig);
-    struct shot shot = inside;
+    struct gi_shot shot = inside;
     shot.gi = HG_GI_NONE;
-    struct hg_refbuf *before = take(rig, &shot);
+    struct hg_refbuf *before = gi_take(rig, &shot);
     shot.gi = HG_GI_PROBES;
-    struct hg_refbuf *probes = take(rig, &shot);
+    struct hg_refbuf *probes = gi_take(rig, &shot);
     shot.gi = HG_GI_NONE;
-    struct hg_refbuf *after = take(rig, &shot);
+    struct hg_refbuf *after = gi_take(rig, &shot);
     assert_memory_equal(before->data, after->data, before->size);
     assert_memory_not_equal(before->data, probes->data, before->size);
     hg_refbuf_unref(before);

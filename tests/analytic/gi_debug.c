@@ -115,7 +115,8 @@ static void test_states(void **state)
     struct hg_refbuf *pixels = settle(view);
     hg_gi_stats(view->state.scene_gpu->gi, &stats);
     count_colors(pixels, counts);
-    const double radius = HG_DEBUG_PROBE_RADIUS * stats.spacing * HEIGHT / (2 * HALF_HEIGHT);
+    const double radius =
+        HG_DEBUG_PROBE_RADIUS * stats.grids[0].spacing * HEIGHT / (2 * HALF_HEIGHT);
     const double area = M_PI * radius * radius, rim = area * (1 - 0.8 * 0.8);
     const double inside = counts[INSIDE] / area, moved = counts[MOVED_RIM] / rim,
                  there = counts[AWAKE_RIM] / rim, unneeded = counts[UNNEEDED] / area;
@@ -141,7 +142,7 @@ static void test_places(void **state)
     room_with_block(rig);
     struct hg_view *view = open_view(rig, HG_DEBUG_PROBES, false);
     struct hg_refbuf *pixels = settle(view);
-    const struct hg_gpu_probes *p = &view->state.frame.probes;
+    const struct hg_gpu_probe_grid *p = &view->state.frame.probes.grids[0];
     double origin[3];
     uint32_t seen = 0, looked = 0;
     hg_geometry_origin(view->state.scene_gpu->geometry, origin);
@@ -165,7 +166,11 @@ static void test_places(void **state)
     assert_true(looked >= 20 && seen >= 0.9 * looked);
     hg_refbuf_unref(pixels);
 
-    // A wall in between.
+    // A wall in between, of which so much is seen that it asks for no finer grids.
+    struct hg_error err = {0};
+    const struct hg_view_camera wide = {
+        .eye = {1.9f, 3.6f, 14}, .target = {0, 1.5f, 0}, .vfov_rad = 1.15f};
+    test_ok(hg_view_set_camera(view, &wide, &err), &err);
     const float wall[2][3] = {{-9, -9, 5}, {9, 9, 5.1f}};
     double counts[COLORS];
     rig_face(rig, rig_material(rig), wall, -1, 5);
@@ -173,7 +178,7 @@ static void test_places(void **state)
     pixels = settle(view);
     count_colors(pixels, counts);
     // The last layer of the grid may stand before the wall, moved off it.
-    const struct hg_gpu_probes *now = &view->state.frame.probes;
+    const struct hg_gpu_probe_grid *now = &view->state.frame.probes.grids[0];
     const double last = origin[2] + (double)now->origin_ws.z +
                         (double)now->spacing * (now->counts[2] - 1) + 0.5 * (double)now->spacing;
     print_message("behind a wall: %.0f px of spheres; the grid ends at %.2f\n",

@@ -1,0 +1,52 @@
+// build.h - one grid of probes and how far its rays are: the schedule of the field of rest, updates
+// of the moving one. Floor 2, private to renderer/gi. Thread: the render thread.
+#ifndef HG_RENDERER_GI_BUILD_H
+#define HG_RENDERER_GI_BUILD_H
+
+#include "renderer/gi/waves.h"
+
+struct hg_gi_build { // zeroed: none
+    struct hg_gi_field field;
+    struct hg_gi_key key;
+    bool keyed;
+    uint32_t *list, listed; // probes that a round is of, ascending
+    uint32_t round, next;   // of the schedule; next: of the list
+    uint64_t updates;       // of the moving field since the last change, of all probes
+};
+
+// What waves are cast with.
+struct hg_gi_build_params {
+    struct hg_gi_waves *waves;
+    const struct hg_lighting_sources *sources;
+    const struct hg_gi_field *light; // the finest grid that what rays meet is lit by
+};
+
+void hg_gi_build_finish(struct hg_gi_build *build, struct hg_gpu *gpu);
+bool hg_gi_build_has_key(const struct hg_gi_build *build, const struct hg_gi_key *key);
+bool hg_gi_build_is_done(const struct hg_gi_build *build); // the schedule is
+bool hg_gi_build_is_placed(const struct hg_gi_build *build);
+
+// Empty probes around the scene as it is now; none where there is nothing to put them around.
+// HG_E_LIMIT (budget, before memory is taken), HG_E_NOMEM.
+enum hg_status hg_gi_build_surround(
+    struct hg_gi_build *build, struct hg_gi_waves *waves, struct hg_error *err) HG_MUST_CHECK;
+// Empty probes of a grid (hg_gi_field_place_grid). HG_E_NOMEM.
+enum hg_status hg_gi_build_place(
+    struct hg_gi_build *build, const struct hg_gi_field *grid, struct hg_error *err) HG_MUST_CHECK;
+// The next waves of the schedule, about *rays of them at most, and takes them off. Device errors.
+enum hg_status hg_gi_build_advance(struct hg_gi_build *build,
+    const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
+
+// The probes of a moving grid that are new find their places, and begin with the light of coarser
+// grids. is_new: [count]. Device errors.
+enum hg_status hg_gi_build_settle_new(struct hg_gi_build *build,
+    const struct hg_gi_build_params *params, const bool *is_new,
+    struct hg_error *err) HG_MUST_CHECK;
+// What the probes of a moving grid hold is out of date; moved: geometry has changed.
+void hg_gi_build_outdate(struct hg_gi_build *build, bool moved);
+// A wave of updates: *rays 0 when none are needed until the next change. Device errors.
+enum hg_status hg_gi_build_update(struct hg_gi_build *build,
+    const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
+bool hg_gi_build_wants_updates(const struct hg_gi_build *build);
+
+#endif

@@ -1,0 +1,350 @@
+// waves.c - see waves.h.
+#include "renderer/gi/waves.h"
+
+#include <float.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "renderer/math/vec.h"
+
+#define PEAK_SHARE 8 // rays for each that goes to a peak of the environment
+#define MOST_PEAKS (HG_GI_MOST_RAYS / PEAK_SHARE)
+#define MOVE_MOST  10 // updates that a mean of the moving field is of
+#define MOVE_FADE  3  // for each so many since the change it is of one more
+
+// A wave under way.
+struct run {
+    struct hg_gi_wave wave;
+    struct hg_gi_waves *waves;
+    uint32_t peaks; // rays to them, of each probe
+};
+
+// --- life ----------------------------------------------------------------------------------------
+
+static enum hg_status create_buffers(struct hg_gi_waves *w, struct hg_error *err)
+{
+    const uint64_t most = HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS;
+    const uint64_t peaks = HG_GI_WAVE_PROBES * MOST_PEAKS;
+    const struct {
+        struct hg_gpu_buffer *buffer;
+        uint64_t bytes;
+        const char *name;
+    } rows[] = {{&w->probe_rays, most * sizeof(struct hg_gpu_ray), "probe rays"},
+        {&w->probe_hits, most * sizeof(struct hg_gpu_hit), "probe hits"},
+        {&w->shadow_rays, most * HG_GI_SHADOW_RAYS * sizeof(struct hg_gpu_ray), "probe shadows"},
+        {&w->blocked, most * HG_GI_SHADOW_RAYS * sizeof(uint32_t), "probe shadows blocked"},
+        {&w->peak_rays, peaks * sizeof(struct hg_gpu_ray), "rays to peaks"},
+        {&w->peak_blocked, peaks * sizeof(uint32_t), "rays to peaks blocked"}};
+    enum hg_status status = HG_OK;
+    for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
+        status = hg_gpu_buffer_create(w->params.gpu, HG_GPU_BUFFER_READBACK, rows[i].bytes,
+            rows[i].name, rows[i].buffer, err);
+    return status;
+}
+
+enum hg_status hg_gi_waves_init(
+    struct hg_gi_waves *w, const struct hg_gi_params *params, struct hg_error *err)
+{
+    const size_t most = HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS;
+    *w = (struct hg_gi_waves){.params = *params};
+    w->brought = hg_calloc(most, sizeof *w->brought);
+    w->direct = hg_calloc(most, sizeof *w->direct);
+    w->peaks = hg_calloc(HG_GI_WAVE_PROBES * MOST_PEAKS, sizeof *w->peaks);
+    enum hg_status status =
+        w->brought && w->direct && w->peaks
+            ? HG_OK
+            : hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
+    if (status == HG_OK)
+        status = create_buffers(w, err);
+    if (status != HG_OK)
+        hg_gi_waves_finish(w);
+    return status;
+}
+
+void hg_gi_waves_finish(struct hg_gi_waves *w)
+{
+    struct hg_gpu *gpu = w->params.gpu;
+    hg_rays_unref(w->rays);
+    hg_gi_surfaces_finish(&w->surfaces);
+    hg_gpu_buffer_destroy(gpu, &w->probe_rays);
+    hg_gpu_buffer_destroy(gpu, &w->probe_hits);
+    hg_gpu_buffer_destroy(gpu, &w->shadow_rays);
+    hg_gpu_buffer_destroy(gpu, &w->blocked);
+    hg_gpu_buffer_destroy(gpu, &w->peak_rays);
+    hg_gpu_buffer_destroy(gpu, &w->peak_blocked);
+    hg_gi_environment_finish(&w->environment);
+    hg_free(w->brought);
+    hg_free(w->peaks);
+    hg_free(w->direct);
+    *w = (struct hg_gi_waves){0};
+}
+
+// --- what rays meet ------------------------------------------------------------------------------
+
+enum hg_status hg_gi_waves_sync(struct hg_gi_waves *w, const struct hg_gi_key *key,
+    const struct hg_lighting_sources *sources, bool exact, struct hg_error *err)
+{
+    struct hg_rays_key rays = hg_rays_default_key(w->params.rays, HG_TRACE_AUTO, exact);
+    rays.exact = w->exact = exact;
+    enum hg_status status = hg_rays_ref(w->params.rays, &rays, &w->rays, err);
+    if (status == HG_OK)
+        status = hg_rays_sync(w->rays, err);
+    if (status != HG_OK)
+        return status;
+    status = hg_gi_surfaces_sync(
+        &w->surfaces, w->params.geometry, hg_rays_geometry(w->rays), w->params.textures);
+    if (status == HG_OK)
+        status = hg_gi_environment_sync(&w->environment, sources, key->environment);
+    return status == HG_OK ? HG_OK
+                           : hg_error_set(err, status, "probes", NULL, "out of host memory");
+}
+
+// --- random numbers ------------------------------------------------------------------------------
+
+// pcg3d, as hg_hash3 in shaders/lib/frame.glsl.
+static void random3(uint32_t x, uint32_t y, uint32_t z, float out[3])
+{
+    uint32_t v[3] = {
+        x * 1664525u + 1013904223u, y * 1664525u + 1013904223u, z * 1664525u + 1013904223u};
+    for (int round = 0; round < 2; round++) {
+        v[0] += v[1] * v[2];
+        v[1] += v[2] * v[0];
+        v[2] += v[0] * v[1];
+        for (int a = 0; a < 3 && round == 0; a++)
+            v[a] ^= v[a] >> 16;
+    }
+    for (int a = 0; a < 3; a++)
+        out[a] = (float)(v[a] >> 8) * (1.0f / 16777216.0f);
+}
+
+// A rotation that is uniform among all. Source: Shoemake 1992, "Uniform Random Rotations".
+static void random_rotation(uint32_t probe, uint32_t round, float m[9])
+{
+    float xi[3];
+    random3(probe, round, 0x67697267u, xi);
+    const float a = sqrtf(1 - xi[0]), b = sqrtf(xi[0]);
+    const float u = 2 * (float)HG_PI * xi[1], v = 2 * (float)HG_PI * xi[2];
+    const float x = a * sinf(u), y = a * cosf(u), z = b * sinf(v), w = b * cosf(v);
+    const float rows[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
+        2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), 2 * (x * z - y * w),
+        2 * (y * z + x * w), 1 - 2 * (x * x + y * y)};
+    memcpy(m, rows, sizeof rows);
+}
+
+// Spherical Fibonacci points. Source: Marques et al. 2013, "Spherical Fibonacci Point Sets for
+// Illumination Integrals".
+void hg_gi_sphere_point(uint32_t i, uint32_t count, float out[3])
+{
+    const double phi = 2 * HG_PI * fmod(i * 0.6180339887498949, 1);
+    const double z = 1 - (2.0 * i + 1) / count, r = sqrt(1 - z * z);
+    out[0] = (float)(r * cos(phi));
+    out[1] = (float)(r * sin(phi));
+    out[2] = (float)z;
+}
+
+// --- stages of a wave ----------------------------------------------------------------------------
+
+// Rays to peaks of the environment: each in another part of what they bring.
+static void cast_peaks(const struct run *w, size_t index, const float at[3])
+{
+    const size_t first = index * w->peaks;
+    struct hg_gpu_ray *rays = (struct hg_gpu_ray *)w->waves->peak_rays.mapped + first;
+    for (uint32_t i = 0; i < w->peaks; i++) {
+        struct hg_gi_peak *peak = &w->waves->peaks[first + i];
+        const float *d = peak->direction;
+        float xi[3];
+        random3((w->wave.field->salt + w->wave.probes[index]) * MOST_PEAKS + i, w->wave.round,
+            0x7065616bu, xi);
+        xi[0] = ((float)i + xi[0]) / (float)w->peaks;
+        hg_gi_environment_peak(
+            &w->waves->environment, w->wave.sources, xi, peak->direction, peak->light);
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
+            .direction_ws = {d[0], d[1], d[2]},
+            .t_max = FLT_MAX,
+            .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
+    }
+}
+
+static void cast_probe(void *user, size_t index)
+{
+    const struct run *w = user;
+    struct hg_gpu_ray *rays =
+        (struct hg_gpu_ray *)w->waves->probe_rays.mapped + index * w->wave.rays;
+    float m[9], at[3];
+    const uint32_t probe = w->wave.probes[index];
+    random_rotation(w->wave.field->salt + probe, w->wave.round, m);
+    hg_gi_probe_position(w->wave.field, probe, at);
+    for (uint32_t i = 0; i < w->wave.rays; i++) {
+        float p[3];
+        hg_gi_sphere_point(i, w->wave.rays, p);
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
+            .direction_ws = {hg_dot3(m, p), hg_dot3(m + 3, p), hg_dot3(m + 6, p)},
+            .t_max = FLT_MAX,
+            .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
+    }
+    cast_peaks(w, index, at);
+}
+
+static void receive(const struct run *w, size_t i, const struct hg_gi_surface *surface)
+{
+    const struct hg_gpu_ray *ray = (const struct hg_gpu_ray *)w->waves->probe_rays.mapped + i;
+    struct hg_gi_ray *out = &w->waves->brought[i];
+    struct hg_gi_receiver r;
+    struct hg_gi_point point;
+    float xi[3], bounced[3];
+    const uint32_t probe = w->wave.field->salt + w->wave.probes[i / w->wave.rays];
+    random3((uint32_t)(probe * w->wave.rays + i % w->wave.rays), w->wave.round, 0x686974u, xi);
+    const float from[3] = {ray->origin_ws.x, ray->origin_ws.y, ray->origin_ws.z};
+    hg_mad3(from, out->direction, out->distance, r.position);
+    hg_copy3(surface->normal, r.normal);
+    const float far =
+        fmaxf(fabsf(r.position[0]), fmaxf(fabsf(r.position[1]), fabsf(r.position[2])));
+    r.lift = 1e-3f * w->wave.field->spacing + 1e-6f * far;
+    r.xi = xi[0];
+    hg_gi_direct_at(w->wave.sources, &r, &w->waves->direct[i]);
+    hg_copy3(r.position, point.position);
+    hg_copy3(r.normal, point.normal);
+    for (int a = 0; a < 3; a++)
+        point.view[a] = -out->direction[a];
+    hg_gi_field_irradiance(w->wave.light, &point, xi, bounced);
+    for (int c = 0; c < 3; c++) {
+        out->light[c] = surface->material->emission[c] + surface->material->albedo[c] * bounced[c];
+        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
+            w->waves->direct[i].light[k][c] *= surface->material->albedo[c];
+    }
+}
+
+// What a ray met; light that comes straight to it waits for its shadow rays.
+static void shade_ray(const struct run *w, size_t i)
+{
+    const struct hg_gpu_ray *ray = (const struct hg_gpu_ray *)w->waves->probe_rays.mapped + i;
+    const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->waves->probe_hits.mapped + i;
+    struct hg_gpu_ray *shadows =
+        (struct hg_gpu_ray *)w->waves->shadow_rays.mapped + i * HG_GI_SHADOW_RAYS;
+    struct hg_gi_ray *out = &w->waves->brought[i];
+    *out = (struct hg_gi_ray){.distance = FLT_MAX,
+        .direction = {ray->direction_ws.x, ray->direction_ws.y, ray->direction_ws.z}};
+    w->waves->direct[i] = (struct hg_gi_direct){0};
+    for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
+        w->waves->direct[i].rays[k].t_max = -1;
+    if (hit->draw == HG_HIT_NONE) {
+        hg_gi_environment_even(&w->waves->environment, w->wave.sources, out->direction, out->light);
+    } else {
+        struct hg_gi_surface surface;
+        hg_gi_surface_at(&w->waves->surfaces, hit, out->direction, &surface);
+        out->distance = hit->t;
+        out->back = surface.back;
+        if (!w->wave.places && !surface.back)
+            receive(w, i, &surface);
+    }
+    memcpy(shadows, w->waves->direct[i].rays, sizeof w->waves->direct[i].rays);
+}
+
+static void shade_probe(void *user, size_t index)
+{
+    const struct run *w = user;
+    for (uint32_t i = 0; i < w->wave.rays; i++)
+        shade_ray(w, index * w->wave.rays + i);
+}
+
+// Of the moving field's probes the first updates fade soon: they had less light that bounced.
+static float keep_of(const struct run *w, uint32_t probe)
+{
+    const float seen = (float)w->wave.field->updates[probe];
+    if (w->wave.keep >= 0)
+        return w->wave.keep;
+    return 1 - 1 / fminf(1 + seen / MOVE_FADE, MOVE_MOST);
+}
+
+static void gather_probe(void *user, size_t index)
+{
+    const struct run *w = user;
+    const uint32_t probe = w->wave.probes[index];
+    const uint32_t *blocked = w->waves->blocked.mapped;
+    struct hg_gi_ray *rays = w->waves->brought + index * w->wave.rays;
+    if (w->wave.places) {
+        hg_gi_probe_relocate(w->wave.field, probe, rays, w->wave.rays);
+        return;
+    }
+    for (uint32_t i = 0; i < w->wave.rays; i++) {
+        const size_t at = index * w->wave.rays + i;
+        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++) {
+            const struct hg_gi_direct *d = &w->waves->direct[at];
+            const bool dark = d->rays[k].t_max > 0 && blocked[at * HG_GI_SHADOW_RAYS + (size_t)k];
+            for (int c = 0; c < 3 && !dark; c++)
+                rays[i].light[c] += d->light[k][c];
+        }
+    }
+    const uint32_t *hidden = (const uint32_t *)w->waves->peak_blocked.mapped + index * w->peaks;
+    struct hg_gi_peak *peaks = w->waves->peaks + index * w->peaks;
+    for (uint32_t i = 0; i < w->peaks; i++)
+        for (int c = 0; c < 3 && hidden[i]; c++)
+            peaks[i].light[c] = 0;
+    const struct hg_gi_brought brought = {rays, peaks, w->wave.rays, w->peaks};
+    hg_gi_probe_gather(w->wave.field, probe, &brought, keep_of(w, probe));
+    w->wave.field->updates[probe]++;
+}
+
+// --- waves ---------------------------------------------------------------------------------------
+
+static void count(const struct run *w)
+{
+    struct hg_gi_stats *s = &w->waves->stats;
+    const uint64_t rays = (uint64_t)w->wave.count * w->wave.rays;
+    s->rays += rays;
+    s->shadow_rays += (uint64_t)w->wave.count * w->peaks;
+    s->updates += w->wave.places ? 0 : w->wave.count;
+    for (uint64_t i = 0; i < rays; i++) {
+        const bool missed = w->waves->brought[i].distance == FLT_MAX;
+        s->misses += missed;
+        s->shaded += !w->wave.places && !missed && !w->waves->brought[i].back;
+        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
+            s->shadow_rays += w->waves->direct[i].rays[k].t_max > 0;
+    }
+}
+
+enum hg_status hg_gi_waves_run(
+    struct hg_gi_waves *waves, const struct hg_gi_wave *wave, struct hg_error *err)
+{
+    struct run w = {.wave = *wave, .waves = waves};
+    struct hg_jobs *jobs = waves->params.jobs;
+    struct hg_trace *trace = hg_rays_trace(waves->rays);
+    const bool has_peaks = !wave->places && waves->environment.has_peaks;
+    w.peaks = has_peaks ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
+    hg_jobs_for(jobs, wave->count, cast_probe, &w);
+    struct hg_trace_wave batch = {
+        .rays = &waves->probe_rays, .hits = &waves->probe_hits, .count = wave->count * wave->rays};
+    enum hg_status status = hg_trace_closest(trace, &batch, err);
+    if (status != HG_OK)
+        return status;
+    hg_jobs_for(jobs, wave->count, shade_probe, &w);
+    if (!wave->places && wave->sources->count > 0) {
+        batch = (struct hg_trace_wave){.rays = &waves->shadow_rays,
+            .blocked = &waves->blocked,
+            .count = wave->count * wave->rays * HG_GI_SHADOW_RAYS};
+        status = hg_trace_blocked(trace, &batch, err);
+    }
+    if (status == HG_OK && has_peaks) {
+        batch = (struct hg_trace_wave){.rays = &waves->peak_rays,
+            .blocked = &waves->peak_blocked,
+            .count = wave->count * w.peaks};
+        status = hg_trace_blocked(trace, &batch, err);
+    }
+    if (status != HG_OK)
+        return status;
+    hg_jobs_for(jobs, wave->count, gather_probe, &w);
+    count(&w);
+    return HG_OK;
+}
+
+enum hg_status hg_gi_waves_distances(
+    struct hg_gi_waves *w, uint32_t count, float *distances, struct hg_error *err)
+{
+    const struct hg_gpu_hit *hits = w->probe_hits.mapped;
+    const struct hg_trace_wave batch = {
+        .rays = &w->probe_rays, .hits = &w->probe_hits, .count = count, .coherent = true};
+    const enum hg_status status = hg_trace_closest(hg_rays_trace(w->rays), &batch, err);
+    for (uint32_t i = 0; i < count && status == HG_OK; i++)
+        distances[i] = hits[i].draw == HG_HIT_NONE ? FLT_MAX : hits[i].t;
+    return status;
+}
