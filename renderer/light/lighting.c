@@ -350,7 +350,7 @@ enum hg_status hg_lighting_sync(
     l->plan = before;
     status = hg_shadow_plan_make(&l->plan, &l->set, view, l->params.shadow_atlas_px);
     const bool many = l->cells.used || l->cells.overflow;
-    if (!status && many)
+    if (!status && (many || view->moves)) // at rest places are those of the plan, but among many
         status = hg_shadow_plan_keep(&l->plan, &l->drawn, l->atlas.width);
     if (status)
         return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");

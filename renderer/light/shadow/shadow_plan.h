@@ -1,8 +1,9 @@
 // shadow_plan.h - which shadow maps a view needs, where they lie in the atlas, how they project.
 // Floor 2 (light). Pure: a plan follows from its inputs alone, never from the views before, so that
-// a picture does not depend on the way the camera came; but for the places of maps among many
-// lamps, which shaders then leave out of their sums. Cascades move in steps of a coarse grid and
-// grow in steps, so that small camera moves give the same plan and nothing is drawn again.
+// a picture does not depend on the way the camera came; but for the places of maps in
+// motion, and among many lamps, where shaders leave them out of their sums. Cascades move in steps
+// of a coarse grid and grow in steps, so that small camera moves give the same plan and nothing is
+// drawn again.
 #ifndef HG_RENDERER_LIGHT_SHADOW_SHADOW_PLAN_H
 #define HG_RENDERER_LIGHT_SHADOW_SHADOW_PLAN_H
 
