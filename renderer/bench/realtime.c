@@ -13,7 +13,7 @@
 #define DEFAULT_ROUNDS 3
 #define MAX_FRAMES     65536
 #define MAX_PASSES     64
-#define LAMP_ID        (UINT64_C(1) << 48)    // and on
+#define LAMP_ID        0x6c616d70u            // of the first
 #define WARM_UP_NS     UINT64_C(120000000000) // most that is walked before frames are measured
 
 struct pass_times {
