@@ -13,6 +13,7 @@
 #define DEFAULT_ROUNDS 3
 #define MAX_FRAMES     65536
 #define MAX_PASSES     64
+#define LAMP_ID        0x6c616d70u            // of the first
 #define WARM_UP_NS     UINT64_C(120000000000) // most that is walked before frames are measured
 
 struct pass_times {
@@ -175,7 +176,11 @@ static enum hg_status write_report(struct run *run, char **text)
     double cpu_ms = 0;
     for (uint32_t i = 0; i < run->path_count; i++)
         cpu_ms += (double)run->cpu_ms[i] / run->path_count;
-    hg_json_put(&w, "],\"frame_ms\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s,\"passes\":[",
+    struct hg_lighting_stats lights;
+    hg_lighting_stats(run->view->state.lighting, &lights);
+    hg_json_put(&w, "],\"lights\":{\"count\":%u,\"listed\":%u,\"shadowed\":%u,\"unshadowed\":%u}",
+        lights.lights, lights.lights_in_lists, lights.shadowed_lights, lights.unshadowed_lights);
+    hg_json_put(&w, ",\"frame_ms\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s,\"passes\":[",
         median(run->frame_ms, run->measured), cpu_ms, run->busy ? "false" : "true");
     for (uint32_t i = 0; i < run->pass_count; i++) {
         struct pass_times *pass = &run->passes[i];
@@ -191,6 +196,33 @@ static enum hg_status write_report(struct run *run, char **text)
     hg_json_string(&w, hg_gpu_get_caps(run->renderer->gpu)->device_name);
     hg_json_put(&w, "}");
     return hg_json_take(&w, text);
+}
+
+// Lamps all over the scene, at the points of a low-discrepancy sequence; together as bright as one
+// of 20 cd for each square metre of its largest side. Roberts 2018, "The Unreasonable Effectiveness
+// of Quasirandom Sequences".
+static enum hg_status add_lamps(struct hg_scene *scene, uint32_t count, struct hg_error *err)
+{
+    static const double steps[3] = {0.8191725133961645, 0.6710436067037893, 0.5497004779019703};
+    float min[3] = {-1, -1, -1}, max[3] = {1, 1, 1}, side = 0;
+    hg_scene_bounds(scene, NULL, min, max);
+    for (int a = 0; a < 3; a++)
+        side = fmaxf(side, max[a] - min[a]);
+    for (uint32_t i = 0; i < count; i++) {
+        struct hg_object *light, *node;
+        if (hg_scene_add(scene, HG_OBJECT_LIGHT, LAMP_ID + i, &light) != HG_OK ||
+            hg_scene_add(scene, HG_OBJECT_NODE, LAMP_ID + i, &node) != HG_OK)
+            return hg_error_set(err, HG_E_NOMEM, "bench", "lamps", "out of host memory");
+        ((struct hg_light *)light)->kind = HG_LIGHT_POINT;
+        ((struct hg_light *)light)->intensity = 20 * side * side / (float)count;
+        ((struct hg_node *)node)->light = (struct hg_light *)light;
+        for (int a = 0; a < 3; a++)
+            ((struct hg_node *)node)->translation[a] =
+                min[a] + (max[a] - min[a]) * (float)fmod(0.5 + steps[a] * (i + 1), 1);
+    }
+    hg_scene_publish(scene);
+    hg_scene_update(scene);
+    return HG_OK;
 }
 
 static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg_error *err)
@@ -214,7 +246,9 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
         .samples = 2, // the picture in motion is not the settled one
         .gi = (enum hg_view_gi)b->gi,
         .temporal = (enum hg_view_temporal)b->temporal};
-    enum hg_status status = hg_view_create(run->renderer, scene, &run->view, err);
+    enum hg_status status = add_lamps(scene, b->lamps, err);
+    if (status == HG_OK)
+        status = hg_view_create(run->renderer, scene, &run->view, err);
     return status == HG_OK ? hg_view_set_params(run->view, &params, err) : status;
 }
 

@@ -16,7 +16,13 @@ static enum hg_status sync_lighting(struct hg_draw *draw, struct hg_error *err)
         .camera = &draw->frame->camera,
         .width = draw->request->settings->width,
         .height = draw->request->settings->height,
+        .moves = hg_draw_is(draw, HG_DRAW_MOVES),
         .shape_revision = hg_geometry_shape_revision(draw->scene_gpu->geometry)};
+    look.shape_before = hg_lighting_shape_revision(draw->lighting);
+    const struct hg_box *moved;
+    if (hg_geometry_moved_casters(
+            draw->scene_gpu->geometry, look.shape_before, &moved, &look.moved_count))
+        look.moved = moved;
     hg_geometry_origin(draw->scene_gpu->geometry, look.origin);
     look.has_bounds =
         hg_geometry_bounds(draw->scene_gpu->geometry, look.bounds_min, look.bounds_max);

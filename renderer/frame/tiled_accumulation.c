@@ -36,8 +36,10 @@ void hg_tiled_accumulation_mark_shadows(struct hg_lighting *lighting, bool stale
 {
     uint32_t count;
     struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
-    for (uint32_t i = 0; i < count; i++)
+    for (uint32_t i = 0; i < count; i++) {
         maps[i].stale = stale;
+        maps[i].partly = false;
+    }
 }
 
 static void forget_shadows(struct hg_tiled_accumulation *s, struct hg_lighting *lighting)

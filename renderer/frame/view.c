@@ -224,12 +224,20 @@ bool hg_view_state_settled(const struct hg_view_state *view)
     return is_complete(view) && !bakes(view) && !hg_meter_is_due(view);
 }
 
+// Where something moved a small part of a cascade is drawn again, which takes little.
+static bool is_costly(const struct hg_shadow_map *map)
+{
+    const uint64_t area =
+        (uint64_t)(map->dirty.x1 - map->dirty.x0) * (map->dirty.y1 - map->dirty.y0);
+    return !map->partly || (float)area * 16 > map->gpu.size_px * map->gpu.size_px;
+}
+
 static bool needs_cascades(struct hg_lighting *lighting)
 {
     uint32_t count;
     const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
     for (uint32_t i = 0; i < count; i++) {
-        if (maps[i].stale && maps[i].refines)
+        if (maps[i].stale && maps[i].refines && is_costly(&maps[i]))
             return true;
     }
     return false;
@@ -288,6 +296,7 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
         .error_px = s->error_px};
     if (moves)
         request.error_px *= hg_quality_choose(&view->motion.quality, s->target_ms).factor;
+    request.flags |= moves ? HG_DRAW_MOVES : 0;
     request.flags |= view->final ? HG_DRAW_FINAL : 0;
     request.flags |= (view->formats & ~1u) != 0 ? HG_DRAW_ACCUMULATE : 0;
     if (max_samples > 1 || view->final || (a->phase == HG_VIEW_EXACT && !moves))
@@ -369,7 +378,10 @@ static enum hg_status draw_shown(struct hg_view_state *view, const struct hg_dra
         a->samples = 0;
     hg_tiled_accumulation_note(
         a, HG_SHORT_OF_DETAIL, request.error_px > request.settings->error_px);
-    hg_tiled_accumulation_note(a, HG_SHORT_OF_SHADOWS, hg_draw_is(&draw, HG_DRAW_COARSE_SHADOWS));
+    struct hg_lighting_stats lights;
+    hg_lighting_stats(view->lighting, &lights);
+    hg_tiled_accumulation_note(
+        a, HG_SHORT_OF_SHADOWS, hg_draw_is(&draw, HG_DRAW_COARSE_SHADOWS) || lights.hasty);
     uint32_t count = shown_samples(&draw);
     if (status == HG_OK)
         status = hg_view_make_pixels(&draw, &view->buffers.readback, 0, err);

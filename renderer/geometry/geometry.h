@@ -14,6 +14,7 @@
 #ifndef HG_RENDERER_GEOMETRY_GEOMETRY_H
 #define HG_RENDERER_GEOMETRY_GEOMETRY_H
 
+#include "renderer/math/box.h"
 #include "base/jobs.h"
 #include "base/store/store.h"
 #include "renderer/cluster/cluster_pool_stats.h"
@@ -74,6 +75,11 @@ void hg_geometry_fill(const struct hg_geometry *geometry, struct hg_gpu_geometry
 void hg_geometry_stats(const struct hg_geometry *geometry, struct hg_geometry_stats *out);
 // Grows whenever positions, transforms or visibility changed: cached shadow maps are stale.
 uint64_t hg_geometry_shape_revision(const struct hg_geometry *geometry);
+// World boxes, relative to the origin, outside of which all shadows are as they were when the shape
+// revision was `since`: before and after, of all that moved, came or went. False: they may have
+// changed anywhere. Valid until the next sync.
+bool hg_geometry_moved_casters(const struct hg_geometry *geometry, uint64_t since,
+    const struct hg_box **boxes, uint32_t *count);
 // Grows with every change a picture could show (materials too).
 uint64_t hg_geometry_revision(const struct hg_geometry *geometry);
 // True when the textures of each material agree in size (one address serves them all).

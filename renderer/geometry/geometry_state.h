@@ -24,6 +24,7 @@ struct hg_draw_entry {
     bool skinned, deformed;
     const struct hg_deform_entry *deform; // until the next sync; NULL: not deformed
     uint32_t first_bit;                   // of its groups of meshlets in histories
+    uint64_t caster;                      // hash of what its shadow follows from; 0: it throws none
 };
 
 static inline enum hg_draw_class hg_draw_class_of(uint32_t flags)
@@ -44,6 +45,14 @@ struct hg_deform_changes {
     uint32_t *items; // indices of deforms
     size_t capacity;
     uint32_t count;
+};
+
+// Where shadows changed with the newest commit (moved_casters.c).
+#define HG_MOVED_MOST 64
+struct hg_moved_casters {
+    uint64_t since, revision; // shape revisions before and after
+    struct hg_box boxes[HG_MOVED_MOST];
+    uint32_t count; // more than HG_MOVED_MOST: anywhere
 };
 
 // What shaders read, and copies of it on the host.
@@ -69,6 +78,7 @@ struct hg_geometry {
     uint32_t mesh_count;
     struct hg_deform_list deforms;
     struct hg_deform_changes changed;
+    struct hg_moved_casters moved;
     struct hg_draw_entry *draws; // in draw order
     uint32_t draw_count;
     struct hg_triangle_cache facets;

@@ -314,6 +314,7 @@ static void retire_old(struct hg_sync *s)
 static enum hg_status commit(struct hg_sync *s, struct hg_error *err)
 {
     struct hg_geometry *g = s->g;
+    hg_moved_casters_note(s);
     retire_old(s);
     SWAP(g->meshes, s->meshes);
     SWAP(g->deforms, s->deforms);
@@ -412,7 +413,7 @@ enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *sc
     g->stats.deforms_changed = g->changed.count;
     if (signature == g->signature)
         return HG_OK;
-    struct hg_sync s = {.g = g, .scene = scene, .textures = textures};
+    struct hg_sync s = {.g = g, .scene = scene, .textures = textures, .material = material};
     const enum hg_status status = sync_changed(&s, err);
     if (status == HG_OK) {
         const uint64_t casters = caster_signature(g, shape, material);

@@ -36,6 +36,7 @@ struct hg_sync {
     struct hg_gpu_draw *gpu_draws;
     struct hg_box bounds;
     struct hg_history_bits bits;
+    uint64_t material; // signature of the materials: of masks
     uint64_t written, triangles, used_bytes;
     uint32_t uploads;
     bool looks;         // at arrays of meshes, which may be spilled
@@ -45,6 +46,10 @@ struct hg_sync {
 // In a list by node id and part. NULL: it is not there.
 struct hg_deform_entry *hg_sync_find_deform(
     const struct hg_deform_list *list, uint64_t node, uint32_t part);
+
+// --- moved_casters.c ---
+// Compares the draws of a sync with those before it, which are still the geometry's.
+void hg_moved_casters_note(struct hg_sync *sync);
 
 // --- draw_tables.c: parts, materials, instances and draws ---
 // Fills the tables from the lists; the meshes are on the device. HG_E_NOMEM.

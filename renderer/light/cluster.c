@@ -12,7 +12,7 @@ struct cluster_view {
     const struct hg_gpu_camera *camera;
     float scale_x, scale_y;   // view x / depth (or x) to -1..1
     float margin_x, margin_y; // one pixel and a half
-    float z_scale, z_bias;
+    struct hg_cluster_slices slices;
 };
 
 struct cell_range {
@@ -34,7 +34,7 @@ static float slice_depth(const struct cluster_view *view, int k)
 {
     if (k <= 0)
         return view->camera->orthographic ? -INFINITY : 0;
-    return k >= HG_CLUSTER_Z ? INFINITY : exp2f(((float)k - view->z_bias) / view->z_scale);
+    return k >= HG_CLUSTER_Z ? INFINITY : hg_cluster_slice_depth(&view->slices, k);
 }
 
 struct tile_axis {
@@ -97,7 +97,22 @@ static void visit_cells(const struct cluster_view *view, const struct sphere *s,
     }
 }
 
-// Slices from a thousandth of the farthest reach to all of it.
+struct hg_cluster_slices hg_cluster_slices_make(const struct hg_gpu_camera *camera, float far)
+{
+    far = fmaxf(far, camera->near * 2);
+    far = far > 0 ? far : 1;
+    const float near = fmaxf(camera->near, far * 0.001f);
+    struct hg_cluster_slices s = {.z_scale = HG_CLUSTER_Z / log2f(far / fminf(near, far * 0.5f))};
+    s.z_bias = HG_CLUSTER_Z - log2f(far) * s.z_scale;
+    return s;
+}
+
+float hg_cluster_slice_depth(const struct hg_cluster_slices *slices, int k)
+{
+    return exp2f(((float)k - slices->z_bias) / slices->z_scale);
+}
+
+// Slices up to the farthest reach.
 static struct cluster_view make_view(const struct hg_light_set *lights,
     const struct hg_gpu_camera *camera, uint32_t width, uint32_t height)
 {
@@ -106,17 +121,12 @@ static struct cluster_view make_view(const struct hg_light_set *lights,
         struct sphere s = view_sphere(camera, &lights->items[i]);
         far = fmaxf(far, s.depth + s.radius);
     }
-    far = fmaxf(far, camera->near * 2);
-    far = far > 0 ? far : 1;
-    float near = fmaxf(camera->near, far * 0.001f);
-    struct cluster_view view = {.camera = camera,
+    return (struct cluster_view){.camera = camera,
         .scale_x = fabsf(camera->proj.m[0]),
         .scale_y = fabsf(camera->proj.m[5]),
         .margin_x = 3.0f / (float)width,
-        .margin_y = 3.0f / (float)height};
-    view.z_scale = HG_CLUSTER_Z / log2f(far / fminf(near, far * 0.5f));
-    view.z_bias = HG_CLUSTER_Z - log2f(far) * view.z_scale;
-    return view;
+        .margin_y = 3.0f / (float)height,
+        .slices = hg_cluster_slices_make(camera, far)};
 }
 
 enum hg_status hg_clusters_build(struct hg_clusters *clusters, const struct hg_light_set *lights,
@@ -124,8 +134,11 @@ enum hg_status hg_clusters_build(struct hg_clusters *clusters, const struct hg_l
 {
     static const uint32_t empty[HG_CLUSTER_COUNT + 1];
     uint32_t next[HG_CLUSTER_COUNT + 1];
-    clusters->used = clusters->overflow = false;
+    clusters->used = false;
     clusters->entry_count = 0;
+    clusters->overflow = lights->global_count - lights->directional_count > HG_CLUSTER_MOST_MEAN;
+    if (clusters->overflow)
+        return HG_OK;
     if (lights->count - lights->global_count < HG_CLUSTER_MIN_LIGHTS)
         return HG_OK;
     struct cluster_view view = make_view(lights, camera, width, height);
@@ -138,7 +151,7 @@ enum hg_status hg_clusters_build(struct hg_clusters *clusters, const struct hg_l
     for (uint32_t c = 0; c < HG_CLUSTER_COUNT; c++) {
         clusters->first[c] = (uint32_t)total;
         total += next[c];
-        if (total > HG_CLUSTER_MAX_ENTRIES) {
+        if (total > HG_CLUSTER_MOST_ENTRIES) {
             clusters->overflow = true;
             return HG_OK;
         }
@@ -152,8 +165,8 @@ enum hg_status hg_clusters_build(struct hg_clusters *clusters, const struct hg_l
         visit_cells(&view, &s, i, next, clusters->entries);
     }
     clusters->entry_count = (uint32_t)total;
-    clusters->z_scale = view.z_scale;
-    clusters->z_bias = view.z_bias;
+    clusters->z_scale = view.slices.z_scale;
+    clusters->z_bias = view.slices.z_bias;
     clusters->used = true;
     return HG_OK;
 }

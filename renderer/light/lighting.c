@@ -3,6 +3,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "renderer/light/cluster.h"
+#include "renderer/light/light_cut.h"
 #include "renderer/light/albedo/dfg_embed.h"
 #include "renderer/light/ltc/ltc_embed.h"
 #include "renderer/light/env/env_device.h"
@@ -11,6 +12,10 @@
 #include "renderer/math/vec.h"
 
 #define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
+// While a view moves: the first maps of a plan, by the weight of their lights, are always drawn, of
+// the others so many in a picture.
+#define ALWAYS_DRAWN 48
+#define MOST_FRESH   12
 
 struct hg_lighting {
     struct hg_gpu *gpu;
@@ -21,10 +26,13 @@ struct hg_lighting {
     struct hg_gpu_image atlas;
     struct hg_light_set set;
     struct hg_clusters cells;
+    struct hg_light_cuts cuts;
     struct hg_sky_disc sun;
     struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
     uint64_t drawn_shape_revision, atlas_revision;
-    bool overflow_told, unshadowed_told;
+    uint32_t deferred; // maps that this picture does without
+    bool moves;        // as the newest view said
+    bool unshadowed_told;
     struct hg_gpu_lighting block; // without what changes from sample to sample
 };
 
@@ -94,6 +102,7 @@ void hg_lighting_destroy(struct hg_lighting *l)
         hg_gpu_buffer_destroy(l->gpu, buffers[i]);
     hg_light_set_finish(&l->set);
     hg_clusters_finish(&l->cells);
+    hg_light_cuts_finish(&l->cuts);
     hg_shadow_plan_finish(&l->plan);
     hg_shadow_plan_finish(&l->drawn);
     hg_free(l);
@@ -106,11 +115,30 @@ static bool same_map(const struct hg_shadow_map *a, const struct hg_shadow_map *
     return !memcmp(&a->gpu, &b->gpu, sizeof a->gpu);
 }
 
-// A map is kept when the atlas holds the same projection in the same place and nothing moved.
-static enum hg_status mark_stale(
-    struct hg_lighting *l, uint64_t shape_revision, struct hg_error *err)
+static bool is_empty(const struct hg_shadow_rect *r)
 {
-    bool moved = l->drawn_shape_revision != shape_revision;
+    return r->x0 >= r->x1 || r->y0 >= r->y1;
+}
+
+// A map that the atlas holds in the same place, NULL: it holds none.
+static const struct hg_shadow_map *find_drawn(
+    const struct hg_lighting *l, const struct hg_shadow_map *map)
+{
+    for (uint32_t k = 0; k < l->drawn.count; k++) {
+        const struct hg_shadow_map *drawn = &l->drawn.maps[k];
+        if (same_map(map, drawn) && (!drawn->stale || drawn->partly))
+            return drawn;
+    }
+    return NULL;
+}
+
+// A map is kept when the atlas holds the same projection in the same place and nothing moved; where
+// casters moved, that part of it is drawn again.
+static enum hg_status mark_stale(
+    struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
+{
+    const bool moved = l->drawn_shape_revision != view->shape_revision;
+    bool known = !moved || (view->moved && view->shape_before == l->drawn_shape_revision);
     if (l->plan.atlas_px && l->plan.atlas_px != l->atlas.width) {
         struct hg_gpu_image next = {0};
         enum hg_status status = create_atlas(l, l->plan.atlas_px, &next, err);
@@ -118,22 +146,58 @@ static enum hg_status mark_stale(
             return status;
         hg_gpu_image_destroy(l->gpu, &l->atlas);
         l->atlas = next;
-        moved = true;
+        known = false;
     }
     for (uint32_t i = 0; i < l->plan.count; i++) {
         struct hg_shadow_map *map = &l->plan.maps[i];
+        const struct hg_shadow_map *drawn = known ? find_drawn(l, map) : NULL;
         map->stale = true;
-        for (uint32_t k = 0; k < l->drawn.count && !moved && map->stale; k++)
-            map->stale = l->drawn.maps[k].stale || !same_map(map, &l->drawn.maps[k]);
+        map->partly = drawn != NULL;
+        if (!drawn)
+            continue;
+        map->dirty = drawn->stale ? drawn->dirty : (struct hg_shadow_rect){0};
+        for (uint32_t k = 0; k < view->moved_count && moved; k++)
+            hg_shadow_map_touch(map, &view->moved[k]);
+        map->stale = !is_empty(&map->dirty);
     }
-    l->drawn_shape_revision = shape_revision;
+    l->drawn_shape_revision = view->shape_revision;
     return HG_OK;
+}
+
+// Leaves maps of lamps for later while the view moves. Lights of a plan are in the order of their
+// weight; those without a map have no shadow in this picture.
+static void defer_maps(struct hg_lighting *l, bool moves)
+{
+    uint32_t fresh = 0;
+    l->deferred = 0;
+    for (uint32_t i = 0; i < l->set.count && moves; i++) {
+        struct hg_gpu_light *light = &l->set.items[i];
+        if (light->shadow == HG_SHADOW_NONE || light->kind == HG_LIGHT_KIND_DIRECTIONAL ||
+            light->shadow < ALWAYS_DRAWN)
+            continue;
+        struct hg_shadow_map *maps = &l->plan.maps[light->shadow];
+        uint32_t stale = 0;
+        for (uint32_t k = 0; k < light->shadow_count; k++)
+            stale += maps[k].stale;
+        fresh += stale;
+        if (stale == 0 || fresh <= MOST_FRESH)
+            continue;
+        for (uint32_t k = 0; k < light->shadow_count; k++)
+            maps[k].deferred = true;
+        l->deferred += light->shadow_count;
+        light->shadow = HG_SHADOW_NONE;
+    }
 }
 
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *l, uint32_t *count)
 {
     *count = l->plan.count;
     return l->plan.maps;
+}
+
+uint64_t hg_lighting_shape_revision(const struct hg_lighting *l)
+{
+    return l->drawn_shape_revision;
 }
 
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *l)
@@ -173,8 +237,10 @@ static enum hg_status upload_shadows(struct hg_lighting *l, struct hg_error *err
 
 static enum hg_status upload_lists(struct hg_lighting *l, struct hg_error *err)
 {
-    enum hg_status status =
-        put(l, &l->lights, "lights", l->set.items, l->set.count * sizeof *l->set.items, err);
+    const bool cut = l->cells.overflow;
+    const struct hg_gpu_light *lights = cut ? l->cuts.lights : l->set.items;
+    const uint64_t count = cut ? l->cuts.count : l->set.count;
+    enum hg_status status = put(l, &l->lights, "lights", lights, count * sizeof *lights, err);
     if (!status)
         status = upload_shadows(l, err);
     if (!status && l->cells.used)
@@ -191,11 +257,7 @@ static void report(struct hg_lighting *l)
     if (l->plan.unshadowed_lights && !l->unshadowed_told)
         hg_warn(LIGHT, "%u of %u shadow-casting lights have no room in the shadow atlas",
             l->plan.unshadowed_lights, l->plan.unshadowed_lights + l->plan.shadowed_lights);
-    if (l->cells.overflow && !l->overflow_told)
-        hg_warn(LIGHT, "light lists would take more than %u entries: every pixel loops over all",
-            HG_CLUSTER_MAX_ENTRIES);
     l->unshadowed_told = l->plan.unshadowed_lights != 0;
-    l->overflow_told = l->cells.overflow;
 }
 
 static void fill_environment(struct hg_lighting *l, const struct hg_environment *env)
@@ -216,14 +278,15 @@ static void fill_environment(struct hg_lighting *l, const struct hg_environment 
 static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *view)
 {
     struct hg_gpu_lighting *b = &l->block;
+    const bool cut = l->cells.overflow;
     *b = (struct hg_gpu_lighting){.lights = l->lights.address,
         .shadows = l->shadows.address,
         .clusters = l->clusters.address,
         .cluster_lights = l->entries.address,
         .irradiance = l->env.irradiance.address,
         .dfg = l->dfg.address,
-        .light_count = l->set.count,
-        .global_count = l->set.global_count,
+        .light_count = cut ? l->cuts.count : l->set.count,
+        .global_count = cut ? l->set.directional_count : l->set.global_count,
         .clustered = l->cells.used,
         .cluster_x = HG_CLUSTER_X,
         .cluster_y = HG_CLUSTER_Y,
@@ -262,12 +325,23 @@ enum hg_status hg_lighting_sync(
     l->drawn = l->plan;
     l->plan = before;
     status = hg_shadow_plan_make(&l->plan, &l->set, view, l->params.shadow_atlas_px);
+    const bool many = l->cells.used || l->cells.overflow;
+    if (!status && (many || view->moves)) // at rest places are those of the plan, but among many
+        status = hg_shadow_plan_keep(&l->plan, &l->drawn, l->atlas.width);
     if (status)
         return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
-    status = mark_stale(l, view->shape_revision, err);
+    status = mark_stale(l, view, err);
+    if (status)
+        return status;
+    l->moves = view->moves;
+    defer_maps(l, many && view->moves);
+    if (l->cells.overflow)
+        status = hg_light_cuts_build(&l->cuts, &l->cells, &l->set, view, l->jobs);
+    if (status)
+        return hg_error_set(
+            err, status, "lights", NULL, "no memory for a tree of %u", l->set.count);
     const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store};
-    if (!status)
-        status = hg_env_device_sync(&l->env, &maker, env, has_sun, err);
+    status = hg_env_device_sync(&l->env, &maker, env, has_sun, err);
     if (!status)
         status = upload_lists(l, err);
     if (status)
@@ -342,15 +416,19 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .shadowed_lights = l->plan.shadowed_lights,
         .unshadowed_lights = l->plan.unshadowed_lights,
         .shadow_maps = l->plan.count,
+        .shadow_maps_deferred = l->deferred,
         .clusters = l->cells.used ? HG_CLUSTER_COUNT : 0,
         .cluster_entries = l->cells.entry_count,
-        .cluster_overflow = l->cells.overflow,
+        .hasty = l->deferred > 0 || (l->cells.overflow && l->moves),
+        .lights_in_lists = l->cells.overflow ? l->cuts.count : l->set.count,
         .environment_ns = l->env.prefilter_ns,
         .environment_cached = l->env.from_cache};
     for (uint32_t i = 0; i < l->set.count; i++)
         out->sized_lights += l->set.items[i].radiance > 0;
     for (uint32_t i = 0; i < l->plan.count; i++)
         out->shadow_maps_stale += l->plan.maps[i].stale;
+    for (uint32_t i = 0; i < l->plan.count; i++)
+        out->shadow_maps_partly += l->plan.maps[i].stale && l->plan.maps[i].partly;
     out->device_bytes = l->env.specular.memory.size_bytes + l->env.radiance.memory.size_bytes +
                         l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
                         l->dfg.memory.size_bytes + l->lights.memory.size_bytes +

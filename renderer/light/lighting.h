@@ -10,6 +10,7 @@
 
 #include "base/jobs.h"
 #include "renderer/gpu/gpu.h"
+#include "renderer/math/box.h"
 #include "renderer/scene/scene.h"
 #include "base/store/store.h"
 #include "shaders/shared/frame.h"
@@ -37,6 +38,10 @@ struct hg_lighting_view {
     double origin[3];                   // hg_geometry_origin
     uint64_t shape_revision;            // hg_geometry_shape_revision, or hg_geometry_revision when
                                         // textures of masked materials may have changed
+    uint64_t shape_before;              // revision of which it is known where casters moved since
+    const struct hg_box *moved;         // [moved_count] there, relative to origin; NULL: anywhere
+    uint32_t moved_count;
+    bool moves; // of many lamps maps may be left for later, and lists be short
     bool has_bounds;                    // hg_geometry_bounds returned true
     float bounds_min[3], bounds_max[3]; // relative to origin
     bool has_ground;                    // shadows are also looked up on a plane below the scene
@@ -53,18 +58,28 @@ enum hg_status hg_lighting_sync(struct hg_lighting *lighting, const struct hg_li
 void hg_lighting_fill(
     const struct hg_lighting *lighting, uint32_t sample_index, struct hg_gpu_lighting *out);
 
+// Shape revision that the newest sync was given, 0 before the first.
+uint64_t hg_lighting_shape_revision(const struct hg_lighting *lighting);
+
 // Images for HG_BIND_ENV_SPECULAR, HG_BIND_ENV_RADIANCE and HG_BIND_SHADOW; never NULL.
 // HG_BIND_DFG and HG_BIND_SHADOW_CMP are not used.
 struct hg_gpu_image *hg_lighting_image_specular(struct hg_lighting *lighting);
 struct hg_gpu_image *hg_lighting_image_radiance(struct hg_lighting *lighting);
 struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *lighting);
 
+struct hg_shadow_rect {
+    uint32_t x0, y0, x1, y1; // texels of the atlas, x1 and y1 past the end
+};
+
 // One square of the atlas (passes/shadow.h draws them).
 struct hg_shadow_map {
     struct hg_gpu_shadow gpu;
     float view_proj[16]; // column-major, Vulkan clip space, reversed depth; near planes kept
     bool stale;          // to be drawn in this step
+    bool partly;         // stale: in `dirty` alone
+    struct hg_shadow_rect dirty;
     bool refines;        // a finer cascade of a map that holds the whole scene
+    bool deferred;       // not drawn in this step
 };
 // Maps of the newest plan, in the order of hg_gpu_lighting.shadows. Valid until the next sync.
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);
@@ -97,8 +112,11 @@ struct hg_lighting_stats {
     uint32_t sized_lights;      // that have a size
     uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
     uint32_t shadow_maps, shadow_maps_stale;
+    uint32_t shadow_maps_partly;        // of them, drawn again where casters moved alone
+    uint32_t shadow_maps_deferred;      // left for later, their lamps have no shadow meanwhile
     uint32_t clusters, cluster_entries; // 0 when all lights are looped over
-    bool cluster_overflow;              // too many entries: lights are looped over
+    bool hasty;               // lists are shorter than at rest, or maps were left for later
+    uint32_t lights_in_lists; // `lights`, or fewer that stand for all (light_cut.h)
     uint64_t environment_ns;            // of the newest prefilter, 0 = from memory
     bool environment_cached;            // it came from the disk
     uint64_t device_bytes;

@@ -49,6 +49,7 @@ static void set_size(struct hg_gpu_light *out, const struct hg_light *light)
     case HG_LIGHT_SPOT:
     case HG_LIGHT_DISC:
         out->bound = r;
+        out->half_width = out->half_height = 0;
         area = r > 0 ? pi * r * r : 0;
         break;
     case HG_LIGHT_RECTANGLE:

@@ -81,6 +81,17 @@ static VkRect2D cut(VkRect2D r, VkRect2D area)
     return (VkRect2D){{x, y}, {(uint32_t)(x1 - x), (uint32_t)(y1 - y)}};
 }
 
+// The part of a map that is drawn: where casters moved, and in the area of the pass.
+static VkRect2D due_part(const struct hg_shadow_map *map, VkRect2D whole, VkRect2D area)
+{
+    if (map->partly) {
+        const struct hg_shadow_rect *d = &map->dirty;
+        whole = cut(
+            whole, (VkRect2D){{(int32_t)d->x0, (int32_t)d->y0}, {d->x1 - d->x0, d->y1 - d->y0}});
+    }
+    return cut(whole, area);
+}
+
 static VkRect2D rect_of(const struct hg_gpu_shadow *s)
 {
     const uint32_t side = (uint32_t)s->size_px;
@@ -94,7 +105,7 @@ static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map 
     const VkRect2D whole = rect_of(&map->gpu);
     const uint32_t side = whole.extent.width;
     const struct hg_gpu_rendering rendering = {
-        .depth = {.image = atlas, .clear = !pass->adds}, .area = cut(whole, pass->area)};
+        .depth = {.image = atlas, .clear = !pass->adds}, .area = due_part(map, whole, pass->area)};
     if (rendering.area.extent.width == 0 || rendering.area.extent.height == 0)
         return HG_OK;
     const VkViewport viewport = {
@@ -108,7 +119,7 @@ static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map 
 
 static bool is_due(const struct hg_shadow_map *map, bool coarse)
 {
-    return map->stale && !(coarse && map->refines);
+    return map->stale && !map->deferred && !(coarse && map->refines);
 }
 
 // Frustum planes of a map inside `part` of its rectangle, enlarged by a pixel on each side.
@@ -156,10 +167,10 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
             .share = choice->share,
             .shares = choice->shares};
         const VkRect2D whole = rect_of(s);
-        view.plane_count =
-            choice->area.extent.width == 0
-                ? hg_frustum_planes(maps[i].view_proj, view.planes)
-                : planes_of(maps[i].view_proj, whole, cut(whole, choice->area), view.planes);
+        view.plane_count = choice->area.extent.width == 0 && !maps[i].partly
+                               ? hg_frustum_planes(maps[i].view_proj, view.planes)
+                               : planes_of(maps[i].view_proj, whole,
+                                     due_part(&maps[i], whole, choice->area), view.planes);
         status = hg_culling_add(visible, geometry, &view, jobs, err);
     }
     return status;

@@ -52,6 +52,22 @@ hg_shadow_receiver hg_shadow_project(hg_gpu_shadow s, vec3 pos_ws, vec3 n)
     return r;
 }
 
+// Among many lamps places in the atlas depend on the pictures before (hg_shadow_plan_keep): there
+// texels are counted from the map's corner, so that the place is not in their rounding.
+vec2 hg_shadow_corner(hg_gpu_shadow s)
+{
+    return HG_HAS(HG_FEATURE_CLUSTERS) ? vec2(0.0) : s.rect_px;
+}
+
+// The four texels whose first one is i.
+vec4 hg_shadow_gather(hg_gpu_shadow s, vec2 i)
+{
+    vec2 at = i + 1.0;
+    if (HG_HAS(HG_FEATURE_CLUSTERS))
+        at += s.rect_px;
+    return textureGather(hg_shadow_atlas, at * hg_frame.lighting.shadow_inv_size);
+}
+
 // Share of light let through around a point of the atlas: 2x2 comparisons, bilinear weights. Each
 // texel is compared with the receiver's plane at that texel, where this lies nearer to the light
 // than the receiver, so that planes at any angle neither shadow themselves nor need a bias that
@@ -63,7 +79,7 @@ float hg_shadow_tap(hg_gpu_shadow s, hg_shadow_receiver r, vec2 receiver_px, vec
     vec2 t = receiver_px + offset_px - 0.5;
     vec2 i = floor(t);
     vec2 f = t - i;
-    vec4 stored = textureGather(hg_shadow_atlas, (i + 1.0) * hg_frame.lighting.shadow_inv_size);
+    vec4 stored = hg_shadow_gather(s, i);
     // Gather order: (0,1) (1,1) (1,0) (0,0). Rows of the map run down, the gradient is y up.
     vec2 c = i + 0.5 - receiver_px;
     vec4 x = c.x + vec4(0.0, 1.0, 1.0, 0.0);
@@ -77,14 +93,14 @@ float hg_shadow_tap(hg_gpu_shadow s, hg_shadow_receiver r, vec2 receiver_px, vec
 // Place of a receiver in the atlas.
 vec2 hg_shadow_px(hg_gpu_shadow s, hg_shadow_receiver r)
 {
-    return s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
+    return hg_shadow_corner(s) + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
 }
 
 // Tap of a filter that is `scale` times as wide, within the map.
 vec2 hg_shadow_offset(hg_gpu_shadow s, vec2 px, int i, float scale)
 {
     vec2 at = px + hg_frame.lighting.shadow_taps_px[i] * scale;
-    return clamp(at, s.rect_px + 1.0, s.rect_px + s.size_px - 1.0) - px;
+    return clamp(at, hg_shadow_corner(s) + 1.0, hg_shadow_corner(s) + s.size_px - 1.0) - px;
 }
 
 // How much wider than that of a point the filter of a light with a size is: by the mean distance of what is
@@ -108,7 +124,11 @@ float hg_shadow_penumbra(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px, float s
         if (HG_HAS2(HG_FEATURE2_SIZED))
             ring = max(search * exp2(-float(i / HG_SHADOW_TAPS)), 1.0);
         vec2 off = hg_shadow_offset(s, px, i % HG_SHADOW_TAPS, ring);
-        vec4 stored = textureGather(hg_shadow_atlas, (px + off) * hg_frame.lighting.shadow_inv_size);
+        vec4 stored;
+        if (HG_HAS(HG_FEATURE_CLUSTERS))
+            stored = hg_shadow_gather(s, floor(px + off - 0.5));
+        else
+            stored = textureGather(hg_shadow_atlas, (px + off) * hg_frame.lighting.shadow_inv_size);
         float plane = max(off.x * r.gradient.x - off.y * r.gradient.y, 0.0);
         vec4 above = (stored - (r.depth + r.bias + plane)) / s.depth_scale; // m; of lamps 1 / m
         float apart = length(off) / HG_SHADOW_RADIUS_PX - 1.0;
@@ -128,7 +148,7 @@ float hg_shadow_filter_at_once(hg_gpu_shadow s, hg_shadow_receiver r, vec2 px, f
         float phi = float(i) * 2.39996323;
         vec2 at = px + vec2(cos(phi), sin(phi)) * (radius * scale);
         sum += hg_shadow_tap(
-            s, r, px, clamp(at, s.rect_px + 1.0, s.rect_px + s.size_px - 1.0) - px);
+            s, r, px, clamp(at, hg_shadow_corner(s) + 1.0, hg_shadow_corner(s) + s.size_px - 1.0) - px);
     }
     return sum / float(HG_SHADOW_TAPS_AT_ONCE);
 }
@@ -239,7 +259,8 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool 
             inside = inside && (i == last || wide <= HG_PENUMBRA_MOST_PX * s.texel_size);
     } while (!inside && ++i <= last);
     float lit = hg_shadow_filter(s, r, size);
-    return inside ? lit : 1.0;
+    lit = inside ? lit : 1.0;
+    return HG_HAS(HG_FEATURE_CLUSTERS) ? mix(lit, 1.0, light.shadow_fade) : lit;
 }
 
 #ifdef HG_FRAME_FLAT
@@ -284,7 +305,11 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
     float d2 = max(dot(d, d), 1e-8);
     l = d * inversesqrt(d2);
     float q = d2 * light.inv_range_sq;
-    float e = clamp(1.0 - q * q, 0.0, 1.0) / d2;
+    float e = clamp(1.0 - q * q, 0.0, 1.0);
+    if (HG_HAS(HG_FEATURE_CLUSTERS)) // lamps together, renderer/light/light_cut.h
+        e /= light.radiance > 0.0 ? d2 : max(d2, light.half_width * light.half_width);
+    else
+        e /= d2;
     if (light.kind == HG_LIGHT_KIND_SPOT) {
         float c = dot(-l, light.direction_ws);
         float cone = clamp(c * light.spot_scale + light.spot_offset, 0.0, 1.0);

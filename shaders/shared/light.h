@@ -121,11 +121,13 @@ struct hg_gpu_light {
     HG_UINT id;           // index of the light in its scene, for statistics
     HG_VEC3 axis_ws;      // unit, x of its node: along the width of rectangles, and tubes
     float radius;         // metres; DIRECTIONAL: sine of half its angular diameter
-    float half_width, half_height; // metres; TUBE: half its length is the width's
+    float half_width, half_height; // metres; TUBE: half its length is the width's; POINT, SPOT without
+                          // a size: lamps that it stands for are that far apart, nearer it gets no brighter
     float radiance;       // 1 / m^2, or 1 / sr; 0: it has no size
     float bound;          // metres from position_ws that hold all of it; DIRECTIONAL: cosine of the half angle
+    float shadow_fade;    // share of the light that ignores its shadow maps
 };
-HG_SHARED_SIZE(hg_gpu_light, 96);
+HG_SHARED_SIZE(hg_gpu_light, 100);
 
 // One square projection in the shadow atlas. With q = (right, up, forward) . (p - origin):
 //   orthographic: xy = q.xy * scale, depth = 1 - q.z * depth_scale

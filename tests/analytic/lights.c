@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "renderer/light/cluster.h"
+#include "renderer/light/light_cut.h"
 #include "renderer/light/shadow/shadow_plan.h"
 #include "tests/analytic/probe.h"
 
@@ -114,6 +115,108 @@ static void test_clusters_change_nothing(void **state)
     clear(probe, LIGHTS);
 }
 
+// --- many lamps ----------------------------------------------------------------------------------
+
+// Lamps without a range, of all kinds that have a place, in a box of 8 x 6 x 8 m before the camera.
+static void add_lamps(struct probe *probe, uint32_t count)
+{
+    static const uint32_t kinds[] = {
+        HG_LIGHT_POINT, HG_LIGHT_POINT, HG_LIGHT_SPOT, HG_LIGHT_RECTANGLE, HG_LIGHT_TUBE};
+    srand(11);
+    for (uint64_t id = 1; id <= count; id++) {
+        const float at[3] = {(float)(rand() % 8001 - 4000) * 0.001f,
+            (float)(rand() % 6001 - 3000) * 0.001f, -1 - (float)(rand() % 8000) * 0.001f};
+        struct hg_light *light = add_light(probe, id, at);
+        light->kind = kinds[rand() % 5]; // HG_LIGHT_*
+        light->intensity = (float)(1 + rand() % 5) / (float)count;
+        light->outer_cone_rad = 0.8f;
+        light->inner_cone_rad = 0.3f;
+        light->width = light->height = 0.05f;
+        light->radius = light->kind == HG_LIGHT_TUBE ? 0.02f : 0;
+        light->casts_shadow = false;
+    }
+}
+
+// Up to HG_CLUSTER_MOST_MEAN lamps are looped over: the sum of all is that of its parts.
+static void sum_of_parts(struct probe *probe, uint32_t count, uint32_t points,
+    const struct hg_vec4 *in, struct hg_vec4 *sum)
+{
+    float *intensity = hg_calloc(count + 1, sizeof *intensity);
+    struct hg_vec4 *part = hg_calloc(points, sizeof *part);
+    assert_true(intensity && part);
+    for (uint64_t id = 1; id <= count; id++) {
+        struct hg_light *light =
+            (struct hg_light *)hg_scene_find(probe->scene, HG_OBJECT_LIGHT, id);
+        intensity[id] = light->intensity;
+        light->intensity = 0;
+    }
+    for (uint32_t first = 1; first <= count; first += HG_CLUSTER_MOST_MEAN) {
+        for (uint32_t pass = 0; pass < 2; pass++) {
+            for (uint32_t id = first; id < first + HG_CLUSTER_MOST_MEAN && id <= count; id++) {
+                struct hg_object *light = hg_scene_find(probe->scene, HG_OBJECT_LIGHT, id);
+                ((struct hg_light *)light)->intensity = pass == 0 ? intensity[id] : 0;
+            }
+            if (pass > 0)
+                continue;
+            probe_sync(probe);
+            assert_int_equal(probe->block.clustered, 0);
+            probe_run(probe, PROBE_LIGHTS, points, in, part);
+            for (uint32_t i = 0; i < points; i++)
+                sum[i].x += part[i].x;
+        }
+    }
+    for (uint64_t id = 1; id <= count; id++)
+        ((struct hg_light *)hg_scene_find(probe->scene, HG_OBJECT_LIGHT, id))->intensity =
+            intensity[id];
+    hg_free(intensity);
+    hg_free(part);
+}
+
+// A cut has the light of all lamps to within its error, in lists that are bounded.
+static void test_cuts(void **state)
+{
+    enum { LAMPS = 1000, POINTS = 2048 };
+    static struct hg_vec4 in[2 * POINTS], cut[POINTS], exact[POINTS];
+    struct probe *probe = *state;
+    const struct hg_lighting_view before = probe->view;
+    memcpy(probe->view.bounds_min, (float[3]){-5, -4, -10}, sizeof(float[3]));
+    memcpy(probe->view.bounds_max, (float[3]){5, 4, -0.5f}, sizeof(float[3]));
+    add_lamps(probe, LAMPS);
+    for (int i = 0; i < POINTS; i++) {
+        const float depth = 1 + (float)(rand() % 8000) * 0.001f;
+        const float px = (float)(rand() % 5120) * 0.1f, py = (float)(rand() % 5120) * 0.1f;
+        in[2 * i] = (struct hg_vec4){(px / 256 - 1) * depth, (1 - py / 256) * depth, -depth, 0};
+        in[2 * i + 1] = (struct hg_vec4){px, py, depth, 0};
+    }
+    probe_sync(probe);
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(probe->lighting, &stats);
+    assert_int_equal(probe->block.clustered, 1);
+    assert_int_equal(stats.lights, LAMPS);
+    assert_true(stats.cluster_entries <= HG_CLUSTER_COUNT * HG_LIGHT_CUT_MOST);
+    probe_run(probe, PROBE_LIGHTS, POINTS, in, cut);
+    sum_of_parts(probe, LAMPS, POINTS, in, exact);
+    double of_cut = 0, of_all = 0, apart = 0, worst = 0;
+    for (int i = 0; i < POINTS; i++) {
+        const double error = fabs((double)(cut[i].x - exact[i].x));
+        of_cut += (double)cut[i].x;
+        of_all += (double)exact[i].x;
+        apart += error;
+        worst = fmax(worst, error / (double)exact[i].x);
+    }
+    print_message(
+        "cuts: %.1f lights a cell, %u of %u; sum %+.2f %%, mean error %.2f %%, worst of a point "
+        "%.0f %%\n",
+        (double)stats.cluster_entries / HG_CLUSTER_COUNT, stats.lights_in_lists, LAMPS,
+        100 * (of_cut / of_all - 1), 100 * apart / of_all, 100 * worst);
+    assert_true(fabs(of_cut / of_all - 1) < 0.01);
+    assert_true(apart / of_all < 0.05);
+    clear(probe, LAMPS);
+    probe->view = before;
+}
+
+// --- shadow maps ---------------------------------------------------------------------------------
+
 static bool overlap(const struct hg_gpu_shadow *a, const struct hg_gpu_shadow *b)
 {
     return a->rect_px.x < b->rect_px.x + b->size_px && b->rect_px.x < a->rect_px.x + a->size_px &&
@@ -193,6 +296,62 @@ static void test_lamps_leave_cascades(void **state)
     probe->view = before;
 }
 
+static void plan_at(struct probe *probe, const float eye[3], struct hg_light_set *lights,
+    struct hg_shadow_plan *plan)
+{
+    memcpy(&probe->camera.eye_ws, eye, sizeof(float[3]));
+    assert_int_equal(hg_light_set_collect(lights, probe->scene, (double[3]){0, 0, 0}), HG_OK);
+    assert_int_equal(hg_shadow_plan_make(plan, lights, &probe->view, 4096), HG_OK);
+}
+
+// Of many lamps those next to the eye have maps, whichever they are in the scene, and the last ones
+// are faint; what a step of the camera leaves in the plan stays in its place.
+static void test_shadows_among_many(void **state)
+{
+    enum { LAMPS = 1200 };
+    struct probe *probe = *state;
+    const struct hg_vec3 eye = probe->camera.eye_ws;
+    for (uint64_t id = 1; id <= LAMPS; id++) { // on a line, the nearest one last
+        struct hg_light *light = add_light(probe, id, (float[3]){0.2f * (float)(LAMPS - id), 1, 0});
+        light->kind = HG_LIGHT_POINT;
+        light->intensity = 10;
+        light->casts_shadow = true;
+    }
+    hg_scene_update(probe->scene);
+    struct hg_light_set lights = {0}, after = {0};
+    struct hg_shadow_plan plan = {0}, next = {0};
+    plan_at(probe, (float[3]){0, 0, 0}, &lights, &plan);
+    assert_true(plan.shadowed_lights > 100 && plan.unshadowed_lights > 0);
+    assert_int_equal(plan.shadowed_lights + plan.unshadowed_lights, LAMPS);
+    for (uint32_t i = 0; i < LAMPS; i++) {
+        const struct hg_gpu_light *light = &lights.items[i];
+        assert_int_equal(light->shadow != HG_SHADOW_NONE, i >= LAMPS - plan.shadowed_lights);
+        if (i > LAMPS - plan.shadowed_lights)
+            assert_true(light->shadow_fade <= lights.items[i - 1].shadow_fade ||
+                        lights.items[i - 1].shadow == HG_SHADOW_NONE);
+    }
+    assert_true(lights.items[LAMPS - plan.shadowed_lights].shadow_fade > 0.9f);
+    assert_float_equal(lights.items[LAMPS - 1].shadow_fade, 0, 0);
+
+    plan_at(probe, (float[3]){20, 0, 0}, &after, &next);
+    assert_int_equal(hg_shadow_plan_keep(&next, &plan, 4096), HG_OK);
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < next.count; i++) {
+        for (uint32_t k = 0; k < plan.count; k++)
+            kept += memcmp(&next.maps[i].gpu, &plan.maps[k].gpu, sizeof plan.maps[k].gpu) == 0;
+        for (uint32_t k = 0; k < i; k++)
+            assert_false(overlap(&next.maps[i].gpu, &next.maps[k].gpu));
+    }
+    print_message("of %u maps %u stay after a step past some of 170 lamps\n", next.count, kept);
+    assert_true(kept >= next.count - 6 * 26 && kept < next.count);
+    hg_shadow_plan_finish(&plan);
+    hg_shadow_plan_finish(&next);
+    hg_light_set_finish(&lights);
+    hg_light_set_finish(&after);
+    probe->camera.eye_ws = eye;
+    clear(probe, LAMPS);
+}
+
 // A plan follows from its inputs alone and is made again only when they change.
 static void test_maps_are_kept(void **state)
 {
@@ -227,8 +386,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_illuminance),
         cmocka_unit_test(test_clusters_change_nothing),
+        cmocka_unit_test(test_cuts),
         cmocka_unit_test(test_atlas),
         cmocka_unit_test(test_lamps_leave_cascades),
+        cmocka_unit_test(test_shadows_among_many),
         cmocka_unit_test(test_maps_are_kept),
     };
     return cmocka_run_group_tests(tests, probe_setup, probe_teardown);

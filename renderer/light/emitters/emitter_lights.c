@@ -126,7 +126,7 @@ static void extent_of(const struct hg_gpu_light *light, float out[3])
     }
 }
 
-static struct hg_light_item leaf_of(const struct hg_gpu_light *light)
+struct hg_light_item hg_emitter_lamp_leaf(const struct hg_gpu_light *light)
 {
     struct hg_light_item item = {.cos_o = -1,
         .cos_e = 1,
@@ -169,9 +169,9 @@ static void widen(struct hg_light_item *item, const struct hg_light_item *then)
 
 struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *l, uint32_t index)
 {
-    struct hg_light_item leaf = leaf_of(&l->items[index]);
+    struct hg_light_item leaf = hg_emitter_lamp_leaf(&l->items[index]);
     if (l->move) {
-        const struct hg_light_item then = leaf_of(&l->items[l->count + index]);
+        const struct hg_light_item then = hg_emitter_lamp_leaf(&l->items[l->count + index]);
         widen(&leaf, &then);
     }
     return leaf;

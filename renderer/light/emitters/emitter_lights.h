@@ -1,4 +1,4 @@
-// emitter_lights.h - punctual lights as light sampling has them. Private to the emitters.
+// emitter_lights.h - punctual lights as light sampling has them. Private to light.
 // Floor 2 (light). Thread: the render thread.
 #ifndef HG_RENDERER_LIGHT_EMITTERS_EMITTER_LIGHTS_H
 #define HG_RENDERER_LIGHT_EMITTERS_EMITTER_LIGHTS_H
@@ -30,6 +30,8 @@ void hg_emitter_lights_finish(struct hg_emitter_lights *lights); // accepts a ze
 // CDF of the directional lights by illuminance; the last is 1.
 //   shares [directional_count] out
 void hg_emitter_lights_shares(const struct hg_emitter_lights *lights, float *shares);
+// The leaf of a light that has a place.
+struct hg_light_item hg_emitter_lamp_leaf(const struct hg_gpu_light *light);
 // The leaf of a positional light, with bounds over the shutter's time.
 struct hg_light_item hg_emitter_lights_leaf(const struct hg_emitter_lights *lights, uint32_t index);
 // A tree over the positional lights that have a size, for rays that may meet them; its leaves are

@@ -9,6 +9,9 @@
 
 // Most shadowed lights that a plan considers.
 #define MAX_CANDIDATES 256
+#define FADE_RATIO     1.5f // of weights, from no shadow to all of it
+#define TOUCH_PX       4.0f // about boxes of casters, for lines, points and rounding
+#define GRID           (16384 / HG_SHADOW_MIN_SIDE_PX)
 
 struct candidate {
     uint32_t light, maps, side_px;
@@ -139,6 +142,93 @@ static enum hg_status place_maps(struct hg_shadow_plan *plan)
     plan->atlas_px = plan->count ? side : 0;
     hg_free(order);
     return HG_OK;
+}
+
+// --- places that are kept ------------------------------------------------------------------------
+
+struct places {
+    uint32_t side; // of the atlas, in units of the smallest square
+    bool taken[GRID * GRID];
+    bool placed[MAX_CANDIDATES * 6]; // by map of the plan
+};
+
+static bool is_free(const struct places *p, uint32_t x, uint32_t y, uint32_t units)
+{
+    for (uint32_t v = y; v < y + units; v++)
+        for (uint32_t u = x; u < x + units; u++)
+            if (p->taken[v * GRID + u])
+                return false;
+    return true;
+}
+
+static void take(struct places *p, struct hg_gpu_shadow *s, uint32_t x, uint32_t y)
+{
+    const uint32_t units = (uint32_t)s->size_px / HG_SHADOW_MIN_SIDE_PX;
+    for (uint32_t v = y; v < y + units; v++)
+        for (uint32_t u = x; u < x + units; u++)
+            p->taken[v * GRID + u] = true;
+    s->rect_px.x = (float)(x * HG_SHADOW_MIN_SIDE_PX);
+    s->rect_px.y = (float)(y * HG_SHADOW_MIN_SIDE_PX);
+}
+
+static bool find_place(struct places *p, struct hg_gpu_shadow *s)
+{
+    const uint32_t units = (uint32_t)s->size_px / HG_SHADOW_MIN_SIDE_PX;
+    for (uint32_t y = 0; y + units <= p->side; y += units)
+        for (uint32_t x = 0; x + units <= p->side; x += units)
+            if (is_free(p, x, y, units)) {
+                take(p, s, x, y);
+                return true;
+            }
+    return false;
+}
+
+// Maps of the same projection stay where they are.
+static void keep_places(
+    struct hg_shadow_plan *plan, const struct hg_shadow_plan *before, struct places *p)
+{
+    for (uint32_t i = 0; i < plan->count; i++) {
+        struct hg_gpu_shadow *s = &plan->maps[i].gpu;
+        for (uint32_t k = 0; k < before->count && !p->placed[i]; k++) {
+            const struct hg_gpu_shadow *was = &before->maps[k].gpu;
+            struct hg_gpu_shadow moved = *s;
+            moved.rect_px = was->rect_px;
+            if ((before->maps[k].stale && !before->maps[k].partly) ||
+                was->origin_ws.x != s->origin_ws.x || memcmp(&moved, was, sizeof moved) != 0)
+                continue;
+            take(p, s, (uint32_t)was->rect_px.x / HG_SHADOW_MIN_SIDE_PX,
+                (uint32_t)was->rect_px.y / HG_SHADOW_MIN_SIDE_PX);
+            p->placed[i] = true;
+        }
+    }
+}
+
+enum hg_status hg_shadow_plan_keep(
+    struct hg_shadow_plan *plan, const struct hg_shadow_plan *before, uint32_t atlas_px)
+{
+    if (plan->atlas_px == 0 || plan->atlas_px > atlas_px || plan->count > MAX_CANDIDATES * 6 ||
+        atlas_px > GRID * HG_SHADOW_MIN_SIDE_PX)
+        return HG_OK;
+    struct places *p = hg_calloc(1, sizeof *p);
+    struct hg_shadow_map *maps = hg_calloc((size_t)plan->count + 1, sizeof *maps);
+    enum hg_status status = p && maps ? HG_OK : HG_E_NOMEM;
+    bool fits = !status;
+    if (!status) {
+        memcpy(maps, plan->maps, plan->count * sizeof *maps);
+        p->side = atlas_px / HG_SHADOW_MIN_SIDE_PX;
+        keep_places(plan, before, p);
+    }
+    for (uint32_t side = atlas_px; side >= HG_SHADOW_MIN_SIDE_PX && fits; side /= 2)
+        for (uint32_t i = 0; i < plan->count && fits; i++) // largest first
+            if (!p->placed[i] && (uint32_t)plan->maps[i].gpu.size_px == side)
+                fits = find_place(p, &plan->maps[i].gpu);
+    if (fits)
+        plan->atlas_px = atlas_px;
+    else if (!status) // as they were placed without the maps before
+        memcpy(plan->maps, maps, plan->count * sizeof *maps);
+    hg_free(maps);
+    hg_free(p);
+    return status;
 }
 
 // --- projections ---------------------------------------------------------------------------------
@@ -400,29 +490,59 @@ static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *
 
 // --- the plan ------------------------------------------------------------------------------------
 
+static struct candidate candidate_make(
+    const struct hg_light_set *lights, uint32_t i, const struct hg_lighting_view *view)
+{
+    const struct hg_gpu_light *light = &lights->items[i];
+    struct candidate c = {.light = i,
+        .maps = 1,
+        .side_px = HG_SHADOW_SPOT_SIDE_PX,
+        .weight = light_weight(light, view)};
+    if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
+        struct hg_shadow_map scratch[HG_CASCADE_COUNT];
+        c.side_px = c.whole_px = HG_SHADOW_SUN_SIDE_PX;
+        c.maps = sun_maps(scratch, light, view, &c);
+    } else if (needs_cube(light)) {
+        c.side_px = HG_SHADOW_POINT_SIDE_PX;
+        c.maps = 6;
+    }
+    return c;
+}
+
+// The lights that matter most. Beyond MAX_CANDIDATES the least of those found so far makes room.
 static void draft_make(
     struct draft *draft, const struct hg_light_set *lights, const struct hg_lighting_view *view)
 {
+    struct candidate *items = draft->items;
     draft->count = 0;
-    for (uint32_t i = 0; i < lights->count && draft->count < MAX_CANDIDATES; i++) {
-        const struct hg_gpu_light *light = &lights->items[i];
-        struct candidate c = {.light = i,
-            .maps = 1,
-            .side_px = HG_SHADOW_SPOT_SIDE_PX,
-            .weight = light_weight(light, view)};
+    for (uint32_t i = 0; i < lights->count; i++) {
         if (!lights->casts[i])
             continue;
-        if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
-            struct hg_shadow_map scratch[HG_CASCADE_COUNT];
-            c.side_px = c.whole_px = HG_SHADOW_SUN_SIDE_PX;
-            c.maps = sun_maps(scratch, light, view, &c);
-        } else if (needs_cube(light)) {
-            c.side_px = HG_SHADOW_POINT_SIDE_PX;
-            c.maps = 6;
+        if (draft->count < MAX_CANDIDATES) {
+            items[draft->count++] = candidate_make(lights, i, view);
+            if (draft->count == MAX_CANDIDATES)
+                qsort(items, draft->count, sizeof items[0], compare_weight);
+            continue;
         }
-        draft->items[draft->count++] = c;
+        uint32_t at = MAX_CANDIDATES - 1;
+        if (!(light_weight(&lights->items[i], view) > items[at].weight))
+            continue;
+        const struct candidate c = candidate_make(lights, i, view);
+        for (; at > 0 && compare_weight(&c, &items[at - 1]) < 0; at--)
+            items[at] = items[at - 1];
+        items[at] = c;
     }
-    qsort(draft->items, draft->count, sizeof draft->items[0], compare_weight);
+    qsort(items, draft->count, sizeof items[0], compare_weight);
+}
+
+// Shadows of the lamps that had the least right to a map are faint, so that none appears at once
+// when the camera moves: by the weight over that of the first lamp that goes without.
+static float fade_of(const struct draft *draft, uint32_t kept, uint32_t which)
+{
+    if (kept >= draft->count)
+        return 0;
+    const float least = draft->items[kept].weight, ratio = draft->items[which].weight / least;
+    return 1 - hg_clampf((ratio - 1) / (FADE_RATIO - 1), 0, 1);
 }
 
 static enum hg_status add_light(struct hg_shadow_plan *plan, struct hg_gpu_light *light,
@@ -467,13 +587,60 @@ enum hg_status hg_shadow_plan_make(struct hg_shadow_plan *plan, struct hg_light_
     draft_make(draft, lights, view);
     uint32_t kept = draft_fit(draft, max_atlas_px);
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < kept && !status; i++)
-        status = add_light(plan, &lights->items[draft->items[i].light], view, &draft->items[i]);
+    for (uint32_t i = 0; i < kept && !status; i++) {
+        struct hg_gpu_light *light = &lights->items[draft->items[i].light];
+        light->shadow_fade = fade_of(draft, kept, i);
+        status = add_light(plan, light, view, &draft->items[i]);
+    }
     for (uint32_t i = 0; i < lights->count; i++)
         plan->unshadowed_lights += lights->casts[i];
     plan->unshadowed_lights -= plan->shadowed_lights;
     hg_free(draft);
     return status ? status : place_maps(plan);
+}
+
+static uint32_t texel(float ndc, float side_px, float margin_px)
+{
+    return (uint32_t)hg_clampf((ndc * 0.5f + 0.5f) * side_px + margin_px, 0, side_px);
+}
+
+void hg_shadow_map_touch(struct hg_shadow_map *map, const struct hg_box *casters)
+{
+    const struct hg_gpu_shadow *s = &map->gpu;
+    float low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    uint32_t behind = 0;
+    for (int c = 0; c < 8; c++) {
+        float clip[4];
+        for (int r = 0; r < 4; r++) {
+            clip[r] = map->view_proj[12 + r];
+            for (int a = 0; a < 3; a++)
+                clip[r] +=
+                    map->view_proj[a * 4 + r] * (c >> a & 1 ? casters->max[a] : casters->min[a]);
+        }
+        behind += !(clip[3] > s->depth_scale * 0.5f * (float)s->perspective);
+        for (int i = 0; i < 2; i++) {
+            low[i] = fminf(low[i], clip[i] / clip[3]);
+            high[i] = fmaxf(high[i], clip[i] / clip[3]);
+        }
+    }
+    if (behind == 8)
+        return;
+    for (int i = 0; i < 2 && behind > 0; i++) { // across the light's plane
+        low[i] = -1;
+        high[i] = 1;
+    }
+    if (low[0] > 1.1f || low[1] > 1.1f || high[0] < -1.1f || high[1] < -1.1f)
+        return;
+    const uint32_t x = (uint32_t)s->rect_px.x, y = (uint32_t)s->rect_px.y;
+    const struct hg_shadow_rect r = {x + texel(low[0], s->size_px, -TOUCH_PX),
+        y + texel(low[1], s->size_px, -TOUCH_PX), x + texel(high[0], s->size_px, TOUCH_PX),
+        y + texel(high[1], s->size_px, TOUCH_PX)};
+    struct hg_shadow_rect *d = &map->dirty;
+    const bool none = d->x0 >= d->x1 || d->y0 >= d->y1;
+    d->x0 = none || r.x0 < d->x0 ? r.x0 : d->x0;
+    d->y0 = none || r.y0 < d->y0 ? r.y0 : d->y0;
+    d->x1 = none || r.x1 > d->x1 ? r.x1 : d->x1;
+    d->y1 = none || r.y1 > d->y1 ? r.y1 : d->y1;
 }
 
 void hg_shadow_plan_finish(struct hg_shadow_plan *plan)
