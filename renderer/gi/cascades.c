@@ -9,10 +9,12 @@
 #define LEAST_SIDE   4     // and along each of its axes
 #define COARSER_SIDE 8     // of the others, which fill in towards the grid of the whole scene
 #define INSET        0.25f // of its outermost ones from the box that it is for, in spacings
-#define STEP         (2 * HG_GI_FINE_OCTAVE)  // from a grid to the next finer one
-#define LEAST_FINER  (2 * HG_GI_FINE_OCTAVE)  // fineness of the coarsest of the finer grids
-#define MOST_FINE    (13 * HG_GI_FINE_OCTAVE) // FLT_EPSILON of the scene is 1/1000 of a spacing then
-#define LEAST_SEEN   16 // a share of the rays of a picture, below which there is nothing near
+#define STEP         (2 * HG_GI_FINE_OCTAVE) // from a grid to the next finer one
+#define LEAST_FINER  (2 * HG_GI_FINE_OCTAVE) // fineness of the coarsest of the finer grids
+#define LEAST_FINEST                                                                               \
+    (3 * HG_GI_FINE_OCTAVE) // and of the finest: else that of the scene is fine enough
+#define MOST_FINE  (13 * HG_GI_FINE_OCTAVE) // FLT_EPSILON of the scene is 1/1000 of a spacing then
+#define LEAST_SEEN 16 // a share of the rays of a picture, below which there is nothing near
 #define WIDER                                                                                      \
     (HG_GI_FINE_OCTAVE * 3 /                                                                       \
         4) // fineness that the finest grid may lose for holding more of what is seen
@@ -63,10 +65,10 @@ static void limit_finest(float spacing, const float half[3], uint32_t counts[3])
 static uint32_t finest_for(const struct hg_gi_field *coarsest, const float half[3])
 {
     uint32_t counts[3], fineness = MOST_FINE;
-    while (fineness >= LEAST_FINER &&
+    while (fineness >= LEAST_FINEST &&
            count_finest(spacing_of(coarsest, fineness), half, counts) > MOST_FINEST)
         fineness--;
-    return fineness >= LEAST_FINER ? fineness : 0;
+    return fineness >= LEAST_FINEST ? fineness : 0;
 }
 
 // That of before, or steps from it, unless it has become too coarse or too fine.
@@ -103,7 +105,7 @@ static uint32_t fit_finest(const struct hg_gi_field *coarsest, const float half[
     uint32_t best = finest;
     if (before != NULL && before->count > 0)
         return finest;
-    for (uint32_t i = finest; finest > 0 && i >= LEAST_FINER && i + FITS >= finest; i--)
+    for (uint32_t i = finest; finest > 0 && i >= LEAST_FINEST && i + FITS >= finest; i--)
         if (misfit(spacing_of(coarsest, i), half) < misfit(spacing_of(coarsest, best), half))
             best = i;
     return best;

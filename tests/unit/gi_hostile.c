@@ -9,8 +9,8 @@
 #define HEIGHT      32
 #define MOVES       8
 #define MOST_NS     240000000000u // of processor time, for all pictures of a scene
-#define MOST_BYTES  (64u << 20)   // of both fields
-#define MOST_PROBES 2048u
+#define MOST_BYTES  (168u << 20)  // of both fields
+#define MOST_PROBES (2048u + 2560 + 5 * 512)
 
 static struct hg_renderer *renderer; // of all scenes
 
