@@ -628,6 +628,18 @@ void hg_gi_fill(const struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gp
         .count = f->count};
 }
 
+enum hg_status hg_gi_world(
+    struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gi_world *out, struct hg_error *err)
+{
+    *out = (struct hg_gi_world){0};
+    const enum hg_status status = sync_rays(gi, kind == HG_GI_REST, err);
+    if (status == HG_OK)
+        *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->rays),
+            .surfaces = &gi->surfaces,
+            .field = kind == HG_GI_REST ? &gi->rest.field : &gi->moving.field};
+    return status;
+}
+
 void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out)
 {
     *out = gi ? gi->stats : (struct hg_gi_stats){0};

@@ -53,6 +53,19 @@ bool hg_gi_is_rest(const struct hg_gi *gi, const struct hg_gi_key *key);
 // Of NO_FIELD: zeroed.
 void hg_gi_fill(const struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gpu_probes *out);
 
+// What rays of other passes meet, and what there is to light it with.
+struct hg_gi_surfaces;
+struct hg_gi_field;
+struct hg_gi_world {
+    struct hg_trace *trace;                // NULL: there is none
+    const struct hg_gi_surfaces *surfaces; // surfaces.h
+    const struct hg_gi_field *field;       // field.h
+};
+// When hg_gi_rest and hg_gi_move may be called; borrowed until the geometry is synced. HG_E_LIMIT,
+// HG_E_NOMEM, device errors: *out is zeroed.
+enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gi_world *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
 struct hg_gi_stats {
     uint32_t probes, asleep;            // of the field of rest, or the moving one
     uint32_t inside, moved;             // asleep inside of something; awake off their place
