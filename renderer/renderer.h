@@ -108,6 +108,8 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_PROBES, // these two have probes, whatever parameter gi says
     HG_DEBUG_IRRADIANCE,
     HG_DEBUG_SHADOWS,
+    HG_DEBUG_REFLECTIONS, // of pictures in motion, which have probes and the radiance cache unless
+                          // parameter reflections is RAYS
 };
 
 enum hg_render_mode {

@@ -60,7 +60,7 @@ export const enums = {
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
-    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11 },
+    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 

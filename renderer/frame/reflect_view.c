@@ -11,10 +11,9 @@
 #include "renderer/passes/probe_light.h"
 #include "shaders/shared/gi.h"
 
-#define LIGHT_BYTES    16u
-#define MIRROR_BYTES   8u
-#define FIELD_PICTURES 8 // of a moving field, after which it counts as other light
-#define LAMPS_ENOUGH   8 // times that what is lit by one light of many is lit
+#define LIGHT_BYTES  16u
+#define MIRROR_BYTES 8u
+#define LAMPS_ENOUGH 8 // times that what is lit by one light of many is lit
 
 void hg_reflect_view_finish(struct hg_gpu *gpu, struct hg_reflect_view *r)
 {
@@ -43,8 +42,7 @@ static enum hg_status sync_cache(struct hg_view_state *view)
     uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
     light = hg_hash_mix(light, s->geometry_revision);
     light = hg_hash_mix(light, view->gi.field);
-    if (view->gi.field == HG_GI_MOVING)
-        light = hg_hash_mix(light, r->number / FIELD_PICTURES);
+    light = hg_hash_mix(light, r->world.rounds);
     struct hg_cache_key key = {.light = light,
         .side = view->context->overrides.cache_side > 0 ? view->context->overrides.cache_side
                                                         : HG_CACHE_SIDE,
@@ -57,6 +55,18 @@ static enum hg_status sync_cache(struct hg_view_state *view)
     return status == HG_OK ? hg_radiance_cache_sync(s->radiance, &key, r->world.field) : status;
 }
 
+// Without memory surfaces mirror what the field says.
+static enum hg_status go_without(
+    struct hg_reflect_view *r, enum hg_status status, struct hg_error *err)
+{
+    r->world = (struct hg_gi_world){0};
+    if (status != HG_E_LIMIT && status != HG_E_NOMEM && status != HG_E_UNSUPPORTED)
+        return status;
+    hg_debug(FRAME, "no reflections: %s: %s", err->what, err->reason);
+    *err = (struct hg_error){0};
+    return HG_OK;
+}
+
 enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, struct hg_error *err)
 {
     struct hg_reflect_view *r = &view->motion.reflections;
@@ -65,15 +75,9 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
         view->settings.reflections == HG_VIEW_REFLECTIONS_ENVIRONMENT)
         return HG_OK;
     enum hg_status status = hg_gi_world(view->scene_gpu->gi, view->gi.field, &r->world, err);
-    if (status == HG_E_LIMIT || status == HG_E_NOMEM) {
-        hg_debug(FRAME, "no reflections: %s: %s", err->what, err->reason);
-        *err = (struct hg_error){0};
-        return HG_OK;
-    }
     if (status != HG_OK)
-        return status;
+        return go_without(r, status, err);
     hg_lighting_sources(view->lighting, &r->sources);
-    r->number++;
     // Without a cache all that rays meet is shaded.
     r->caches =
         view->settings.reflections == HG_VIEW_REFLECTIONS_CACHE && sync_cache(view) == HG_OK;
@@ -121,7 +125,7 @@ enum hg_status hg_batch_reserve_reflections(struct hg_draw *draw, struct hg_erro
     }
     if (status == HG_OK && !r->reflect)
         status = hg_reflect_create(gpu, draw->context->jobs, &r->reflect, err);
-    return status;
+    return status == HG_OK ? HG_OK : go_without(r, status, err);
 }
 
 static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
@@ -139,13 +143,18 @@ static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
         .sources = &r->sources,
         .world = r->world,
         .cache = r->caches ? draw->scene_gpu->radiance : NULL,
-        .continues = r->settings == draw->settings_revision};
+        .continues = r->settings == draw->settings_revision,
+        .samples = draw->context->overrides.reflect_samples,
+        .dense = draw->context->overrides.reflect_dense};
     hg_geometry_origin(draw->scene_gpu->geometry, picture.origin);
     r->settings = draw->settings_revision;
     enum hg_status status = hg_reflect_run(r->reflect, &picture, r->words, err);
-    if (status == HG_OK)
-        status = hg_gpu_image_upload(draw->context->gpu, &r->light, &all, r->words, 0, err);
-    return status;
+    const bool without = status == HG_E_NOMEM;
+    if (without)
+        status = go_without(r, status, err);
+    return status == HG_OK ? hg_gpu_image_upload(draw->context->gpu, &r->light, &all,
+                                 without ? back : r->words, 0, err)
+                           : status;
 }
 
 static enum hg_status record(const struct hg_graph_run *run, void *user, struct hg_error *err)
@@ -180,4 +189,28 @@ void hg_batch_declare_reflections(struct hg_batch *f)
                             {f->mirrors.surfaces, HG_GRAPH_COPY_FROM, 0},
                             {f->probe_light, HG_GRAPH_COPY_TO, 0}},
                         .untimed = true});
+}
+
+// --- to see what happens -------------------------------------------------------------------------
+
+void hg_reflect_view_show(struct hg_view_state *view, const struct hg_draw *draw)
+{
+    static const uint8_t colors[HG_REFLECT_SOURCES][4] = {[HG_REFLECT_NOTHING] = {32, 32, 32, 255},
+        [HG_REFLECT_ROUGH] = {96, 32, 128, 255},
+        [HG_REFLECT_SKY] = {64, 128, 255, 255},
+        [HG_REFLECT_CACHED] = {128, 224, 96, 255},
+        [HG_REFLECT_SHADED] = {255, 144, 32, 255},
+        [HG_REFLECT_LATE] = {224, 32, 32, 255}};
+    const struct hg_view_settings *s = &view->settings;
+    const VkExtent2D size = hg_draw_size(draw->request), texels = texels_of(draw);
+    uint8_t *pixels = view->buffers.readback.mapped;
+    for (uint32_t y = 0; y < s->height && hg_reflect_view_is_on(draw); y++)
+        for (uint32_t x = 0; x < s->width; x++, pixels += 4) {
+            const uint32_t column = x * size.width / s->width / HG_PROBE_LIGHT_PX;
+            const uint32_t row = y * size.height / s->height / HG_PROBE_LIGHT_PX;
+            memcpy(pixels,
+                colors[hg_reflect_sources(
+                    view->motion.reflections.reflect)[row * texels.width + column]],
+                4);
+        }
 }

@@ -24,7 +24,6 @@ struct hg_reflect_view {
     struct hg_lighting_sources sources;
     bool caches;
     uint64_t settings; // revision that the history is of
-    uint32_t number;   // of the newest picture
 };
 
 void hg_reflect_view_finish(struct hg_gpu *gpu, struct hg_reflect_view *reflections);
@@ -32,6 +31,8 @@ void hg_reflect_view_finish(struct hg_gpu *gpu, struct hg_reflect_view *reflecti
 // in motion. Device errors.
 enum hg_status hg_reflect_view_step(
     struct hg_view_state *view, bool moves, struct hg_error *err) HG_MUST_CHECK;
+// Paints where reflections come from over the pixels of a picture in motion.
+void hg_reflect_view_show(struct hg_view_state *view, const struct hg_draw *draw);
 // The next picture has reflections.
 bool hg_reflect_view_is_on(const struct hg_draw *draw);
 

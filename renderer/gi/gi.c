@@ -636,7 +636,10 @@ enum hg_status hg_gi_world(
     if (status == HG_OK)
         *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->rays),
             .surfaces = &gi->surfaces,
-            .field = kind == HG_GI_REST ? &gi->rest.field : &gi->moving.field};
+            .field = kind == HG_GI_REST ? &gi->rest.field : &gi->moving.field,
+            .rounds = kind != HG_GI_REST && gi->moving.listed > 0
+                          ? gi->moving_updates / gi->moving.listed
+                          : 0};
     return status;
 }
 

@@ -60,6 +60,7 @@ struct hg_gi_world {
     struct hg_trace *trace;                // NULL: there is none
     const struct hg_gi_surfaces *surfaces; // surfaces.h
     const struct hg_gi_field *field;       // field.h
+    uint64_t rounds; // updates of all probes of a moving field since the last change
 };
 // When hg_gi_rest and hg_gi_move may be called; borrowed until the geometry is synced. HG_E_LIMIT,
 // HG_E_NOMEM, device errors: *out is zeroed.

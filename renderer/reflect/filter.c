@@ -22,15 +22,16 @@ struct spatial {
     int step;
 };
 
-static float weight_of(const struct hg_reflect_texel *p, const struct hg_reflect_texel *q, float px)
+// wide: what distance on the screen leaves of it.
+static float weight_of(
+    const struct hg_reflect_texel *p, const struct hg_reflect_texel *q, float wide)
 {
-    const float wide = hg_reflect_fall(NEAR_PX * p->roughness, FAR_PX * p->roughness, px);
-    if (wide <= 0 || !q->mirrors)
+    const float same =
+        q->mirrors ? hg_reflect_same(p, q->position, q->normal, q->roughness, APART) : 0;
+    if (same <= 0)
         return 0;
-    const float length =
-        hg_reflect_fall(0, FAR_METRES * p->roughness + 1e-3f, fabsf(p->length - q->length));
-    return wide * (0.1f + 0.9f * length) *
-           hg_reflect_same(p, q->position, q->normal, q->roughness, APART);
+    const float far = FAR_METRES * p->roughness + 1e-3f, off = fabsf(p->length - q->length);
+    return same * wide * (0.1f + 0.9f * hg_reflect_fall(0, far, off));
 }
 
 static void filter_texel(const struct spatial *s, int x, int y)
@@ -43,6 +44,9 @@ static void filter_texel(const struct spatial *s, int x, int y)
     const float nearest_px = (float)(s->step * HG_PROBE_LIGHT_PX);
     if (!p->mirrors || nearest_px >= FAR_PX * p->roughness)
         return;
+    const float near = NEAR_PX * p->roughness, far = FAR_PX * p->roughness;
+    const float wide[3] = {1, kernel[0] * kernel[1] * hg_reflect_fall(near, far, nearest_px),
+        kernel[1] * kernel[1] * hg_reflect_fall(near, far, 1.41421356f * nearest_px)};
     hg_reflect_sums sum = s->from[i] * (kernel[0] * kernel[0]);
     float total = kernel[0] * kernel[0];
     for (int dy = -1; dy <= 1; dy++)
@@ -51,9 +55,7 @@ static void filter_texel(const struct spatial *s, int x, int y)
             if ((dx == 0 && dy == 0) || qx < 0 || qy < 0 || qx >= columns || qy >= rows)
                 continue;
             const size_t k = (size_t)qy * s->image->columns + (size_t)qx;
-            const float px = nearest_px * (dx != 0 && dy != 0 ? 1.41421356f : 1);
-            const float w =
-                kernel[dx != 0] * kernel[dy != 0] * weight_of(p, &s->image->texels[k], px);
+            const float w = weight_of(p, &s->image->texels[k], wide[(dx != 0) + (dy != 0)]);
             sum += s->from[k] * w;
             total += w;
         }
@@ -67,14 +69,20 @@ static void filter_row(void *user, size_t y)
         filter_texel(s, (int)x, (int)y);
 }
 
-void hg_reflect_filter_spatial(
-    const struct hg_reflect_image *image, hg_reflect_sums *sums, hg_reflect_sums *spare)
+static void swap(hg_reflect_sums **a, hg_reflect_sums **b)
 {
-    const size_t count = (size_t)image->columns * image->rows;
+    hg_reflect_sums *kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+void hg_reflect_filter_spatial(
+    const struct hg_reflect_image *image, hg_reflect_sums **sums, hg_reflect_sums **spare)
+{
     for (int i = 0; i < ITERATIONS; i++) {
-        struct spatial s = {image, sums, spare, 1 << i};
+        struct spatial s = {image, *sums, *spare, 1 << i};
         hg_jobs_for(image->jobs, image->rows, filter_row, &s);
-        memcpy(sums, spare, count * sizeof *sums);
+        swap(sums, spare);
     }
 }
 
@@ -235,11 +243,11 @@ static void blend_row(void *user, size_t y)
 }
 
 void hg_reflect_filter_temporal(const struct hg_reflect_image *image,
-    const struct hg_reflect_history *before, hg_reflect_sums *sums, hg_reflect_sums *spare)
+    const struct hg_reflect_history *before, hg_reflect_sums **sums, hg_reflect_sums **spare)
 {
-    struct temporal t = {image, before, sums, spare};
+    struct temporal t = {image, before, *sums, *spare};
     if (before->texels == NULL)
         return;
     hg_jobs_for(image->jobs, image->rows, blend_row, &t);
-    memcpy(sums, spare, (size_t)image->columns * image->rows * sizeof *sums);
+    swap(sums, spare);
 }

@@ -16,10 +16,10 @@ struct hg_reflect_image {
     struct hg_jobs *jobs;
 };
 
-// Edge-avoiding a-trous, three iterations of 3 x 3 texels. sums and spare: [rows][columns]; the
-// result is in sums.
+// Edge-avoiding a-trous, three iterations of 3 x 3 texels. sums and spare: [rows][columns]; they
+// are swapped, and the result is in *sums.
 void hg_reflect_filter_spatial(
-    const struct hg_reflect_image *image, hg_reflect_sums *sums, hg_reflect_sums *spare);
+    const struct hg_reflect_image *image, hg_reflect_sums **sums, hg_reflect_sums **spare);
 
 struct hg_reflect_history { // of one picture; zeroed: none
     uint32_t columns, rows;
@@ -31,7 +31,7 @@ struct hg_reflect_history { // of one picture; zeroed: none
 // Blends what the mirror images were in the picture before into the sums, which are then [rows]
 // [columns] of now. now: the camera, width and height of the history that comes after.
 void hg_reflect_filter_temporal(const struct hg_reflect_image *image,
-    const struct hg_reflect_history *before, hg_reflect_sums *sums, hg_reflect_sums *spare);
+    const struct hg_reflect_history *before, hg_reflect_sums **sums, hg_reflect_sums **spare);
 
 // Where the mirror image is that a texel shows: of what its ray met, as a thin lens of the
 // surface's curvature has it (1 / metres, convex positive).

@@ -106,7 +106,6 @@ enum hg_status hg_reflect_light_run(struct hg_reflect_light *light,
     struct work w = {light, with};
     const size_t blocks = (light->count + BLOCK - 1) / BLOCK;
     enum hg_status status = HG_OK;
-    *shadow_rays = 0;
     if (light->count == 0)
         return HG_OK;
     hg_jobs_for(with->jobs, blocks, begin_block, &w);

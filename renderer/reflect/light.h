@@ -27,7 +27,7 @@ struct hg_reflect_lighting {
     const struct hg_gi_world *world;
     uint32_t number; // of the picture, for what is chosen by chance
 };
-// radiance of points [0, count). Device errors.
+// radiance of points [0, count); counts shadow rays. Device errors.
 enum hg_status hg_reflect_light_run(struct hg_reflect_light *light,
     const struct hg_reflect_lighting *with, uint32_t *shadow_rays,
     struct hg_error *err) HG_MUST_CHECK;

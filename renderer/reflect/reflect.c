@@ -10,12 +10,11 @@
 #include "renderer/reflect/filter.h"
 #include "renderer/reflect/light.h"
 
-#define ROUGH      0.6f  // surfaces from here on send no rays: the field of probes is as wide
-#define ROUGH_FADE 0.5f  // between both the two are blended
-#define MOST_LIT   12288 // surfaces that are lit for one picture
-#define LIFT       2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
-#define FAR        1e4f  // metres; where a ray that meets nothing counts as having ended
-#define SEQUENCE   1024  // pictures until directions repeat
+#define SPARSE   0.45f // from this roughness on one texel of 2 x 2 sends a ray, each in its turn
+#define MOST_LIT 12288 // surfaces that are lit for one picture
+#define LIFT     2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
+#define FAR      1e4f  // metres; where a ray that meets nothing counts as having ended
+#define SEQUENCE 1024  // pictures until directions repeat
 
 struct ask { // of a texel that waits for light
     uint32_t texel;
@@ -49,7 +48,7 @@ struct work {
     struct hg_reflect *r;
     const struct hg_reflect_picture *p;
     uint32_t *out;
-    float xi[2]; // of the picture
+    float xi[2]; // of the sample
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -227,6 +226,13 @@ static void send(const struct work *w, size_t i, const float smooth[3])
     hg_copy3(from, t->position);
 }
 
+// Of the four texels of a block another one each picture.
+static bool is_turn(const struct hg_reflect *r, uint32_t x, uint32_t y)
+{
+    static const uint8_t order[4] = {0, 3, 1, 2};
+    return order[r->number & 3] == ((x & 1) | (y & 1) << 1);
+}
+
 static void sample_row(void *user, size_t y)
 {
     const struct work *w = user;
@@ -240,9 +246,10 @@ static void sample_row(void *user, size_t y)
         memcpy(&t->depth, &light[3], sizeof t->depth);
         t->roughness = (float)(mirror[1] & HG_MIRROR_MOST) / HG_MIRROR_MOST;
         t->f0 = (float)(mirror[1] >> HG_MIRROR_ROUGHNESS_BITS) / HG_MIRROR_MOST;
-        t->mirrors = t->depth > 0 && t->roughness < ROUGH;
-        r->sources[i] = HG_REFLECT_NOTHING;
-        r->sums[i] = (hg_reflect_sums){0};
+        t->mirrors = t->depth > 0 && mirror[1] != UINT32_MAX;
+        t->sends =
+            t->mirrors && (t->roughness < SPARSE || w->p->dense || is_turn(r, x, (uint32_t)y));
+        r->sources[i] = t->mirrors ? HG_REFLECT_ROUGH : HG_REFLECT_NOTHING;
         if (!t->mirrors)
             continue;
         decode_normal((float)(int16_t)(mirror[0] & 0xffff) / 32767,
@@ -258,6 +265,8 @@ static void sample_row(void *user, size_t y)
             hg_mad3(t->normal, t->view, 0.02f - facing, t->normal);
             hg_normalize3(t->normal);
         }
+        if (!t->sends)
+            continue;
         send(w, i, smooth);
         ((uint32_t *)r->list.mapped)[y * r->columns + count++] = (uint32_t)i;
     }
@@ -280,7 +289,7 @@ static uint32_t compact(struct hg_reflect *r)
 static void add(struct hg_reflect *r, size_t i, const float radiance[3], float open)
 {
     const float w = r->samples[i].weight;
-    r->sums[i] =
+    r->sums[i] +=
         (hg_reflect_sums){w * radiance[0], w * radiance[1], w * radiance[2], w * open, w, 0, 0, 0};
 }
 
@@ -323,7 +332,7 @@ static void find_row(void *user, size_t y)
     static const float none[3] = {0};
     for (size_t i = y * r->columns; i < (y + 1) * r->columns; i++) {
         const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)r->hits.mapped + i;
-        if (!r->texels[i].mirrors)
+        if (!r->texels[i].sends)
             continue;
         const bool met = hit->draw != HG_HIT_NONE && r->samples[i].weight > 0;
         r->texels[i].length = met ? hit->t : FAR;
@@ -381,7 +390,7 @@ static enum hg_status trace_captures(const struct work *w, uint32_t asked, struc
             hg_gi_surface_at(w->p->world.surfaces, &hits[i], d, &surface);
         hg_radiance_cache_capture(w->p->cache, r->asks[i].place, hits[i].t, met ? &surface : NULL);
     }
-    r->stats.captured = asked;
+    r->stats.captured += asked;
     return status;
 }
 
@@ -471,7 +480,7 @@ static enum hg_status light(const struct work *w, struct hg_error *err)
     if (status != HG_OK)
         return status;
     choose_lit(w, waiting);
-    r->stats.lit = r->light.count;
+    r->stats.lit += r->light.count;
     status = hg_reflect_light_run(&r->light, &with, &r->stats.shadow_rays, err);
     if (status == HG_OK)
         spread_light(w);
@@ -480,13 +489,27 @@ static enum hg_status light(const struct work *w, struct hg_error *err)
 
 // --- the picture ---------------------------------------------------------------------------------
 
-static void count_row(struct hg_reflect *r)
+static void count_sources(struct hg_reflect *r)
 {
     for (size_t i = 0; i < (size_t)r->columns * r->rows; i++)
         r->stats.counts[r->sources[i]]++;
     r->stats.texels = r->columns * r->rows;
 }
 
+static uint64_t bytes_of(const struct hg_reflect *r)
+{
+    const uint64_t texel = 2 * sizeof *r->texels + sizeof *r->samples + 3 * sizeof *r->sums +
+                           2 * sizeof *r->sources + sizeof *r->waiting + sizeof *r->places +
+                           sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) + sizeof(uint32_t);
+    const uint64_t lit = sizeof *r->asks + sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
+                         sizeof *r->light.points + sizeof *r->light.direct +
+                         sizeof *r->light.radiance +
+                         HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
+    return (uint64_t)r->columns * r->rows * texel + MOST_LIT * lit;
+}
+
+// The picture is the history of the next one, whose texels take the place of those of the one
+// before.
 static enum hg_status keep(struct hg_reflect *r, const struct hg_reflect_picture *p)
 {
     const size_t count = (size_t)r->columns * r->rows;
@@ -499,8 +522,12 @@ static enum hg_status keep(struct hg_reflect *r, const struct hg_reflect_picture
             return HG_E_NOMEM;
         }
     }
-    memcpy(h->texels, r->texels, count * sizeof *h->texels);
-    memcpy(h->sums, r->sums, count * sizeof *h->sums);
+    struct hg_reflect_texel *texels = h->texels;
+    hg_reflect_sums *sums = h->sums;
+    h->texels = r->texels;
+    h->sums = r->sums;
+    r->texels = texels;
+    r->sums = sums;
     h->columns = r->columns;
     h->rows = r->rows;
     h->width = p->width;
@@ -508,11 +535,6 @@ static enum hg_status keep(struct hg_reflect *r, const struct hg_reflect_picture
     h->camera = *p->camera;
     memcpy(r->origin, p->origin, sizeof r->origin);
     return HG_OK;
-}
-
-static float from_rgb9e5(uint32_t word, int c)
-{
-    return (float)(word >> (9 * c) & 511) * ldexpf(1, (int)(word >> 27) - 24);
 }
 
 static void pack_row(void *user, size_t y)
@@ -526,14 +548,32 @@ static void pack_row(void *user, size_t y)
         memcpy(out, light, 4 * sizeof *out);
         if (!r->texels[i].mirrors || !(s[HG_REFLECT_WEIGHT] > 1e-4f))
             continue;
-        const float share = hg_reflect_fall(ROUGH_FADE, ROUGH, r->texels[i].roughness);
-        const float scale = share / s[HG_REFLECT_WEIGHT];
-        float rgb[3];
-        for (int c = 0; c < 3; c++)
-            rgb[c] = s[c] * scale + (share < 1 ? (1 - share) * from_rgb9e5(light[1], c) : 0);
-        const float open = s[HG_REFLECT_OPEN] * scale + (1 - share) * (float)(light[2] >> 24) / 255;
-        out[1] = hg_gi_rgb9e5(rgb[0], rgb[1], rgb[2]);
-        out[2] = (light[2] & 0xffffff) | (uint32_t)(hg_clampf(open, 0, 1) * 255 + 0.5f) << 24;
+        const float scale = 1 / s[HG_REFLECT_WEIGHT];
+        const float open = hg_clampf(s[HG_REFLECT_OPEN] * scale, 0, 1);
+        out[1] = hg_gi_rgb9e5(
+            s[HG_REFLECT_RED] * scale, s[HG_REFLECT_GREEN] * scale, s[HG_REFLECT_BLUE] * scale);
+        out[2] = (light[2] & 0xffffff) | (uint32_t)(open * 255 + 0.5f) << 24;
+    }
+}
+
+// Where no ray was sent the one of the same block tells how far things are.
+static void lend_row(void *user, size_t y)
+{
+    const struct work *w = user;
+    struct hg_reflect *r = w->r;
+    for (uint32_t x = 0; x < r->columns; x++) {
+        struct hg_reflect_texel *t = &r->texels[y * r->columns + x];
+        if (!t->mirrors || t->sends)
+            continue;
+        t->length = 0;
+        for (uint32_t k = 0; k < 4; k++) {
+            const uint32_t qx = (x & ~1u) + (k & 1), qy = ((uint32_t)y & ~1u) + (k >> 1);
+            if (qx >= r->columns || qy >= r->rows)
+                continue;
+            const struct hg_reflect_texel *q = &r->texels[(size_t)qy * r->columns + qx];
+            if (q->sends && hg_dot3(q->normal, t->normal) > 0.8f)
+                t->length = q->length;
+        }
     }
 }
 
@@ -545,36 +585,47 @@ static enum hg_status trace(const struct work *w, struct hg_error *err)
         .rays = &r->rays, .hits = &r->hits, .list = &r->list, .count = compact(r)};
     const enum hg_status status =
         wave.count > 0 ? hg_trace_closest(w->p->world.trace, &wave, err) : HG_OK;
-    if (status == HG_OK)
+    if (status == HG_OK) {
         hg_jobs_for(r->jobs, r->rows, find_row, (void *)w);
+        hg_jobs_for(r->jobs, r->rows, lend_row, (void *)w);
+    }
     return status;
 }
 
-static enum hg_status reflect(const struct work *w, struct hg_error *err)
+// One ray of each texel, and the light that it brings.
+static enum hg_status sample(struct work *w, uint32_t number, struct hg_error *err)
+{
+    w->xi[0] = halton(number, 2);
+    w->xi[1] = halton(number, 3);
+    const enum hg_status status = trace(w, err);
+    return status == HG_OK ? light(w, err) : status;
+}
+
+static enum hg_status reflect(struct work *w, struct hg_error *err)
 {
     struct hg_reflect *r = w->r;
     const struct hg_reflect_image image = {r->columns, r->rows, r->texels, r->jobs};
     const bool same = memcmp(r->origin, w->p->origin, sizeof r->origin) == 0;
-    enum hg_status status = trace(w, err);
-    if (status == HG_OK)
-        status = light(w, err);
+    const uint32_t samples = w->p->samples > 0 ? w->p->samples : 1;
+    enum hg_status status = HG_OK;
+    memset(r->sums, 0, (size_t)r->columns * r->rows * sizeof *r->sums);
+    for (uint32_t s = 0; s < samples && status == HG_OK; s++)
+        status = sample(w, r->number * samples + s, err);
     if (status != HG_OK)
         return status;
-    hg_reflect_filter_spatial(&image, r->sums, r->spare);
+    hg_reflect_filter_spatial(&image, &r->sums, &r->spare);
     if (!w->p->continues || !same)
         forget(r);
-    hg_reflect_filter_temporal(&image, &r->before, r->sums, r->spare);
-    if (keep(r, w->p) != HG_OK)
-        return no_memory(err);
-    hg_jobs_for(r->jobs, r->rows, pack_row, (void *)w);
-    count_row(r);
-    return HG_OK;
+    hg_reflect_filter_temporal(&image, &r->before, &r->sums, &r->spare);
+    hg_jobs_for(r->jobs, r->rows, pack_row, w);
+    count_sources(r);
+    return keep(r, w->p) == HG_OK ? HG_OK : no_memory(err);
 }
 
 enum hg_status hg_reflect_run(struct hg_reflect *r, const struct hg_reflect_picture *picture,
     uint32_t *out, struct hg_error *err)
 {
-    const uint64_t begin = hg_clock_now_ns();
+    const uint64_t begin = hg_clock_now_ns(), cpu = hg_clock_cpu_ns();
     const uint32_t columns = (picture->width + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX;
     const uint32_t rows = (picture->height + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX;
     enum hg_status status = resize(r, columns, rows, err);
@@ -582,12 +633,13 @@ enum hg_status hg_reflect_run(struct hg_reflect *r, const struct hg_reflect_pict
         return status;
     r->number = r->number % SEQUENCE + 1;
     r->stats = (struct hg_reflect_stats){0};
-    const struct work w = {
-        .r = r, .p = picture, .out = out, .xi = {halton(r->number, 2), halton(r->number, 3)}};
+    struct work w = {.r = r, .p = picture, .out = out};
     status = reflect(&w, err);
     if (status != HG_OK)
         forget(r);
     r->stats.ns = hg_clock_now_ns() - begin;
+    r->stats.cpu_ns = hg_clock_cpu_ns() - cpu;
+    r->stats.bytes = bytes_of(r);
     return status;
 }
 

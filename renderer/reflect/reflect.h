@@ -1,12 +1,13 @@
 // reflect.h - reflections of a picture in motion: rays from a sixteenth of its pixels.
 // Floor 2 (reflect). Thread: the render thread; rays are shaded on jobs.
 //
-// Each texel of probe light (shaders/shared/gi.h) whose surface is not too rough sends a ray into
-// its lobe. What that meets has its radiance from the cache, else it is shaded; sums over the lobe
-// are filtered over neighbours and over pictures before they are divided by the sum of weights
-// (ratio estimator: Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and
-// Stochastic Shadows"). The result takes the place of what the field of probes says about the
-// mirror direction; shading does not know which it is. docs/internals/reflections.md.
+// Each texel of probe light (shaders/shared/gi.h) sends a ray into the lobe of its surface, where
+// that is rough one of four. What that meets has its radiance from the cache, else it is shaded;
+// sums over the lobe are filtered over neighbours and over pictures before they are divided by the
+// sum of weights (ratio estimator: Heitz, Hill and McGuire 2018, "Combining Analytic Direct
+// Illumination and Stochastic Shadows"). The result takes the place of what the field of probes
+// says about the mirror direction; shading does not know which it is.
+// docs/internals/reflections.md.
 //
 // Layers, lowest first:
 //   lobe
@@ -34,6 +35,8 @@ struct hg_reflect_picture {
     struct hg_gi_world world;
     struct hg_radiance_cache *cache; // in line with the world; NULL: what rays meet is shaded
     bool continues;                  // what was reflected before may be seen again
+    uint32_t samples;                // rays of a texel; 0 = 1
+    bool dense;                      // every texel sends rays, however rough it is
 };
 
 // HG_E_NOMEM. Borrows both.
@@ -49,7 +52,8 @@ enum hg_status hg_reflect_run(struct hg_reflect *reflect, const struct hg_reflec
 const uint8_t *hg_reflect_sources(const struct hg_reflect *reflect);
 
 enum hg_reflect_source {
-    HG_REFLECT_NOTHING, // too rough, or no surface: the field of probes, no ray
+    HG_REFLECT_NOTHING, // no surface
+    HG_REFLECT_ROUGH,   // no ray in this picture: those of neighbours and pictures before
     HG_REFLECT_SKY,     // the ray left the scene
     HG_REFLECT_CACHED,
     HG_REFLECT_SHADED,
@@ -60,7 +64,8 @@ enum hg_reflect_source {
 struct hg_reflect_stats { // of the newest picture
     uint32_t texels, counts[HG_REFLECT_SOURCES];
     uint32_t captured, lit, shadow_rays; // of the cache; of both
-    uint64_t ns;
+    uint64_t ns, cpu_ns;                 // cpu: of all threads of the process meanwhile
+    uint64_t bytes;                      // of all that is kept, without the cache
 };
 void hg_reflect_stats(const struct hg_reflect *reflect, struct hg_reflect_stats *out);
 
