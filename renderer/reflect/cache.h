@@ -14,7 +14,7 @@
 #include "renderer/reflect/lobe.h"
 
 #define HG_CACHE_MOST_PROBES 16
-#define HG_CACHE_SIDE        64 // texels along a face, unless another number is asked for
+#define HG_CACHE_SIDE        32 // texels along a face, unless another number is asked for
 
 struct hg_radiance_cache; // of one scene
 

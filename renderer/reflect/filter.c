@@ -3,7 +3,6 @@
 
 #include "shaders/shared/gi.h"
 
-#define ITERATIONS   3
 #define APART        0.01f // distances from a plane, of the depth, at which surfaces are others
 #define NEAR_PX      10.0f // of roughness: how wide neighbours count fully,
 #define FAR_PX       70.0f // and not at all
@@ -79,8 +78,9 @@ static void swap(hg_reflect_sums **a, hg_reflect_sums **b)
 void hg_reflect_filter_spatial(
     const struct hg_reflect_image *image, hg_reflect_sums **sums, hg_reflect_sums **spare)
 {
-    for (int i = 0; i < ITERATIONS; i++) {
-        struct spatial s = {image, *sums, *spare, 1 << i};
+    static const int steps[] = {1, 3};
+    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
+        struct spatial s = {image, *sums, *spare, steps[i]};
         hg_jobs_for(image->jobs, image->rows, filter_row, &s);
         swap(sums, spare);
     }

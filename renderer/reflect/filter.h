@@ -16,7 +16,7 @@ struct hg_reflect_image {
     struct hg_jobs *jobs;
 };
 
-// Edge-avoiding a-trous, three iterations of 3 x 3 texels. sums and spare: [rows][columns]; they
+// Edge-avoiding a-trous, two iterations of 3 x 3 texels. sums and spare: [rows][columns]; they
 // are swapped, and the result is in *sums.
 void hg_reflect_filter_spatial(
     const struct hg_reflect_image *image, hg_reflect_sums **sums, hg_reflect_sums **spare);

@@ -11,7 +11,7 @@
 #include "renderer/reflect/light.h"
 
 #define SPARSE   0.45f // from this roughness on one texel of 2 x 2 sends a ray, each in its turn
-#define MOST_LIT 12288 // surfaces that are lit for one picture
+#define MOST_LIT 8192  // surfaces that are lit for one picture
 #define LIFT     2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
 #define FAR      1e4f  // metres; where a ray that meets nothing counts as having ended
 #define SEQUENCE 1024  // pictures until directions repeat
