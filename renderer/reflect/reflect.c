@@ -289,6 +289,8 @@ static uint32_t compact(struct hg_reflect *r)
 static void add(struct hg_reflect *r, size_t i, const float radiance[3], float open)
 {
     const float w = r->samples[i].weight;
+    if (!(radiance[0] + radiance[1] + radiance[2] < FLT_MAX))
+        return; // filters would spread what is not a number
     r->sums[i] +=
         (hg_reflect_sums){w * radiance[0], w * radiance[1], w * radiance[2], w * open, w, 0, 0, 0};
 }
