@@ -80,6 +80,13 @@ enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
     HG_GI_RAYS, // PROBES in motion; at rest gathered by rays from each pixel
     HG_GI_PROBES,
 };
+enum hg_view_reflections {      // of pictures in motion that have light by way of surfaces
+    HG_REFLECTIONS_ENVIRONMENT, // what the field of probes says of it, and of surfaces
+    HG_REFLECTIONS_AUTO,        // the best that there is; at present as CACHE. The default of views
+                                // of the protocol
+    HG_REFLECTIONS_RAYS,        // what rays meet, shaded
+    HG_REFLECTIONS_CACHE,       // with radiance that is kept
+};
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
     HG_TEMPORAL_NONE,   // one sample per pixel
     HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
@@ -101,6 +108,8 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_PROBES, // these two have probes, whatever parameter gi says
     HG_DEBUG_IRRADIANCE,
     HG_DEBUG_SHADOWS,
+    HG_DEBUG_REFLECTIONS, // of pictures in motion, which have probes and the radiance cache unless
+                          // parameter reflections is RAYS
 };
 
 enum hg_render_mode {
@@ -194,6 +203,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_exposure_mode  enum hg_exposure_mode
 #define HG_VIEW_ENUM_ground         enum hg_ground
 #define HG_VIEW_ENUM_gi             enum hg_view_gi
+#define HG_VIEW_ENUM_reflections    enum hg_view_reflections
 #define HG_VIEW_ENUM_temporal       enum hg_view_temporal
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace

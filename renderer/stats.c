@@ -194,6 +194,25 @@ static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
         (unsigned long long)hg_lighting_image_shadow(s->lighting)->memory.size_bytes);
 }
 
+static void put_reflections(struct hg_writer *w, const struct hg_view_state *s)
+{
+    struct hg_reflect_stats r;
+    struct hg_radiance_cache_stats c;
+    if (s->motion.reflections.reflect == NULL)
+        return;
+    hg_reflect_stats(s->motion.reflections.reflect, &r);
+    hg_radiance_cache_stats(s->scene_gpu->radiance, &c);
+    hg_json_put(w,
+        ",\"reflections\":{\"texels\":%u,\"rough\":%u,\"sky\":%u,\"cached\":%u,\"shaded\":%u,"
+        "\"late\":%u,\"captured\":%u,\"lit\":%u,\"shadow_rays\":%u,\"ms\":%.3f,\"cpu_ms\":%.3f,"
+        "\"bytes\":%llu,\"cache\":{\"probes\":%u,\"side\":%u,\"captured\":%llu,\"lit\":%llu,"
+        "\"bytes\":%llu}}",
+        r.texels, r.counts[HG_REFLECT_ROUGH], r.counts[HG_REFLECT_SKY], r.counts[HG_REFLECT_CACHED],
+        r.counts[HG_REFLECT_SHADED], r.counts[HG_REFLECT_LATE], r.captured, r.lit, r.shadow_rays,
+        ms(r.ns), ms(r.cpu_ns), (unsigned long long)r.bytes, c.probes, c.side,
+        (unsigned long long)c.captured, (unsigned long long)c.lit, (unsigned long long)c.bytes);
+}
+
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_path_stats t = {0};
@@ -317,6 +336,7 @@ enum hg_status hg_renderer_stats_json(
         put_geometry(&w, &view->state);
         put_light(&w, &view->state);
         put_gi(&w, &view->state);
+        put_reflections(&w, &view->state);
         put_trace(&w, &view->state);
         put_motion(&w, &view->state);
         put_passes(&w, &view->state);

@@ -15,10 +15,11 @@ static_assert((int)HG_MODE_PATH == HGP_COUNT_render_mode - 1, "");
 static_assert((int)HG_TONEMAP_LINEAR == HGP_COUNT_tonemap - 1, "");
 static_assert((int)HG_GROUND_MINUS_X == HGP_COUNT_ground - 1, "");
 static_assert((int)HG_GI_PROBES == HGP_COUNT_gi - 1, "");
+static_assert((int)HG_REFLECTIONS_CACHE == HGP_COUNT_reflections - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
 static_assert((int)HG_EXPOSURE_AUTO == HGP_COUNT_exposure_mode - 1, "");
 static_assert((int)HG_TEMPORAL_AUTO == HGP_COUNT_temporal - 1, "");
-static_assert((int)HG_DEBUG_SHADOWS == HGP_COUNT_debug_view - 1, "");
+static_assert((int)HG_DEBUG_REFLECTIONS == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
 static_assert((int)HG_DENOISE_ANIMATION == HGP_COUNT_denoise - 1, "");
 static_assert((int)HG_FILTER_GAUSSIAN == HGP_COUNT_filter - 1, "");
@@ -195,8 +196,13 @@ enum hg_status hg_view_set_params(
     s.ground = (uint32_t)p.ground;
     if (p.mode == HG_MODE_REALTIME && p.debug_view == HG_DEBUG_OFF && p.gi != HG_GI_NONE)
         s.gi = p.gi == HG_GI_PROBES ? HG_VIEW_GI_PROBES : HG_VIEW_GI_RAYS;
-    if (p.debug_view == HG_DEBUG_PROBES || p.debug_view == HG_DEBUG_IRRADIANCE)
+    if (p.debug_view == HG_DEBUG_PROBES || p.debug_view == HG_DEBUG_IRRADIANCE ||
+        p.debug_view == HG_DEBUG_REFLECTIONS)
         s.gi = HG_VIEW_GI_PROBES;
+    if (p.debug_view == HG_DEBUG_REFLECTIONS ||
+        (s.gi != 0 && p.reflections != HG_REFLECTIONS_ENVIRONMENT))
+        s.reflections = p.reflections == HG_REFLECTIONS_RAYS ? HG_VIEW_REFLECTIONS_RAYS
+                                                             : HG_VIEW_REFLECTIONS_CACHE;
     s.temporal = (uint32_t)p.temporal;
     s.exposure = exp2f(p.exposure_ev);
     s.samples = p.samples;

@@ -49,6 +49,7 @@ export const enums = {
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     temporal: { NONE: 0, AUTO: 1 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
+    reflections: { ENVIRONMENT: 0, AUTO: 1, RAYS: 2, CACHE: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
@@ -59,7 +60,7 @@ export const enums = {
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
-    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11 },
+    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 
@@ -491,6 +492,7 @@ export const messages = {
             { name: "gi", kind: "enum", values: "gi", since: 1, optional: true },
             { name: "temporal", kind: "enum", values: "temporal", since: 1, optional: true },
             { name: "scale", kind: "f32", least: 5e+01, most: 1e+02, since: 1, optional: true },
+            { name: "reflections", kind: "enum", values: "reflections", since: 1, optional: true },
         ],
     },
     // drop a view

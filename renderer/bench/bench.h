@@ -64,6 +64,19 @@ enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_sce
 enum hg_status hg_bench_gi_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
+// What reflections of pictures in motion cost and are worth, with the field of rest: each pose is
+// drawn 32 times by a camera that trembles, of which the last 16 count, in each of these ways: what
+// the field of probes says (environment); every texel sends rays, which are shaded (full); of
+// rough ones one in four (rays); and with a radiance cache of 32 and of 256 texels
+// along a face. The last picture is held against a path-traced one at the exposure metered there.
+// Fields are those of gi; default path: five poses within the scene, of which the second is the
+// first with four rays. One JSON object: views[]: {samples, exposure_ev; environment, full, rays,
+// cache_32, cache_256: {cpu_ms: processor time of what the host does for reflections, median;
+// frame_cpu_ms: of a picture; flip; texels that sent rays, and of these cached, shaded,
+// late, sky; ratio: cpu_ms of full over this}}.
+enum hg_status hg_bench_reflections_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
 // Rays of three kinds through each backend, at the first pose of the path: primary (centres of all
 // pixels), diffuse (one cosine-distributed bounce each, in any direction) and shadow (whether a
 // light above the scene is seen). Fields are those of realtime; rounds: the fastest counts. One

@@ -37,6 +37,12 @@ static enum hg_status run_gi(
     return hg_bench_run_scene(host, options, hg_bench_gi_run, text, err);
 }
 
+static enum hg_status run_reflections(
+    const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
+{
+    return hg_bench_run_scene(host, options, hg_bench_reflections_run, text, err);
+}
+
 static enum hg_status run_trace(
     const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
 {
@@ -53,8 +59,8 @@ static const struct {
     const char *name;
     enum hg_status (*run)(const struct hg_bench_host *, const json_t *, char **, struct hg_error *);
 } benchmarks[] = {{"realtime", run_realtime}, {"temporal", run_temporal}, {"gi", run_gi},
-    {"vt", hg_bench_run_vt}, {"lod", hg_bench_run_lod}, {"points", hg_bench_run_points},
-    {"trace", run_trace}, {"path", run_path}};
+    {"reflections", run_reflections}, {"vt", hg_bench_run_vt}, {"lod", hg_bench_run_lod},
+    {"points", hg_bench_run_points}, {"trace", run_trace}, {"path", run_path}};
 
 enum hg_status hg_bench_run(const struct hg_bench_host *host, const char *name,
     const json_t *options, char **text, struct hg_error *err)

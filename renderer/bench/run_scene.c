@@ -1,9 +1,10 @@
 // run_scene.c - benchmarks of one scene: their options, the scene, the report with what was loaded.
 //
-// Options of `realtime`, `temporal`, `gi`, `trace` and `path` (all optional): scene (file; default
-// the built-in demo), environment (file; default the demo's), width, height, vfov_deg, rounds, gi,
-// temporal (number of the value), samples, lamps, truth (0 paths, 1 rays), references (folder),
-// only ("walk", "rooms"), path (list of {eye: [x,y,z], target: [x,y,z]} in metres).
+// Options of `realtime`, `temporal`, `gi`, `reflections`, `trace` and `path` (all optional): scene
+// (file; default the built-in demo), environment (file; default the demo's), width, height,
+// vfov_deg, rounds, gi, temporal (number of the value), samples, lamps, truth (0 paths, 1 rays),
+// references (folder), only ("walk", "rooms"), path (list of {eye: [x,y,z], target: [x,y,z]} in
+// metres).
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -11,6 +11,14 @@ void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint
         stats->stages[stats->stage_count++] = (struct hg_view_stage){name, ns};
 }
 
+void hg_view_stats_add_device(struct hg_view_stats *stats, const struct hg_gpu *gpu)
+{
+    struct hg_gpu_stage_time times[HG_GPU_MAX_STAGES];
+    const uint32_t count = hg_gpu_stage_times(gpu, times);
+    for (uint32_t i = 0; i < count; i++)
+        hg_view_stats_add_stage(stats, times[i].name, times[i].ns);
+}
+
 VkExtent2D hg_draw_size(const struct hg_draw_request *request)
 {
     const struct hg_view_settings *s = request->settings;

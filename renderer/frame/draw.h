@@ -19,6 +19,7 @@
 struct hg_tiled_accumulation;
 struct hg_tiled_area;
 struct hg_temporal_view;
+struct hg_reflect_view;
 struct hg_view_camera_state;
 struct hg_view_settings;
 
@@ -93,6 +94,8 @@ struct hg_view_stats {
 };
 
 void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint64_t ns);
+// The stages of the device's newest batch, or part of one.
+void hg_view_stats_add_device(struct hg_view_stats *stats, const struct hg_gpu *gpu);
 
 struct hg_view_buffers {
     struct hg_gpu_buffer blocks;   // frame blocks of the samples of a batch
@@ -116,10 +119,12 @@ struct hg_draw {
     struct hg_view_buffers *buffers;
     struct hg_frame_history *history;
     struct hg_temporal_view *temporal;
+    struct hg_reflect_view *reflections;
     struct hg_tiled_accumulation *accumulation;
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;
     struct hg_view_stats *stats;
+    uint64_t settings_revision; // of the view
     struct {
         enum hg_gi_field_kind kind;
         uint64_t view;             // whose camera it is

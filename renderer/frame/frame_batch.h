@@ -17,6 +17,9 @@ struct hg_batch {
     uint32_t visibility, depth, atlas, gathered, probe_light, behind, accumulated, picture, counts;
     uint32_t deformed, cache, progress, unlit_tiles, late_draws;
     struct {
+        uint32_t looked_up, surfaces; // probe light before reflections, what it is of
+    } mirrors;
+    struct {
         uint32_t visibility, color, depth, lists;
     } blend; // blended surfaces in front of the opaque scene
 };
@@ -44,6 +47,14 @@ enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err
 // After the visibility buffer: blended surfaces to blend.color, front to back; where one hides all
 // behind it, to the visibility buffer.
 void hg_batch_declare_blend(struct hg_batch *f);
+
+// --- reflect_view.c ------------------------------------------------------------------------------
+
+// Memory of what is read back and of the result. HG_E_NOMEM, device errors.
+enum hg_status hg_batch_reserve_reflections(
+    struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
+// After probe light with what mirrors: probe_light has reflections from here on.
+void hg_batch_declare_reflections(struct hg_batch *f);
 
 // --- temporal_view.c -----------------------------------------------------------------------------
 

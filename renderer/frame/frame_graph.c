@@ -163,7 +163,9 @@ static enum hg_status record_probe_light(
     struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_probe_light light = {.visibility = hg_graph_run_image(run, f->visibility),
-        .target = hg_graph_run_image(run, f->probe_light)};
+        .target = hg_graph_run_image(
+            run, f->mirrors.surfaces > 0 ? f->mirrors.looked_up : f->probe_light),
+        .surfaces = f->mirrors.surfaces > 0 ? hg_graph_run_image(run, f->mirrors.surfaces) : NULL};
     return hg_probe_light_record(&f->pass, &light, err);
 }
 
@@ -178,11 +180,19 @@ static void declare_probe_light(struct hg_batch *f)
     f->probe_light = hg_graph_image(f->graph,
         &(struct hg_graph_image_params){
             .name = "probe light", .format = HG_PROBE_LIGHT_FORMAT, .size = HG_GRAPH_QUARTER});
+    const bool reflects = hg_reflect_view_is_on(f->draw);
+    if (reflects)
+        f->mirrors.surfaces = hg_graph_image(f->graph,
+            &(struct hg_graph_image_params){
+                .name = "mirrors", .format = HG_MIRRORS_FORMAT, .size = HG_GRAPH_QUARTER});
     hg_batch_add(
         f, &(struct hg_graph_pass){.name = "probe light",
                .record = record_probe_light,
                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_COLOR, 0}}});
+                   {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_COLOR, 0},
+                   {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
+    if (reflects)
+        hg_batch_declare_reflections(f);
 }
 
 // --- the scene behind glass ----------------------------------------------------------------------
@@ -478,6 +488,8 @@ enum hg_status hg_frame_record(
     enum hg_status status = hg_batch_reserve_blend(draw, err);
     if (status == HG_OK)
         status = hg_batch_reserve_motion(draw, err);
+    if (status == HG_OK)
+        status = hg_batch_reserve_reflections(draw, err);
     if (status != HG_OK)
         return status;
     hg_frame_fill(draw, first, true, 0);

@@ -160,6 +160,7 @@ enum hg_status hg_gi_view_step(
     *waits = false;
     view->gi.field = HG_GI_NO_FIELD;
     view->gi.gathered = false;
+    view->motion.reflections.world = (struct hg_gi_world){0};
     if (!hg_gi_view_is_on(view))
         return HG_OK;
     hg_gi_touch(view->scene_gpu->gi, hg_gi_view_id(view));
@@ -181,6 +182,7 @@ enum hg_status hg_gi_view_step(
         return status;
     *waits = rests && !shows && !(has && hg_gi_view_is_done(view));
     view->gi.gathered = gathers(view) && hg_gather_view_is_done(view);
+    status = hg_reflect_view_step(view, !rests, err);
     hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);
-    return HG_OK;
+    return status;
 }

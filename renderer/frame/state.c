@@ -21,10 +21,12 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .buffers = &view->buffers,
         .history = &view->history,
         .temporal = &view->motion.temporal,
+        .reflections = &view->motion.reflections,
         .accumulation = &view->accumulation,
         .blend = &view->blend,
         .unlit = &view->unlit,
         .stats = &view->stats,
+        .settings_revision = view->settings_revision,
         .probes = {view->gi.field, hg_gi_view_id(view)},
         .gathered = view->gi.gathered ? &view->gi.gather.light : NULL};
 }

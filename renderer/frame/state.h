@@ -17,6 +17,7 @@
 #include "renderer/pathtrace/path.h"
 #include "renderer/frame/history.h"
 #include "renderer/frame/quality.h"
+#include "renderer/frame/reflect_view.h"
 #include "renderer/frame/temporal_view.h"
 #include "renderer/frame/tiled_accumulation.h"
 #include "renderer/passes/shadow.h"
@@ -38,6 +39,10 @@
 #define HG_VIEW_GI_PROBES 1 // light by way of surfaces comes from a field of probes
 #define HG_VIEW_GI_RAYS   2 // at rest it is gathered per pixel
 
+#define HG_VIEW_REFLECTIONS_ENVIRONMENT 0
+#define HG_VIEW_REFLECTIONS_RAYS        1 // what the rays of pictures in motion meet is shaded
+#define HG_VIEW_REFLECTIONS_CACHE       2 // and kept
+
 struct hg_view_settings {
     uint32_t width, height; // px
     struct hg_picture_region region;
@@ -46,6 +51,7 @@ struct hg_view_settings {
     float background_color[3];
     uint32_t ground;   // enum hg_ground of renderer.h
     uint32_t gi;       // HG_VIEW_GI_*
+    uint32_t reflections; // HG_VIEW_REFLECTIONS_*
     uint32_t temporal; // enum hg_view_temporal
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1
@@ -133,6 +139,7 @@ struct hg_view_state {
     struct { // of pictures in motion
         struct hg_quality quality;
         struct hg_temporal_view temporal;
+        struct hg_reflect_view reflections;
     } motion;
     struct hg_view_stats stats;
 

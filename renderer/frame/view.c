@@ -117,6 +117,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_graph_destroy(view->targets.graph);
     hg_frame_history_finish(&view->history);
     hg_temporal_view_finish(gpu, &view->motion.temporal);
+    hg_reflect_view_finish(gpu, &view->motion.reflections);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -243,14 +244,6 @@ static bool needs_cascades(struct hg_lighting *lighting)
     return false;
 }
 
-static void collect_times(struct hg_view_state *view)
-{
-    struct hg_gpu_stage_time times[HG_GPU_MAX_STAGES];
-    const uint32_t count = hg_gpu_stage_times(view->context->gpu, times);
-    for (uint32_t i = 0; i < count; i++)
-        hg_view_stats_add_stage(&view->stats, times[i].name, times[i].ns);
-}
-
 // Where the time of a step in motion went. Stages of the device run inside of the step.
 static void note_quality(struct hg_view_state *view)
 {
@@ -260,10 +253,11 @@ static void note_quality(struct hg_view_state *view)
     } parts[] = {{"probes", HG_QUALITY_RAYS}, {"cull", HG_QUALITY_TRIANGLES},
         {"host raster", HG_QUALITY_TRIANGLES}, {"skin", HG_QUALITY_TRIANGLES},
         {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
-        {"probe light", HG_QUALITY_PIXELS}, {"shading", HG_QUALITY_PIXELS},
-        {"blend visibility", HG_QUALITY_PIXELS}, {"blend sort", HG_QUALITY_PIXELS},
-        {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
-        {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};
+        {"probe light", HG_QUALITY_PIXELS}, {"reflections", HG_QUALITY_PIXELS},
+        {"shading", HG_QUALITY_PIXELS}, {"blend visibility", HG_QUALITY_PIXELS},
+        {"blend sort", HG_QUALITY_PIXELS}, {"blend shading", HG_QUALITY_PIXELS},
+        {"unlit tiles", HG_QUALITY_PIXELS}, {"motion", HG_QUALITY_PIXELS},
+        {"posed motion", HG_QUALITY_PIXELS}};
     const struct hg_view_stats *stats = &view->stats;
     const struct hg_view_settings *s = &view->settings;
     float ms[HG_QUALITY_PARTS] = {0}, known = 0.0f;
@@ -314,7 +308,8 @@ static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
         return r->flags;
     const bool coarse = needs_cascades(draw->lighting);
     const uint32_t debug = r->settings->debug;
-    const bool legend = debug == HG_DEBUG_VIEW_MOTION || debug == HG_DEBUG_VIEW_HISTORY;
+    const bool legend = debug == HG_DEBUG_VIEW_MOTION || debug == HG_DEBUG_VIEW_HISTORY ||
+                        debug == HG_DEBUG_VIEW_REFLECTIONS;
     const bool direct = !hg_draw_is(draw, HG_DRAW_ACCUMULATE) &&
                         (legend || (debug == 0 && (coarse || r->samples > 1)));
     return r->flags | (coarse ? HG_DRAW_COARSE_SHADOWS : 0) | (direct ? HG_DRAW_DIRECT : 0);
@@ -348,6 +343,8 @@ static enum hg_status run_shown(
     draw->accumulation->samples += count;
     draw->stats->number++;
     status = hg_temporal_view_resolve(view, draw, err);
+    if (status == HG_OK && draw->request->settings->debug == HG_DEBUG_VIEW_REFLECTIONS)
+        hg_reflect_view_show(view, draw);
     if (status == HG_OK)
         status = hg_frame_history_note(draw, err);
     return status == HG_OK ? hg_tiled_accumulation_shown(draw, err) : status;
@@ -617,7 +614,7 @@ enum hg_status hg_view_state_step(
     enum hg_status status = draw_mode(view, most, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK)
-        collect_times(view);
+        hg_view_stats_add_device(&view->stats, view->context->gpu);
     if (status == HG_OK && moves)
         note_quality(view);
     if (status != HG_OK) { // the accumulation may be incomplete

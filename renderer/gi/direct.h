@@ -1,5 +1,5 @@
 // direct.h - light that comes straight from lamps, the sun and the environment, on the host.
-// Floor 2, private to renderer/gi. Pure; any thread.
+// Floor 2, for renderer/gi and renderer/reflect. Pure; any thread.
 #ifndef HG_RENDERER_GI_DIRECT_H
 #define HG_RENDERER_GI_DIRECT_H
 

@@ -1,5 +1,6 @@
 // field.h - a field of irradiance probes on the host: where probes stand, what their rays brought.
-// Floor 2, private to renderer/gi. Thread: the render thread; probes may be gathered in parallel.
+// Floor 2, for renderer/gi and renderer/reflect. Thread: the render thread; probes may be gathered
+// in parallel.
 //
 // Source: Majercik et al. 2019 and 2021 (shaders/lib/probes.glsl).
 #ifndef HG_RENDERER_GI_FIELD_H

@@ -250,6 +250,34 @@ void hg_gi_fill(
     }
 }
 
+// The finest grid of a field, that knows the coarser ones; NULL: there is none.
+static const struct hg_gi_field *finest_grid(
+    const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view)
+{
+    const struct hg_gi_field *grids[HG_PROBE_GRIDS];
+    const uint32_t count = list_grids(gi, kind, hg_gi_cameras_find(&gi->cameras, view), grids);
+    return count > 0 ? grids[count - 1] : NULL;
+}
+
+enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view,
+    struct hg_gi_world *out, struct hg_error *err)
+{
+    const bool rests = kind == HG_GI_REST || gi->on_rest;
+    const struct hg_gi_build *whole = rests ? &gi->rest : &gi->moving;
+    *out = (struct hg_gi_world){0};
+    const struct hg_gi_field *field = finest_grid(gi, kind, view);
+    if (field == NULL)
+        return HG_OK;
+    const enum hg_status status = hg_gi_waves_sync_surfaces(&gi->waves, rests, err);
+    if (status == HG_OK)
+        *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->waves.rays),
+            .surfaces = &gi->waves.surfaces,
+            .whole = &whole->field,
+            .field = field,
+            .rounds = !rests && whole->listed > 0 ? whole->updates / whole->listed : 0};
+    return status;
+}
+
 static void count_grid(const struct hg_gi_field *f, struct hg_gi_stats *out)
 {
     struct hg_gi_grid_stats *grid = &out->grids[out->grid_count++];

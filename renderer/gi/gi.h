@@ -75,6 +75,21 @@ void hg_gi_touch(struct hg_gi *gi, uint64_t view);
 void hg_gi_fill(
     const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view, struct hg_gpu_probes *out);
 
+// What rays of other passes meet, and what there is to light it with.
+struct hg_gi_surfaces;
+struct hg_gi_field;
+struct hg_gi_world {
+    struct hg_trace *trace;                // NULL: there is none
+    const struct hg_gi_surfaces *surfaces; // surfaces.h
+    const struct hg_gi_field *whole;       // field.h: the grid over the whole scene
+    const struct hg_gi_field *field;       // the finest one of the view, that knows coarser ones
+    uint64_t rounds; // updates of all probes of a moving field since the last change
+};
+// When hg_gi_rest and hg_gi_move may be called; borrowed until the geometry is synced. HG_E_LIMIT,
+// HG_E_NOMEM, device errors, and without probes: *out is zeroed.
+enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view,
+    struct hg_gi_world *out, struct hg_error *err) HG_MUST_CHECK;
+
 struct hg_gi_grid_stats {
     uint32_t probes, asleep;
     float spacing; // metres

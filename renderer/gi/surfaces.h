@@ -1,6 +1,6 @@
 // surfaces.h - what rays meet, shaded on the host from means: a diffuse albedo and emission per
 // material, never its textures texel by texel.
-// Floor 2, private to renderer/gi. Thread: the render thread; lookups from any.
+// Floor 2, for renderer/gi and renderer/reflect. Thread: the render thread; lookups from any.
 #ifndef HG_RENDERER_GI_SURFACES_H
 #define HG_RENDERER_GI_SURFACES_H
 

@@ -81,8 +81,14 @@ void hg_gi_waves_finish(struct hg_gi_waves *w)
 
 // --- what rays meet ------------------------------------------------------------------------------
 
-enum hg_status hg_gi_waves_sync(struct hg_gi_waves *w, const struct hg_gi_key *key,
-    const struct hg_lighting_sources *sources, bool exact, struct hg_error *err)
+static enum hg_status no_memory(enum hg_status status, struct hg_error *err)
+{
+    return status == HG_OK ? HG_OK
+                           : hg_error_set(err, status, "probes", NULL, "out of host memory");
+}
+
+enum hg_status hg_gi_waves_sync_surfaces(
+    struct hg_gi_waves *w, bool exact, struct hg_error *err)
 {
     struct hg_rays_key rays = hg_rays_default_key(w->params.rays, HG_TRACE_AUTO, exact);
     rays.exact = w->exact = exact;
@@ -93,10 +99,16 @@ enum hg_status hg_gi_waves_sync(struct hg_gi_waves *w, const struct hg_gi_key *k
         return status;
     status = hg_gi_surfaces_sync(
         &w->surfaces, w->params.geometry, hg_rays_geometry(w->rays), w->params.textures);
-    if (status == HG_OK)
-        status = hg_gi_environment_sync(&w->environment, sources, key->environment);
-    return status == HG_OK ? HG_OK
-                           : hg_error_set(err, status, "probes", NULL, "out of host memory");
+    return no_memory(status, err);
+}
+
+enum hg_status hg_gi_waves_sync(struct hg_gi_waves *w, const struct hg_gi_key *key,
+    const struct hg_lighting_sources *sources, bool exact, struct hg_error *err)
+{
+    const enum hg_status status = hg_gi_waves_sync_surfaces(w, exact, err);
+    if (status != HG_OK)
+        return status;
+    return no_memory(hg_gi_environment_sync(&w->environment, sources, key->environment), err);
 }
 
 // --- random numbers ------------------------------------------------------------------------------

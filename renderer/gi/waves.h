@@ -31,6 +31,9 @@ enum hg_status hg_gi_waves_init(struct hg_gi_waves *waves, const struct hg_gi_pa
 void hg_gi_waves_finish(struct hg_gi_waves *waves);
 // What rays meet is that of the scene as it is. exact: it depends on that alone. Statuses as of
 // hg_rays_sync.
+enum hg_status hg_gi_waves_sync_surfaces(
+    struct hg_gi_waves *waves, bool exact, struct hg_error *err) HG_MUST_CHECK;
+// The same, and the environment.
 enum hg_status hg_gi_waves_sync(struct hg_gi_waves *waves, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, bool exact, struct hg_error *err) HG_MUST_CHECK;
 

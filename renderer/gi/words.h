@@ -1,5 +1,5 @@
 // words.h - numbers as the words that shaders read.
-// Floor 2, private to renderer/gi. Pure; any thread.
+// Floor 2, for renderer/gi and renderer/reflect. Pure; any thread.
 #ifndef HG_RENDERER_GI_WORDS_H
 #define HG_RENDERER_GI_WORDS_H
 

@@ -339,6 +339,18 @@ enum hg_status hg_gpu_submit_and_wait(
     return status == HG_OK ? hg_gpu_wait(gpu, value, err) : status;
 }
 
+enum hg_status hg_gpu_pause(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    return hg_gpu_submit_and_wait(gpu, cmd, err);
+}
+
+enum hg_status hg_gpu_resume(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err)
+{
+    struct hg_gpu_cmd *same;
+    gpu->batches.next_slot = (uint32_t)(cmd - gpu->batches.slots);
+    return hg_gpu_begin(gpu, &same, err);
+}
+
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd)
 {
     if (gpu->batches.open != cmd || cmd == NULL)

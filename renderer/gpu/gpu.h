@@ -215,6 +215,13 @@ enum hg_status hg_gpu_submit(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, uint64_
 // Throws away what was recorded, after an error; images are as before the batch. The same happens
 // when hg_gpu_submit fails.
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd);
+// The host has a part in the middle of a batch. pause: submits what was recorded and waits for it;
+// no batch is open then. resume: recording goes on, with the same cmd; nothing is bound, and times
+// of stages are those since. An error leaves no batch open.
+enum hg_status hg_gpu_pause(
+    struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_gpu_resume(
+    struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Waits until the timeline has reached value, then frees what was retired. Times out after 120 s of
 // no progress with HG_E_DEVICE_LOST.
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err) HG_MUST_CHECK;

@@ -9,12 +9,13 @@ enum hg_status hg_pass_fullscreen(
     struct hg_gpu_pipeline_params params = {.vertex = "fullscreen.vert",
         .fragment = f->fragment,
         .spec_count = f->spec_count,
-        .colors = {f->target->format},
-        .color_count = 1,
+        .colors = {f->target->format, f->second != NULL ? f->second->format : VK_FORMAT_UNDEFINED},
+        .color_count = f->second != NULL ? 2 : 1,
         .topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
         .io = f->io};
     const struct hg_gpu_rendering rendering = {
-        .colors = {{.image = f->target, .discard = true}}, .color_count = 1};
+        .colors = {{.image = f->target, .discard = true}, {.image = f->second, .discard = true}},
+        .color_count = params.color_count};
     memcpy(params.spec, f->spec, f->spec_count * sizeof params.spec[0]);
     enum hg_status status = hg_pass_bind(pass, f->io, f->inputs, f->inputs_bytes, err);
     if (status != HG_OK)

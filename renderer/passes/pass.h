@@ -37,6 +37,7 @@ static inline enum hg_status hg_pass_bind(const struct hg_pass *pass, const stru
 struct hg_fullscreen {
     const char *fragment; // name of the shader
     struct hg_gpu_image *target;
+    struct hg_gpu_image *second; // target of output 1, as large; NULL: none
     const struct hg_gpu_io *io;
     const void *inputs; // struct of HG_GPU_IO_MEMBERs
     size_t inputs_bytes;

@@ -11,10 +11,11 @@ enum hg_status hg_probe_light_record(
     const struct probe_light_inputs inputs = {.visibility = {.image = light->visibility}};
     const struct hg_fullscreen fullscreen = {.fragment = "probe_light.frag",
         .target = light->target,
+        .second = light->surfaces,
         .io = &probe_light_io,
         .inputs = &inputs,
         .inputs_bytes = sizeof inputs,
-        .spec = {0, pass->tables, pass->features},
-        .spec_count = 3};
+        .spec = {0, pass->tables, pass->features, light->surfaces != NULL},
+        .spec_count = 4};
     return hg_pass_fullscreen(pass, &fullscreen, err);
 }

@@ -109,6 +109,7 @@ static void destroy(struct hg_frame_context *context, struct hg_scene_gpu *scene
         link = &(*link)->next;
     if (*link == scene_gpu)
         *link = scene_gpu->next;
+    hg_radiance_cache_destroy(scene_gpu->radiance);
     hg_gi_destroy(scene_gpu->gi);
     hg_rays_destroy(scene_gpu->rays);
     hg_geometry_destroy(scene_gpu->geometry);

@@ -7,6 +7,7 @@
 #include "renderer/camera/camera.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/gi/gi.h"
+#include "renderer/reflect/cache.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/scene/scene.h"
 #include "renderer/scene_gpu/debug_overrides.h"
@@ -43,6 +44,7 @@ struct hg_scene_gpu {
     struct hg_geometry *geometry;
     struct hg_rays *rays; // of its views and passes
     struct hg_gi *gi;     // made on first use; NULL: none yet
+    struct hg_radiance_cache *radiance; // the same
 };
 
 // The scene's rooms, made on first use; one reference.

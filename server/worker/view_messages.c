@@ -30,6 +30,8 @@ static enum hg_status next_params(const struct request *r, const struct view_slo
     choose_exposure(m, view, params);
     if (!view && !m->has_gi)
         params->gi = HG_GI_AUTO;
+    if (!view && !m->has_reflections)
+        params->reflections = HG_REFLECTIONS_AUTO;
     return m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
                          : HG_OK;
 }

@@ -194,7 +194,7 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
     vec3 color = vec3(0.02);
-    if (hg_view == HG_DEBUG_VIEW_MOTION)
+    if (hg_view == HG_DEBUG_VIEW_MOTION || hg_view == HG_DEBUG_VIEW_REFLECTIONS)
         color = vec3(0.2158605); // 128 of 255
     else if (hg_view == HG_DEBUG_VIEW_HISTORY)
         color = vec3(0.0);

@@ -4,6 +4,9 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
+layout(constant_id = 3) const bool hg_mirrors = false; // how surfaces mirror is wanted, too
+
+#define HG_NO_LOBES
 #define HG_PROBES_BILINEAR // few pixels are looked at, and none of them a second time
 
 #include "lib/frame.glsl"
@@ -11,12 +14,15 @@
 #include "lib/vertex.glsl"
 #include "lib/triangle_cache.glsl"
 #include "lib/probes.glsl"
+#include "lib/texture.glsl"
+#include "lib/material.glsl"
 #include "shared/pass_io.h"
 
 HG_PROBE_LIGHT_IO(HG_IO_DECLARE)
 #include "lib/probe_light_texel.glsl"
 
 layout(location = 0) out uvec4 out_light;
+layout(location = 1) out uvec2 out_mirror; // shared/reflect.h
 
 uint pack_rgb9e5(vec3 c)
 {
@@ -27,8 +33,22 @@ uint pack_rgb9e5(vec3 c)
     return m.r | m.g << 9 | m.b << 18 | uint(exponent) << 27;
 }
 
+// Textures as a texel of this picture covers them: what normal maps lose by that widens the lobe.
+uvec2 mirror_of(hg_vertex v)
+{
+    v.uv0_dx *= float(HG_PROBE_LIGHT_PX);
+    v.uv0_dy *= float(HG_PROBE_LIGHT_PX);
+    v.uv1_dx *= float(HG_PROBE_LIGHT_PX);
+    v.uv1_dy *= float(HG_PROBE_LIGHT_PX);
+    hg_surface s = hg_material_evaluate(v);
+    float f0 = mix(s.f0, max(s.base_color.r, max(s.base_color.g, s.base_color.b)), s.metallic);
+    uvec2 words = uvec2(round(clamp(vec2(s.roughness, f0), 0.0, 1.0) * 65535.0));
+    return uvec2(hg_encode_normal(s.normal), s.unlit ? 65535u : words.x | words.y << 16);
+}
+
 void main()
 {
+    out_mirror = uvec2(0u, 65535u);
     ivec2 texel = ivec2(gl_FragCoord.xy), pixel = hg_probe_light_pixel(texel, 0);
     uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
     for (int i = 1; i < HG_PROBE_LIGHT_TRIES; i++) {
@@ -46,6 +66,8 @@ void main()
     vec3 view = -hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
+    if (hg_mirrors)
+        out_mirror = mirror_of(v);
     float side = v.front ? 1.0 : -1.0;
     vec3 n = v.normal_ws * side;
     hg_probes_look(v.position_ws, v.geometric_ws * side, n, view, reflect(-view, n),

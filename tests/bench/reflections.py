@@ -1,0 +1,54 @@
+#!/usr/bin/env python3
+"""helio bench reflections on two tiny pictures of a street: its report has every way of making reflections, and counts
+that say what each does.
+
+    reflections.py --helio build/bin/helio --models build/tests/models
+"""
+import argparse
+import json
+import os
+import subprocess
+import tempfile
+
+PATH = [{"eye": [0.2, 1.7, 9], "target": [0, 2, 0]}, {"eye": [0, 1.7, 8], "target": [0, 0, 0]}]
+
+
+def bench(args, folder):
+    report = os.path.join(folder, "report.json")
+    options = {"width": 64, "height": 36, "samples": 1, "path": PATH,
+               "scene": os.path.abspath(os.path.join(args.models, "leaves_opaque.glb"))}
+    done = subprocess.run([args.helio, "bench", "reflections", "--progress", "none", "--json", report, "--cache-dir",
+                           os.path.join(folder, "cache"), "--options", json.dumps(options)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if done.returncode != 0:
+        raise SystemExit("exit code %d\n%s" % (done.returncode, done.stdout))
+    with open(report, encoding="utf-8") as file:
+        return json.load(file)
+
+
+def check(condition, *what):
+    if not condition:
+        raise SystemExit("unexpected: %s" % (what,))
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--helio", required=True)
+    parser.add_argument("--models", required=True)
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        views = bench(args, folder)["views"]
+    check(len(views) == len(PATH), views)
+    for view in views:
+        check("cpu_ms" not in view["environment"] and view["environment"]["flip"] > 0, view)
+        for way in ("full", "rays", "cache_32", "cache_256"):
+            found = view[way]
+            check(found["cpu_ms"] > 0 and 0 < found["flip"] < 1 and found["ratio"] > 0, way, view)
+            check(found["texels"] == sum(found[key] for key in ("sky", "cached", "shaded", "late")), way, view)
+        check(view["full"]["ratio"] == 1 and view["full"]["cached"] == view["rays"]["cached"] == 0, view)
+        check(view["full"]["texels"] > 2 * view["rays"]["texels"] > 0, view)
+    check(sum(view["cache_32"]["cached"] for view in views) > 0, views)
+
+
+if __name__ == "__main__":
+    main()
