@@ -69,7 +69,12 @@ struct hg_view_exposure {
     bool automatic;
     bool metered;                // metered_ev is of `key`; false: it is 0
     bool begun;                  // a picture of begun_key is being metered
-    float stated_ev, metered_ev; // stops; of an automatic one both add up
+    bool adapts; // what is shown approaches what is metered; false: takes it at once
+    bool cut;    // the camera jumped since it was metered
+    float stated_ev, metered_ev; // stops
+    float shown_ev;              // on its way to metered_ev; of an automatic one stated_ev is added
+    uint64_t adapted_ns;         // when it took its newest step
+    uint64_t glanced_ns;         // when it was metered in motion last
     struct hg_meter_key key, begun_key;
     const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
 };

@@ -10,6 +10,7 @@
 #include "renderer/gi/environment.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/occupancy.h"
+#include "renderer/gi/sights.h"
 #include "renderer/gi/surfaces.h"
 #include "renderer/math/vec.h"
 
@@ -609,6 +610,30 @@ enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
     b->keyed = b->keyed && status == HG_OK;
     gi->stats.ns += hg_clock_now_ns() - begin;
     return status;
+}
+
+// --- what others ask -----------------------------------------------------------------------------
+
+static_assert(HG_GI_MOST_SIGHTS <= WAVE_PROBES * MOST_RAYS, "buffers of waves");
+
+enum hg_status hg_gi_see(
+    struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out, struct hg_error *err)
+{
+    const bool rests = look->field == HG_GI_REST;
+    const struct hg_gi_field *field = rests ? &gi->rest.field : &gi->moving.field;
+    memset(out, 0, look->count * sizeof *out);
+    if (gi->rays == NULL || field->count == 0)
+        return HG_OK;
+    const struct hg_gi_sights sights = {.trace = hg_rays_trace(gi->rays),
+        .jobs = gi->params.jobs,
+        .surfaces = &gi->surfaces,
+        .field = field,
+        .sources = look->sources,
+        .rays = &gi->wave_rays,
+        .hits = &gi->wave_hits,
+        .shadow_rays = &gi->shadow_rays,
+        .blocked = &gi->blocked};
+    return hg_gi_sights_see(&sights, look->rays, look->count, out, err);
 }
 
 // --- what shaders and statistics get -------------------------------------------------------------

@@ -53,6 +53,24 @@ bool hg_gi_is_rest(const struct hg_gi *gi, const struct hg_gi_key *key);
 // Of NO_FIELD: zeroed.
 void hg_gi_fill(const struct hg_gi *gi, enum hg_gi_field_kind kind, struct hg_gpu_probes *out);
 
+// What rays see, from means as the rays of probes do; origins as of the geometry room.
+#define HG_GI_MOST_SIGHTS 4096
+struct hg_gi_sight {
+    bool hit;                     // a front; else all else is 0
+    float albedo[3], emission[3]; // means of the material
+    float light[3];               // irradiance over pi: direct, and by way of surfaces
+};
+struct hg_gi_look {
+    enum hg_gi_field_kind field;
+    const struct hg_lighting_sources *sources;
+    const struct hg_gpu_ray *rays; // [count]
+    uint32_t count;                // <= HG_GI_MOST_SIGHTS
+};
+// After hg_gi_rest or hg_gi_move of the picture. Nothing is seen without a field. HG_E_NOMEM,
+// device errors.
+enum hg_status hg_gi_see(struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
 struct hg_gi_stats {
     uint32_t probes, asleep;            // of the field of rest, or the moving one
     uint32_t inside, moved;             // asleep inside of something; awake off their place
