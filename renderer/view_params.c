@@ -18,6 +18,7 @@ static_assert((int)HG_GROUND_MINUS_X == HGP_COUNT_ground - 1, "");
 static_assert((int)HG_GI_PROBES == HGP_COUNT_gi - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
 static_assert((int)HG_EXPOSURE_CAMERA == HGP_COUNT_exposure_mode - 1, "");
+static_assert((int)HG_AO_NONE == HGP_COUNT_ao - 1, "");
 static_assert((int)HG_TEMPORAL_AUTO == HGP_COUNT_temporal - 1, "");
 static_assert((int)HG_DEBUG_SHADOWS == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
@@ -213,6 +214,7 @@ enum hg_status hg_view_set_params(
     if (p.debug_view == HG_DEBUG_PROBES || p.debug_view == HG_DEBUG_IRRADIANCE)
         s.gi = HG_VIEW_GI_PROBES;
     s.temporal = (uint32_t)p.temporal;
+    s.ao = (uint32_t)p.ao;
     s.samples = p.samples;
     s.seed = p.seed;
     s.debug = (uint32_t)p.debug_view;

@@ -47,6 +47,7 @@ export const enums = {
     exposure_mode: { FIXED: 0, AUTO: 1, CAMERA: 2 },
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
+    ao: { AUTO: 0, NONE: 1 },
     temporal: { NONE: 0, AUTO: 1 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
@@ -495,6 +496,7 @@ export const messages = {
             { name: "shutter_s", kind: "f32", least: 1e-06, most: 1e+06, since: 1, optional: true },
             { name: "iso", kind: "f32", least: 0.1, most: 1e+07, since: 1, optional: true },
             { name: "sensor_mm", kind: "f32", least: 0.01, most: 1e+04, since: 1, optional: true },
+            { name: "ao", kind: "enum", values: "ao", since: 1, optional: true },
         ],
     },
     // drop a view

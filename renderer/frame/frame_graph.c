@@ -163,6 +163,7 @@ static enum hg_status record_probe_light(
     struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_probe_light light = {.visibility = hg_graph_run_image(run, f->visibility),
+        .depth = hg_graph_run_image(run, f->depth),
         .target = hg_graph_run_image(run, f->probe_light)};
     return hg_probe_light_record(&f->pass, &light, err);
 }
@@ -178,11 +179,11 @@ static void declare_probe_light(struct hg_batch *f)
     f->probe_light = hg_graph_image(f->graph,
         &(struct hg_graph_image_params){
             .name = "probe light", .format = HG_PROBE_LIGHT_FORMAT, .size = HG_GRAPH_QUARTER});
-    hg_batch_add(
-        f, &(struct hg_graph_pass){.name = "probe light",
-               .record = record_probe_light,
-               .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_COLOR, 0}}});
+    hg_batch_add(f, &(struct hg_graph_pass){.name = "probe light",
+                        .record = record_probe_light,
+                        .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
+                            {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_SAMPLE, 0},
+                            {f->probe_light, HG_GRAPH_COLOR, 0}}});
 }
 
 // --- the scene behind glass ----------------------------------------------------------------------

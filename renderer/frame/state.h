@@ -30,6 +30,7 @@
 #define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
+#define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
@@ -46,6 +47,7 @@ struct hg_view_settings {
     float background_color[3];
     uint32_t ground;   // enum hg_ground of renderer.h
     uint32_t gi;       // HG_VIEW_GI_*
+    uint32_t ao;       // enum hg_view_ao
     uint32_t temporal; // enum hg_view_temporal
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1

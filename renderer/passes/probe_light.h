@@ -11,7 +11,7 @@
 #define HG_PROBE_LIGHT_FORMAT VK_FORMAT_R32G32B32A32_UINT
 
 struct hg_probe_light {
-    struct hg_gpu_image *visibility; // of the opaque scene
+    struct hg_gpu_image *visibility, *depth; // of the opaque scene
     struct hg_gpu_image *target;     // shaders/shared/gi.h, written whole
 };
 

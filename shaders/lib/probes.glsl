@@ -16,6 +16,11 @@ vec3 hg_probes_irradiance;  // on the normal that was asked for, over pi
 vec3 hg_probes_behind;      // on the opposite one, where surfaces let light through
 vec3 hg_probes_surfaces;    // about the mirror direction, of surfaces alone, over pi
 float hg_probes_sky = 1.0;  // share of the environment that is seen about it
+#ifdef HG_PROBES_BILINEAR
+vec3 hg_probes_hidden_way = vec3(0.0, 1.0, 0.0); // where something near hides what probes see
+vec3 hg_probes_hiding;      // mean radiance of surfaces about that way, which what hides has as well; where
+                            // probes see none, of those about the mirror direction
+#endif
 
 // Texel of a table with this side; xi in [0, 1) moves the point by up to half a texel.
 uint hg_probe_texel(vec3 d, int side, vec2 xi)
@@ -82,7 +87,8 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
     vec3 f = clamp(at - vec3(base), 0.0, 1.0);
     vec4 sum = vec4(0.0);
 #ifdef HG_PROBES_BILINEAR
-    vec4 reflection = vec4(0.0);
+    vec4 reflection = vec4(0.0), hiding = vec4(0.0);
+    uint hidden = hg_probe_texel(hg_probes_hidden_way, HG_PROBE_IRRADIANCE_SIDE, vec2(0.5));
     uint mirrored = hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx);
     xi.yz = vec2(0.5);
 #endif
@@ -104,6 +110,8 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         uint both = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
             2u * (k * HG_PROBE_IRRADIANCE_TEXELS + mirrored);
         reflection += w * vec4(hg_rgb9e5(p.words.v[both]), uintBitsToFloat(p.words.v[both + 1u]));
+        both += 2u * hidden - 2u * mirrored;
+        hiding += w * vec4(hg_rgb9e5(p.words.v[both]), 1.0 - uintBitsToFloat(p.words.v[both + 1u]));
 #endif
         // One of them by weight, for the reflection.
         float share = sum.w > 0.0 ? w / sum.w : 0.0;
@@ -115,6 +123,8 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
 #ifdef HG_PROBES_BILINEAR
     hg_probes_surfaces = reflection.rgb / max(sum.w, 1e-12);
     hg_probes_sky = reflection.a / max(sum.w, 1e-12);
+    hiding += 0.01 * vec4(reflection.rgb, sum.w - reflection.a);
+    hg_probes_hiding = hiding.rgb / max(hiding.a, 1e-3 * sum.w);
     return;
 #endif
     uint k = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +

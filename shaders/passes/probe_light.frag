@@ -16,6 +16,13 @@
 HG_PROBE_LIGHT_IO(HG_IO_DECLARE)
 #include "lib/probe_light_texel.glsl"
 
+float hg_gtao_depth(ivec2 pixel)
+{
+    float d = texelFetch(hg_depth, pixel, 0).r; // reversed: depth 1 at the near plane
+    return d > 0.0 ? hg_frame.camera.proj[3][2] / (d + hg_frame.camera.proj[2][2]) : 0.0;
+}
+#include "lib/gtao.glsl"
+
 layout(location = 0) out uvec4 out_light;
 
 uint pack_rgb9e5(vec3 c)
@@ -25,6 +32,15 @@ uint pack_rgb9e5(vec3 c)
     float exponent = clamp(floor(log2(max(most, 1e-20))) + 16.0, 0.0, 31.0);
     uvec3 m = uvec3(min(round(c * exp2(24.0 - exponent)), 511.0));
     return m.r | m.g << 9 | m.b << 18 | uint(exponent) << 27;
+}
+
+// Neighbours have values far apart, and so have samples. Jimenez 2014, "Next Generation Post Processing in
+// Call of Duty: Advanced Warfare" (interleaved gradient noise).
+vec2 spread(ivec2 texel)
+{
+    vec2 at = vec2(texel) + 5.588238 * float(hg_frame.sample_index & 63u);
+    float angle = fract(52.9829189 * fract(dot(at, vec2(0.06711056, 0.00583715))));
+    return vec2(angle, fract(angle * 7.0 + 0.25 * float((texel.x ^ texel.y) & 3)));
 }
 
 void main()
@@ -48,8 +64,18 @@ void main()
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
     float side = v.front ? 1.0 : -1.0;
     vec3 n = v.normal_ws * side;
-    hg_probes_look(v.position_ws, v.geometric_ws * side, n, view, reflect(-view, n),
+    vec4 open = vec4(n, 1.0);
+    if ((hg_frame.flags & HG_FRAME_OCCLUSION) != 0u && hg_frame.camera.orthographic == 0u)
+        open = hg_gtao(vec2(pixel) + 0.5, v.position_ws - hg_frame.camera.eye_ws, v.geometric_ws * side,
+            HG_GTAO_REACH * hg_frame.probes.spacing, spread(texel));
+    // Of what is hidden by what is near, probes farther away see the light beyond it.
+    vec3 bent = normalize(mix(open.xyz, n, open.w));
+    hg_probes_hidden_way = n - open.w * open.xyz + 1e-3 * n;
+    hg_probes_look(v.position_ws, v.geometric_ws * side, bent, view, reflect(-view, n),
         hg_random3(uvec2(pixel), 15u));
-    out_light = uvec4(pack_rgb9e5(hg_probes_irradiance), pack_rgb9e5(hg_probes_surfaces),
-        hg_probe_light_pack(n, hg_probes_sky), floatBitsToUint(v.depth));
+    uint share = uint(round(open.w * float(HG_PROBE_LIGHT_OPEN_MASK)));
+    vec3 light = mix(hg_probes_hiding, hg_probes_irradiance, open.w);
+    out_light = uvec4(pack_rgb9e5(light), pack_rgb9e5(hg_probes_surfaces),
+        hg_probe_light_pack(n, hg_probes_sky),
+        (floatBitsToUint(v.depth) & ~HG_PROBE_LIGHT_OPEN_MASK) | share);
 }
