@@ -87,6 +87,10 @@ enum hg_view_reflections {      // of pictures in motion that have light by way 
     HG_REFLECTIONS_RAYS,        // what rays meet, shaded
     HG_REFLECTIONS_CACHE,       // with radiance that is kept
 };
+enum hg_view_ao { // of pictures in motion that have light from probes
+    HG_AO_AUTO,   // by their depth
+    HG_AO_NONE,
+};
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
     HG_TEMPORAL_NONE,   // one sample per pixel
     HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
@@ -94,6 +98,7 @@ enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
 enum hg_exposure_mode {
     HG_EXPOSURE_FIXED, // exposure_ev
     HG_EXPOSURE_AUTO,  // metered for the scene and the camera, plus exposure_ev
+    HG_EXPOSURE_CAMERA // of f_number, shutter_s and iso, plus exposure_ev
 };
 enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_OFF,
@@ -181,10 +186,9 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 
 // Parameters of a view; the table protocol/view_params.def has ranges, units and defaults. Zero
 // of each member = its default. Notes beyond the table:
-//   exposure_mode  AUTO: pictures in motion have the exposure that was metered last, at first 0;
-//   the
-//                  view is not settled before what it shows is metered. Same in every mode, size
-//                  and seed
+//   exposure_mode  AUTO: pictures in motion approach the exposure that is metered for them, at
+//                  first 0; the view is not settled before it has that of what it shows. Same in
+//                  every mode, size and seed
 //   debug_view     other than OFF: one sample per pixel, no tone curve
 //   time_limit_s   of path-traced views: hg_frame_info.spent_ns
 //   planes         1 << HG_PLANE_*: kept for hg_view_read_plane, besides COLOR. HG_E_UNSUPPORTED
@@ -204,6 +208,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_ground         enum hg_ground
 #define HG_VIEW_ENUM_gi             enum hg_view_gi
 #define HG_VIEW_ENUM_reflections    enum hg_view_reflections
+#define HG_VIEW_ENUM_ao             enum hg_view_ao
 #define HG_VIEW_ENUM_temporal       enum hg_view_temporal
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
@@ -221,6 +226,8 @@ enum hg_status hg_view_params_check(
     const struct hg_view_params *params, struct hg_error *err) HG_MUST_CHECK;
 // The same parameters with defaults in place of zeros, so that what is left says what counts.
 struct hg_view_params hg_view_params_filled(const struct hg_view_params *params);
+// Stops that the parameters state: exposure_ev, with mode CAMERA that of the camera as well.
+float hg_view_params_ev(const struct hg_view_params *params);
 
 struct hg_view_camera {             // world space, metres
     float eye[3], target[3], up[3]; // up is made orthogonal; 0 = +Y
@@ -276,6 +283,7 @@ struct hg_frame_info {
     float mip_bias;    // mips left out everywhere because the texture budget is too small; 0 = none
     float exposure_ev; // that pixels are shown with; of AUTO the metered one and compensation
     bool metered;      // AUTO: that is the exposure of what is shown now
+    bool adapts;       // it is on its way to that, which is all that is left to do
     float error_px;    // projected error of geometry in this picture, >= that of the parameters
     bool settled;
     enum hg_view_phase phase; // of a real-time picture

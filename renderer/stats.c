@@ -116,7 +116,7 @@ static void put_exposure(struct hg_writer *w, const struct hg_view_state *s)
     const bool automatic = s->exposure.automatic;
     hg_json_put(w, ",\"exposure\":{\"ev\":%.9g,\"mode\":\"%s\",\"metered\":%s}",
         (double)hg_meter_ev(s), automatic ? "auto" : "fixed",
-        automatic && !hg_meter_is_due(s) ? "true" : "false");
+        automatic && !hg_meter_is_due(s) && !hg_meter_is_adapting(s) ? "true" : "false");
 }
 
 static void put_environment(struct hg_writer *w, const struct hg_view_state *s)

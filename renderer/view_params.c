@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "protocol/view_params.h"
+#include "renderer/camera/exposure.h"
 #include "renderer/frame/meter.h"
 #include "renderer/internal.h"
 
@@ -17,7 +18,8 @@ static_assert((int)HG_GROUND_MINUS_X == HGP_COUNT_ground - 1, "");
 static_assert((int)HG_GI_PROBES == HGP_COUNT_gi - 1, "");
 static_assert((int)HG_REFLECTIONS_CACHE == HGP_COUNT_reflections - 1, "");
 static_assert((int)HG_BACKGROUND_DISPLAY == HGP_COUNT_background - 1, "");
-static_assert((int)HG_EXPOSURE_AUTO == HGP_COUNT_exposure_mode - 1, "");
+static_assert((int)HG_EXPOSURE_CAMERA == HGP_COUNT_exposure_mode - 1, "");
+static_assert((int)HG_AO_NONE == HGP_COUNT_ao - 1, "");
 static_assert((int)HG_TEMPORAL_AUTO == HGP_COUNT_temporal - 1, "");
 static_assert((int)HG_DEBUG_REFLECTIONS == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
@@ -139,7 +141,8 @@ struct hg_view_params hg_view_params_filled(const struct hg_view_params *params)
 static void fill_path(const struct hg_view_params *params, struct hg_path_settings *s)
 {
     const struct hg_view_params p = hg_view_params_filled(params);
-    const bool blurs = p.shutter_close > p.shutter_open;
+    const bool blurs = p.shutter_close > p.shutter_open, timed = !blurs && params->shutter_s > 0.0f;
+    const float half = fminf(0.5f * params->shutter_s / p.frame_s, 1.0f); // of the time, frames
     s->trace = (uint32_t)p.trace; // same values as enum hg_trace_backend
     s->filter = (uint32_t)p.filter;
     s->filter_radius_px = p.filter_radius_px;
@@ -150,8 +153,10 @@ static void fill_path(const struct hg_view_params *params, struct hg_path_settin
     s->time_s = p.time_limit_s;
     s->clamp_indirect = p.clamp_indirect;
     s->frame_s = p.frame_s;
-    s->shutter_open = blurs ? p.shutter_open : 0.0f;
-    s->shutter_close = blurs ? p.shutter_close : 0.0f;
+    s->shutter_open = blurs ? p.shutter_open : timed ? -half : 0.0f;
+    s->shutter_close = blurs ? p.shutter_close : timed ? half : 0.0f;
+    if (params->f_number > 0.0f && params->sensor_mm > 0.0f)
+        s->sensor_share_m = 0.25e-3f * params->sensor_mm / params->f_number;
     s->denoise = (uint32_t)p.denoise;
     s->series_s = p.denoise == HG_DENOISE_ANIMATION ? p.series_s : 0.0f;
 }
@@ -164,17 +169,28 @@ static void fill_planes(const struct hg_view_params *p, struct hg_path_settings 
     fill_path(&seen, s);
 }
 
-// The exposure of an automatic one is that which was metered last.
+float hg_view_params_ev(const struct hg_view_params *params)
+{
+    const struct hg_view_params p = hg_view_params_filled(params);
+    const double of_camera =
+        p.exposure_mode == HG_EXPOSURE_CAMERA
+            ? (double)hg_exposure_of_camera((double)p.f_number, (double)p.shutter_s, (double)p.iso)
+            : 0.0;
+    return (float)(of_camera + (double)p.exposure_ev);
+}
+
+// The exposure of an automatic one is the metered one, or on its way to it.
 static enum hg_status set_state(struct hg_view *view, const struct hg_view_params *p,
     struct hg_view_settings *s, struct hg_error *err)
 {
     const bool legend = p->debug_view != HG_DEBUG_OFF;
     const bool automatic = p->exposure_mode == HG_EXPOSURE_AUTO && !legend;
-    if (automatic)
-        s->exposure = exp2f(view->state.exposure.metered_ev + p->exposure_ev);
+    const float stated = hg_view_params_ev(p);
+    if (!legend)
+        s->exposure = exp2f(stated + (automatic ? view->state.exposure.shown_ev : 0.0f));
     const enum hg_status status = hg_view_state_set(&view->state, s, err);
     if (status == HG_OK)
-        hg_meter_set(&view->state, automatic, legend ? 0.0f : p->exposure_ev);
+        hg_meter_set(&view->state, automatic, legend ? 0.0f : stated);
     return status;
 }
 
@@ -204,7 +220,7 @@ enum hg_status hg_view_set_params(
         s.reflections = p.reflections == HG_REFLECTIONS_RAYS ? HG_VIEW_REFLECTIONS_RAYS
                                                              : HG_VIEW_REFLECTIONS_CACHE;
     s.temporal = (uint32_t)p.temporal;
-    s.exposure = exp2f(p.exposure_ev);
+    s.ao = (uint32_t)p.ao;
     s.samples = p.samples;
     s.seed = p.seed;
     s.debug = (uint32_t)p.debug_view;

@@ -291,8 +291,8 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
     const struct hg_cli_options *o = r->o;
     if (r->list.count == 0) {
         hg_cli_progress_frames(&r->cli.progress, 1);
-        bool moves =
-            (o->has_shutter || (r->planes >> HGP_plane_MOTION & 1)) && r->loaded.animations > 0;
+        bool moves = (o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1)) &&
+                     r->loaded.animations > 0;
         enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, r->output, err);
     }

@@ -248,21 +248,23 @@ enum hg_status hg_cli_parse_exposure(
 {
     const double least = hgp_view_params[HGP_VIEW_exposure_ev].least;
     const double most = hgp_view_params[HGP_VIEW_exposure_ev].most;
-    const bool automatic = strncmp(text, "auto", 4) == 0;
-    const char *number = automatic ? text + 4 : text;
+    const bool automatic = strncmp(text, "auto", 4) == 0, camera = strncmp(text, "camera", 6) == 0;
+    const char *number = text + (automatic ? 4 : camera ? 6 : 0);
     struct hg_error inner = {0};
     double ev = 0;
-    *out = (struct hg_cli_exposure){.automatic = automatic};
-    if (automatic && !*number)
+    *out = (struct hg_cli_exposure){.automatic = automatic, .camera = camera};
+    if (number > text && !*number)
         return HG_OK;
-    enum hg_status status = automatic && !strchr("+-", *number) ? HG_E_INVAL : HG_OK;
+    enum hg_status status = number > text && !strchr("+-", *number) ? HG_E_INVAL : HG_OK;
     if (!status)
         status = hg_cli_parse_number(what, number, least, most, &ev, &inner);
     out->ev = status ? 0 : ev;
     if (!status)
         return HG_OK;
     return hg_error_set(err, HG_E_INVAL, what, NULL,
-        "'%s' is not a number of stops from %g to %g, auto, or auto and such a number as in auto+1",
+        "'%s' is not a number of stops from %g to %g, auto, camera, or one of these and such a "
+        "number "
+        "as in auto+1",
         text, least, most);
 }
 

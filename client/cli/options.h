@@ -79,8 +79,8 @@ struct hg_cli_sun {
 };
 
 struct hg_cli_exposure {
-    bool automatic;
-    double ev; // stops; of an automatic one what is added to the metered one
+    bool automatic, camera;
+    double ev; // stops; of the others what is added to the metered one, or the camera's
 };
 
 struct hg_cli_region {

@@ -41,8 +41,8 @@ static enum hg_status check_camera(const struct hg_cli_options *o, struct hg_err
         return usage(err, "--eye", "and --target are the same point");
     if ((o->has_next_eye || o->has_next_target) && !o->has_eye)
         return usage(err, o->has_next_eye ? "--next-eye" : "--next-target", "needs --eye");
-    if (o->has_focus && !o->has_lens_radius)
-        return usage(err, "--focus", "needs --lens-radius");
+    if (o->has_focus && !o->has_lens_radius && !o->has_sensor_mm)
+        return usage(err, "--focus", "needs --lens-radius, or --f-number and --sensor-height");
     if (o->has_orbit && o->orbit.v[2] < 0)
         return usage(err, "--orbit", "the radius is negative");
     return HG_OK;
@@ -67,8 +67,10 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         return usage(err, "--spp", "and --samples differ");
     if (o->has_at && o->has_frames && !o->has_turntable)
         return usage(err, "--at", "cannot be combined with --frames");
-    if (o->has_fps && !o->has_frames && !o->has_turntable && !o->has_shutter && !o->has_aov)
-        return usage(err, "--fps", "needs --frames, --turntable, --shutter or --aov");
+    if (o->has_fps && !o->has_frames && !o->has_turntable && !o->has_shutter && !o->has_shutter_s &&
+        !o->has_aov)
+        return usage(
+            err, "--fps", "needs --frames, --turntable, --shutter, --shutter-time or --aov");
     if (o->has_turntable && o->has_camera && !is_fit(o))
         return usage(err, "--turntable",
             "needs a view with a target: --orbit or --eye with --target, or no --camera");
@@ -464,7 +466,7 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
     const bool fitted = !o->has_orbit && !o->has_eye && !camera.has_camera;
     r->turntable = (struct hg_cli_turntable){.fitted = fitted,
         .frames = o->turntable,
-        .moves = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1),
+        .moves = o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1),
         .start = camera};
     return hg_cli_send_camera(&r->cli, &camera, err);
 }

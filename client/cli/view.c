@@ -77,7 +77,9 @@ void hg_cli_set_background(const struct hg_cli_background *background, struct hg
 void hg_cli_set_exposure(const struct hg_cli_exposure *exposure, struct hgp_view_set *view)
 {
     view->has_exposure_mode = view->has_exposure_ev = true;
-    view->exposure_mode = exposure->automatic ? HGP_exposure_mode_AUTO : HGP_exposure_mode_FIXED;
+    view->exposure_mode = exposure->automatic ? HGP_exposure_mode_AUTO
+                          : exposure->camera  ? HGP_exposure_mode_CAMERA
+                                              : HGP_exposure_mode_FIXED;
     view->exposure_ev = (float)exposure->ev;
 }
 
@@ -89,7 +91,10 @@ bool hg_cli_is_linear(enum hgp_encoding encoding)
 static struct hg_cli_exposure exposure_of(const struct hg_cli_render *r)
 {
     const bool linear = hg_cli_is_linear(r->format.encoding);
-    return r->o->has_exposure ? r->o->exposure : (struct hg_cli_exposure){.automatic = !linear};
+    const bool camera = r->o->has_f_number || r->o->has_shutter_s || r->o->has_iso;
+    return r->o->has_exposure
+               ? r->o->exposure
+               : (struct hg_cli_exposure){.automatic = !linear && !camera, .camera = camera};
 }
 
 bool hg_cli_meters_exposure(const struct hg_cli_render *r)
@@ -140,7 +145,7 @@ static void set_times(const struct hg_cli_render *r, struct hgp_view_set *view)
 {
     const struct hg_cli_options *o = r->o;
     const double fps = hg_cli_fps(o);
-    view->has_frame_s = o->has_shutter || (r->planes >> HGP_plane_MOTION & 1);
+    view->has_frame_s = o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1);
     view->frame_s = (float)(1 / fps);
     view->has_shutter_open = view->has_shutter_close = o->has_shutter;
     view->shutter_open = r->shutter[0];

@@ -17,6 +17,7 @@
 #define NOMINAL_STOPS    1.0  // see hg_exposure_of_light
 #define FULL_STOPS       2.0
 #define STEPS_PER_STOP   32.0
+#define SATURATION       1.2 // 78 / (100 * 0.65), cd/m^2 at EV100 0
 // Below the light of the sun: open shade has about 2.2 stops less than what the sun lights, rooms
 // more.
 #define SHADE_STOPS  3.0
@@ -68,6 +69,23 @@ float hg_exposure_of_light(double stops)
     const double share = fmin(fmax((off - NOMINAL_STOPS) / span, 0.0), 1.0);
     const double ev = fmin(fmax(-stops * share, HG_EXPOSURE_LEAST_EV), HG_EXPOSURE_MOST_EV);
     return (float)(round(ev * STEPS_PER_STOP) / STEPS_PER_STOP + 0.0); // no negative zero
+}
+
+double hg_exposure_ev100(double f_number, double shutter_s, double iso)
+{
+    return log2(f_number * f_number / shutter_s * 100.0 / iso);
+}
+
+float hg_exposure_of_camera(double f_number, double shutter_s, double iso)
+{
+    return (float)-(hg_exposure_ev100(f_number, shutter_s, iso) + log2(SATURATION));
+}
+
+float hg_exposure_adapt(float from, float to, double seconds)
+{
+    const double constant = to < from ? HG_EXPOSURE_TO_BRIGHT_S : HG_EXPOSURE_TO_DARK_S;
+    const double rest = ((double)from - (double)to) * exp(-fmax(seconds, 0.0) / constant);
+    return fabs(rest) < 1.0 / STEPS_PER_STOP ? to : (float)((double)to + rest);
 }
 
 static double luminance(const float *c)

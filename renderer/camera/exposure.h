@@ -47,6 +47,21 @@ bool hg_exposure_histogram_mean(const struct hg_exposure_histogram *histogram, d
 #define HG_EXPOSURE_MOST_EV  12.0
 float hg_exposure_of_light(double stops);
 
+// EV100 of a camera's settings, log2(N^2 / t * 100 / S), and its exposure in stops: radiance in
+// cd/m^2 that saturates the sensor by ISO 12232 (saturation-based speed, 78 / H, with 0.65 of the
+// light that reaches it), 1.2 * 2^EV100, is 1. Lagarde and de Rousiers 2014, section 5.1.1.
+double hg_exposure_ev100(double f_number, double shutter_s, double iso);
+float hg_exposure_of_camera(double f_number, double shutter_s, double iso);
+
+// An exposure so many seconds later on its way from one to another, in stops. Both are logarithms,
+// which approach exponentially, as in Lagarde and de Rousiers 2014, section 5.1.2, and with two
+// rates as eyes have them (Pattanaik et al. 2000, "Time-Dependent Visual Adaptation for Fast
+// Realistic Image Display"): to bright light, which is a lower exposure, they adapt sooner than to
+// the dark. It arrives once the rest is less than a step of hg_exposure_of_light.
+#define HG_EXPOSURE_TO_BRIGHT_S 0.3 // time constants
+#define HG_EXPOSURE_TO_DARK_S   0.6
+float hg_exposure_adapt(float from, float to, double seconds);
+
 // Means over the samples of each pixel.
 struct hg_exposure_picture {
     uint32_t pixels;

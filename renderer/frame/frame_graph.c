@@ -163,6 +163,7 @@ static enum hg_status record_probe_light(
     struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_probe_light light = {.visibility = hg_graph_run_image(run, f->visibility),
+        .depth = hg_graph_run_image(run, f->depth),
         .target = hg_graph_run_image(
             run, f->mirrors.surfaces > 0 ? f->mirrors.looked_up : f->probe_light),
         .surfaces = f->mirrors.surfaces > 0 ? hg_graph_run_image(run, f->mirrors.surfaces) : NULL};
@@ -189,7 +190,8 @@ static void declare_probe_light(struct hg_batch *f)
         f, &(struct hg_graph_pass){.name = "probe light",
                .record = record_probe_light,
                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
-                   {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_COLOR, 0},
+                   {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_SAMPLE, 0},
+                   {f->probe_light, HG_GRAPH_COLOR, 0},
                    {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
     if (reflects)
         hg_batch_declare_reflections(f);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "renderer/camera/exposure.h"
 #include "renderer/frame/path_view.h"
@@ -14,12 +15,15 @@
 #define PLANE_ALBEDO   1u
 #define PLANE_EMISSION 6u
 #define FILTER_BOX     1u // enum hg_filter of renderer.h
+#define LEAST_S        (1.0 / 60.0) // of a step of a view that rests
+#define MOST_S         0.25         // so that a slow frame does not jump
+#define CUT_COS        0.5 // of the angle that a camera turned by from one picture to the next
 
 // --- value ---------------------------------------------------------------------------------------
 
 static float factor_of(const struct hg_view_exposure *e)
 {
-    return exp2f(e->metered_ev + e->stated_ev); // as of a stated exposure
+    return exp2f(e->shown_ev + e->stated_ev); // as of a stated exposure
 }
 
 void hg_meter_set(struct hg_view_state *view, bool automatic, float ev)
@@ -32,14 +36,15 @@ void hg_meter_set(struct hg_view_state *view, bool automatic, float ev)
 float hg_meter_ev(const struct hg_view_state *view)
 {
     const struct hg_view_exposure *e = &view->exposure;
-    return e->automatic ? e->metered_ev + e->stated_ev : e->stated_ev;
+    return e->automatic ? e->shown_ev + e->stated_ev : e->stated_ev;
 }
 
 // A picture of the view's shape. Sizes of the same shape have the same one, but for rounding.
-static void choose_size(const struct hg_view_settings *s, uint32_t *width, uint32_t *height)
+void hg_meter_size(
+    const struct hg_view_settings *s, double side_px, uint32_t *width, uint32_t *height)
 {
     const uint32_t longer = s->width > s->height ? s->width : s->height;
-    const double scale = (double)HG_METER_SIDE_PX / (double)longer;
+    const double scale = side_px / (double)longer;
     *width = (uint32_t)fmax(round((double)s->width * scale), 1.0);
     *height = (uint32_t)fmax(round((double)s->height * scale), 1.0);
 }
@@ -50,7 +55,7 @@ static struct hg_meter_key present_key(const struct hg_view_state *view)
         .environment = view->scene_gpu->scene->environment.revision,
         .geometry = view->scene_gpu->geometry_revision,
         .camera = view->camera_revision};
-    choose_size(&view->settings, &key.width, &key.height);
+    hg_meter_size(&view->settings, HG_METER_SIDE_PX, &key.width, &key.height);
     return key;
 }
 
@@ -62,14 +67,71 @@ bool hg_meter_is_due(const struct hg_view_state *view)
            !(e->metered && memcmp(&key, &e->key, sizeof key) == 0);
 }
 
-// The picture itself stays, it is linear until it is read, but is settled now.
+// --- adaptation ----------------------------------------------------------------------------------
+
+bool hg_meter_is_adapting(const struct hg_view_state *view)
+{
+    const struct hg_view_exposure *e = &view->exposure;
+    return e->automatic && e->shown_ev != e->metered_ev;
+}
+
+static void show(struct hg_view_state *view, float ev)
+{
+    view->exposure.shown_ev = ev;
+    view->settings.exposure = factor_of(&view->exposure);
+    view->stats.number += view->stats.number > 0 ? 1 : 0;
+}
+
+void hg_meter_adapt(struct hg_view_state *view, bool rests)
+{
+    struct hg_view_exposure *e = &view->exposure;
+    const uint64_t now = hg_clock_now_ns();
+    const double since = (double)(now - e->adapted_ns) * 1e-9;
+    const double seconds = fmin(fmax(since, rests ? LEAST_S : 0.0), MOST_S);
+    e->adapted_ns = now;
+    if (hg_meter_is_adapting(view))
+        show(view,
+            view->final ? e->metered_ev : hg_exposure_adapt(e->shown_ev, e->metered_ev, seconds));
+}
+
+void hg_meter_note_camera(struct hg_view_state *view, const struct hg_view_camera_state *next)
+{
+    const struct hg_view_camera_state *now = &view->camera;
+    double dot = 0, lengths[2] = {0};
+    for (int i = 0; i < 3; i++) {
+        const double a = now->target[i] - now->eye[i], b = next->target[i] - next->eye[i];
+        dot += a * b;
+        lengths[0] += a * a;
+        lengths[1] += b * b;
+    }
+    view->exposure.cut |= !(dot > CUT_COS * sqrt(lengths[0] * lengths[1]));
+}
+
+// What is metered of nothing is no picture that another one could be adapted from.
+static bool has_shapes(const struct hg_view_state *view)
+{
+    float min[3], max[3];
+    return hg_scene_bounds(view->scene_gpu->scene, NULL, min, max);
+}
+
+void hg_meter_take(struct hg_view_state *view, float ev)
+{
+    struct hg_view_exposure *e = &view->exposure;
+    e->metered_ev = ev;
+    e->metered = false; // for `key`, unless the caller knows better
+    if (!e->adapts || e->cut || view->final)
+        show(view, ev);
+    e->cut = false;
+    e->adapts = has_shapes(view);
+}
+
+// The picture itself stays, it is linear until it is read, but is settled once it has that value.
 static void note(struct hg_view_state *view, const struct hg_meter_key *key, float ev)
 {
     struct hg_view_exposure *e = &view->exposure;
+    hg_meter_take(view, ev);
     e->key = *key;
     e->metered = true;
-    e->metered_ev = ev;
-    view->settings.exposure = factor_of(e);
     view->stats.number += view->stats.number > 0 ? 1 : 0;
 }
 
@@ -112,8 +174,7 @@ static void take_means(float *pixels, const struct hg_view_settings *s, uint32_t
     }
 }
 
-// Light of the sky's sun, stops; the path tracer has the scene updated.
-static double sun_stops(const struct hg_scene *scene)
+double hg_meter_sun_stops(const struct hg_scene *scene)
 {
     return log2(
         (double)hg_sky_sun_luminance(&scene->environment, hg_scene_has_directional_light(scene)));
@@ -137,7 +198,7 @@ static enum hg_status read_value(struct hg_view_state *view, float *ev, struct h
             .color = (const float *)(const void *)read[0]->data,
             .albedo = (const float *)(const void *)read[1]->data,
             .emission = (const float *)(const void *)read[2]->data,
-            .sun_stops = sun_stops(view->scene_gpu->scene)};
+            .sun_stops = hg_meter_sun_stops(view->scene_gpu->scene)};
         *ev = hg_exposure_of_picture(&picture);
     }
     for (int i = 0; i < 3; i++)

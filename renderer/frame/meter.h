@@ -18,6 +18,14 @@
 void hg_meter_set(struct hg_view_state *view, bool automatic, float ev);
 // Stops of the picture that is shown.
 float hg_meter_ev(const struct hg_view_state *view);
+// The next step on the way of what is shown to what was metered: by the time since the last one.
+// rests: nothing else is left to do, so that steps may follow each other in no time; each then
+// counts as one frame. The picture itself stays, it is linear until it is read.
+void hg_meter_adapt(struct hg_view_state *view, bool rests);
+// It is on its way.
+bool hg_meter_is_adapting(const struct hg_view_state *view);
+// The camera is another one: a cut takes what is metered next at once.
+void hg_meter_note_camera(struct hg_view_state *view, const struct hg_view_camera_state *next);
 // Whether the view waits for a value of what it shows now. False: its exposure is stated, or
 // metered.
 bool hg_meter_is_due(const struct hg_view_state *view);
@@ -26,5 +34,12 @@ bool hg_meter_is_due(const struct hg_view_state *view);
 // says so.
 enum hg_status hg_meter_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     struct hg_error *err) HG_MUST_CHECK;
+// What glances (glance.h) share with it: a size of the view's shape with that longer side, the
+// light of an updated sky's sun in stops, and a metered value, which the view then adapts to or
+// takes.
+void hg_meter_size(
+    const struct hg_view_settings *settings, double side_px, uint32_t *width, uint32_t *height);
+double hg_meter_sun_stops(const struct hg_scene *scene);
+void hg_meter_take(struct hg_view_state *view, float ev);
 
 #endif

@@ -1,6 +1,7 @@
 // path_view.c - see path_view.h.
 #include "renderer/frame/path_view.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "renderer/frame/frame.h"
@@ -40,12 +41,24 @@ enum hg_status hg_path_view_create(
 
 // --- what it asks of it --------------------------------------------------------------------------
 
+// The lens of a sensor and an f-number: f / (2 N), of a focal length f = sensor / (2 tan(fov / 2)).
+// A camera of the scene that looks at no point is not focused.
+static struct hg_view_camera_state camera_of(
+    const struct hg_view_state *view, const struct hg_path_settings *s)
+{
+    struct hg_view_camera_state camera = view->camera;
+    const bool focuses = camera.node == 0 || camera.focus_distance > 0.0f;
+    if (s->sensor_share_m > 0.0f && !camera.orthographic && !(camera.lens_radius > 0.0f) && focuses)
+        camera.lens_radius = s->sensor_share_m / tanf(0.5f * camera.vfov_rad);
+    return camera;
+}
+
 static struct hg_path_request request_of(const struct hg_view_state *view, uint32_t flags)
 {
     const struct hg_view_settings *metering = view->exposure.metering;
     const struct hg_view_settings *s = metering != NULL ? metering : &view->settings;
     return (struct hg_path_request){.settings = s->path,
-        .camera = view->camera,
+        .camera = camera_of(view, &s->path),
         .width = s->width,
         .height = s->height,
         .region = hg_view_region(s),

@@ -31,6 +31,7 @@
 #define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
+#define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
@@ -52,6 +53,7 @@ struct hg_view_settings {
     uint32_t ground;   // enum hg_ground of renderer.h
     uint32_t gi;       // HG_VIEW_GI_*
     uint32_t reflections; // HG_VIEW_REFLECTIONS_*
+    uint32_t ao;       // enum hg_view_ao
     uint32_t temporal; // enum hg_view_temporal
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1
@@ -75,7 +77,12 @@ struct hg_view_exposure {
     bool automatic;
     bool metered;                // metered_ev is of `key`; false: it is 0
     bool begun;                  // a picture of begun_key is being metered
-    float stated_ev, metered_ev; // stops; of an automatic one both add up
+    bool adapts; // what is shown approaches what is metered; false: takes it at once
+    bool cut;    // the camera jumped since it was metered
+    float stated_ev, metered_ev; // stops
+    float shown_ev;              // on its way to metered_ev; of an automatic one stated_ev is added
+    uint64_t adapted_ns;         // when it took its newest step
+    uint64_t glanced_ns;         // when it was metered in motion last
     struct hg_meter_key key, begun_key;
     const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
 };

@@ -9,6 +9,7 @@
 #include "renderer/frame/frame.h"
 #include "renderer/frame/gather_view.h"
 #include "renderer/frame/gi_view.h"
+#include "renderer/frame/glance.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/frame/view_pixels.h"
@@ -164,8 +165,10 @@ void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_
 {
     struct hg_view_camera_state old = view->camera;
     old.input_seq = camera->input_seq;
-    if (memcmp(&old, camera, sizeof old) != 0)
+    if (memcmp(&old, camera, sizeof old) != 0) {
+        hg_meter_note_camera(view, camera);
         view->camera_revision++;
+    }
     view->camera = *camera;
 }
 
@@ -220,9 +223,16 @@ bool hg_view_state_has_planes(const struct hg_view_state *view)
     return keeps_planes(view) && !view->path_begins && hg_path_done(view->path);
 }
 
+bool hg_view_state_only_adapts(const struct hg_view_state *view)
+{
+    return is_complete(view) && !bakes(view) && !hg_meter_is_due(view) &&
+           hg_meter_is_adapting(view);
+}
+
 bool hg_view_state_settled(const struct hg_view_state *view)
 {
-    return is_complete(view) && !bakes(view) && !hg_meter_is_due(view);
+    return is_complete(view) && !bakes(view) && !hg_meter_is_due(view) &&
+           !hg_meter_is_adapting(view);
 }
 
 // Where something moved a small part of a cascade is drawn again, which takes little.
@@ -476,7 +486,10 @@ static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, str
     const bool changed = (view->stats.number == 0 && a->phase != HG_VIEW_EXACT) ||
                          memcmp(&key, &a->key, sizeof key) != 0 || blank;
     view->path_begins |= changed;
-    status = draw_batch(view, &request, changed, err);
+    if (changed && max_samples == 1 && !view->final)
+        status = hg_glance_step(view, err);
+    if (status == HG_OK)
+        status = draw_batch(view, &request, changed, err);
     if (status == HG_OK)
         a->key = key;
     return status;
@@ -609,9 +622,12 @@ enum hg_status hg_view_state_step(
     const struct hg_view_key key = present_key(view);
     const bool moves =
         max_samples <= 1 && !view->final && memcmp(&key, &view->accumulation.key, sizeof key) != 0;
+    const bool adapts = hg_view_state_only_adapts(view);
     view->stats.stage_count = 0;
     const uint32_t most = max_samples > 0 ? max_samples : 1;
-    enum hg_status status = draw_mode(view, most, err);
+    if (moves || view->accumulation.phase != HG_VIEW_DIRECT) // whose pixels are as they were drawn
+        hg_meter_adapt(view, adapts);
+    enum hg_status status = adapts ? HG_OK : draw_mode(view, most, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK)
         hg_view_stats_add_device(&view->stats, view->context->gpu);

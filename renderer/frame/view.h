@@ -21,6 +21,8 @@ void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_
 // not be the last one becomes RGBA8 pixels at once, where no other pixels are read.
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err) HG_MUST_CHECK;
+// Nothing is left to do but to adapt the exposure.
+bool hg_view_state_only_adapts(const struct hg_view_state *view);
 bool hg_view_state_settled(const struct hg_view_state *view);
 // Of the real-time picture that was drawn last.
 bool hg_view_state_has_planes(const struct hg_view_state *view);

@@ -1,10 +1,13 @@
 // gi.c - the fields of a scene: that of rest, and the moving one. See gi.h.
 #include "renderer/gi/gi.h"
 
+#include <string.h>
+
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/gi/build.h"
 #include "renderer/gi/cameras.h"
+#include "renderer/gi/sights.h"
 #include "renderer/math/vec.h"
 
 struct hg_gi {
@@ -276,6 +279,28 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
             .field = field,
             .rounds = !rests && whole->listed > 0 ? whole->updates / whole->listed : 0};
     return status;
+}
+
+static_assert(HG_GI_MOST_SIGHTS <= HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS, "buffers of waves");
+
+enum hg_status hg_gi_see(
+    struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out, struct hg_error *err)
+{
+    const struct hg_gi_field *field = finest_grid(gi, look->field, look->view);
+    struct hg_gi_waves *w = &gi->waves;
+    memset(out, 0, look->count * sizeof *out);
+    if (w->rays == NULL || field == NULL)
+        return HG_OK;
+    const struct hg_gi_sights sights = {.trace = hg_rays_trace(w->rays),
+        .jobs = w->params.jobs,
+        .surfaces = &w->surfaces,
+        .field = field,
+        .sources = look->sources,
+        .rays = &w->probe_rays,
+        .hits = &w->probe_hits,
+        .shadow_rays = &w->shadow_rays,
+        .blocked = &w->blocked};
+    return hg_gi_sights_see(&sights, look->rays, look->count, out, err);
 }
 
 static void count_grid(const struct hg_gi_field *f, struct hg_gi_stats *out)

@@ -75,6 +75,25 @@ void hg_gi_touch(struct hg_gi *gi, uint64_t view);
 void hg_gi_fill(
     const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view, struct hg_gpu_probes *out);
 
+// What rays see, from means as the rays of probes do; origins as of the geometry room.
+#define HG_GI_MOST_SIGHTS 4096
+struct hg_gi_sight {
+    bool hit;                     // a front; else all else is 0
+    float albedo[3], emission[3]; // means of the material
+    float light[3];               // irradiance over pi: direct, and by way of surfaces
+};
+struct hg_gi_look {
+    enum hg_gi_field_kind field;
+    uint64_t view; // whose camera it is
+    const struct hg_lighting_sources *sources;
+    const struct hg_gpu_ray *rays; // [count]
+    uint32_t count;                // <= HG_GI_MOST_SIGHTS
+};
+// After hg_gi_rest or hg_gi_move of the picture. Nothing is seen without a field. HG_E_NOMEM,
+// device errors.
+enum hg_status hg_gi_see(struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out,
+    struct hg_error *err) HG_MUST_CHECK;
+
 // What rays of other passes meet, and what there is to light it with.
 struct hg_gi_surfaces;
 struct hg_gi_field;

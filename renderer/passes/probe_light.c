@@ -8,7 +8,8 @@ struct probe_light_inputs {
 enum hg_status hg_probe_light_record(
     struct hg_pass *pass, const struct hg_probe_light *light, struct hg_error *err)
 {
-    const struct probe_light_inputs inputs = {.visibility = {.image = light->visibility}};
+    const struct probe_light_inputs inputs = {
+        .visibility = {.image = light->visibility}, .depth = {.image = light->depth}};
     const struct hg_fullscreen fullscreen = {.fragment = "probe_light.frag",
         .target = light->target,
         .second = light->surfaces,

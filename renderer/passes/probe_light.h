@@ -12,7 +12,7 @@
 #define HG_MIRRORS_FORMAT     VK_FORMAT_R32G32_UINT
 
 struct hg_probe_light {
-    struct hg_gpu_image *visibility; // of the opaque scene
+    struct hg_gpu_image *visibility, *depth; // of the opaque scene
     struct hg_gpu_image *target;     // shaders/shared/gi.h, written whole
     struct hg_gpu_image *surfaces; // where these mirror (shaders/shared/reflect.h); NULL: not asked
 };

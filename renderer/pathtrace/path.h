@@ -37,6 +37,8 @@ struct hg_path_settings {
     float filter_radius_px, noise, time_s, clamp_indirect;
     float frame_s;                     // from one frame to the next
     float series_s;                    // from the previous picture of a denoised series to this one
+    float sensor_share_m; // lens radius times tangent of half the field of view, of cameras without
+                          // a lens of their own; 0 = none
     float shutter_open, shutter_close; // frames from the pose of the scene; equal = no motion blur
 };
 

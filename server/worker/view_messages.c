@@ -195,9 +195,9 @@ void hg_handle_exposure_query(const struct request *r)
     if (!view)
         return;
     const struct hg_view_params *p = &view->settings.params;
-    if (p->exposure_mode == HG_EXPOSURE_FIXED || p->debug_view != HG_DEBUG_OFF) {
+    if (p->exposure_mode != HG_EXPOSURE_AUTO || p->debug_view != HG_DEBUG_OFF) {
         const struct hgp_exposure answer = {
-            .mode = HGP_exposure_mode_FIXED, .exposure_ev = p->exposure_ev};
+            .mode = HGP_exposure_mode_FIXED, .exposure_ev = hg_view_params_ev(p)};
         hg_reply_send(r->to, HGP_T_exposure, &answer);
         return;
     }

@@ -53,7 +53,7 @@ static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_en
         .mode = HGP_render_mode_PATH,
         .has_noise = info->noise > 0,
         .noise = info->noise,
-        .has_exposure_ev = p->exposure_mode == HG_EXPOSURE_AUTO,
+        .has_exposure_ev = p->exposure_mode != HG_EXPOSURE_FIXED,
         .exposure_ev = info->exposure_ev,
     };
 }

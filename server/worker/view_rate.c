@@ -4,6 +4,8 @@
 
 #include "base/clock.h"
 
+#define EXPOSURE_STEP (1.0f / 16.0f) // stops, between frames of an exposure that adapts
+
 enum {
     STEP_TARGET_NS = 50 * 1000 * 1000,
     MAX_SAMPLES_PER_STEP = 16,
@@ -33,7 +35,8 @@ bool hg_rate_wants(const struct view_slot *view)
     if (!sub->credit || !view->progress.stepped || sub->sent_number == info->number)
         return false;
     return sub->fresh || info->samples <= sub->sent_samples ||
-           info->samples >= 2 * sub->sent_samples || info->settled;
+           info->samples >= 2 * sub->sent_samples || info->settled ||
+           fabsf(info->exposure_ev - sub->sent_ev) >= EXPOSURE_STEP;
 }
 
 uint64_t hg_rate_due_ns(const struct view_slot *view)
@@ -48,6 +51,7 @@ void hg_rate_sent(struct view_slot *view)
     sub->sent_ns = hg_clock_now_ns();
     sub->sent_number = view->progress.info.number;
     sub->sent_samples = view->progress.info.samples;
+    sub->sent_ev = view->progress.info.exposure_ev;
     sub->fresh = false;
 }
 

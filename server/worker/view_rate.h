@@ -9,7 +9,8 @@
 void hg_rate_subscribe(struct view_slot *view, uint32_t credit);
 void hg_rate_add_credit(struct view_slot *view, uint32_t frames);
 // Whether the newest frame is due for the subscriber: the first of a new state, then those at
-// doubling sample counts, then the settled one; whether or not it is due yet.
+// doubling sample counts or with another exposure, then the settled one; whether or not it is due
+// yet.
 bool hg_rate_wants(const struct view_slot *view);
 // When max_fps lets it go.
 uint64_t hg_rate_due_ns(const struct view_slot *view);

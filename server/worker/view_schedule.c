@@ -6,6 +6,8 @@
 #include "server/worker/view_output.h"
 #include "server/worker/view_rate.h"
 
+#define ADAPTATION_NS 16000000u // between steps
+
 // ---- steps --------------------------------------------------------------------------------------
 
 // All waiting requests are for the settled frame, and there is no subscriber.
@@ -23,7 +25,7 @@ static void keep_to_time(struct view_slot *view)
 {
     const struct hg_view_params *p = &view->settings.params;
     struct hg_frame_info *info = &view->progress.info;
-    const bool metered = p->exposure_mode == HG_EXPOSURE_FIXED || info->metered;
+    const bool metered = p->exposure_mode != HG_EXPOSURE_AUTO || info->metered;
     if (p->mode == HG_MODE_REALTIME && !p->planes && metered && p->time_limit_s > 0 &&
         info->samples > 0 && !info->missing_pages && !info->missing_clusters &&
         (double)view->progress.spent_ns * 1e-9 >= (double)p->time_limit_s)
@@ -45,7 +47,8 @@ static enum hg_status step(
     view->settings.changed = false;
     if (status)
         return status;
-    uint64_t took_ns = hg_clock_now_ns() - start;
+    progress->stepped_ns = hg_clock_now_ns();
+    uint64_t took_ns = progress->stepped_ns - start;
     progress->spent_ns = restarted ? took_ns : progress->spent_ns + took_ns;
     progress->sample_ns = took_ns / samples;
     progress->stepped = true;
@@ -80,6 +83,17 @@ static bool wants_step(const struct session *session, const struct view_slot *vi
     return wanted;
 }
 
+// A picture that has all but its exposure, which adapts with time: no need to step all the while.
+static bool may_wait(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
+{
+    if (!view->progress.info.adapts || hg_view_slot_is_stale(session, view) || is_final(view))
+        return false;
+    const uint64_t now = hg_clock_now_ns(), due = view->progress.stepped_ns + ADAPTATION_NS;
+    if (now<due && * wait_ns> due - now)
+        *wait_ns = due - now;
+    return now < due;
+}
+
 // Must the view work now? One that only waits for its frame to be due says until when; one whose
 // encoder is full is woken for.
 static bool has_work(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
@@ -87,6 +101,8 @@ static bool has_work(const struct session *session, const struct view_slot *view
     if (rests(session, view) || (!view->waits && !view->subscription.credit))
         return false;
     if (hg_scene_slot_in_batch(session->scene, wait_ns))
+        return false;
+    if (may_wait(session, view, wait_ns))
         return false;
     if (wants_step(session, view))
         return true;

@@ -40,6 +40,7 @@ struct view_subscription {
     float max_fps;
     uint32_t credit; // frames that may still be sent
     uint64_t sent_ns, sent_number, sent_samples;
+    float sent_ev; // exposure
     bool fresh; // nothing of the newest step's state has been sent yet
 };
 
@@ -51,6 +52,7 @@ struct view_progress {
     uint64_t failed_revision;      // of the scene then
     uint32_t failed_textures_sent; // textures that could not be read, as far as the client knows
     uint64_t sample_ns;            // of the newest step
+    uint64_t stepped_ns;           // when it ended
     uint64_t spent_ns;             // rendering, since the state was new
 };
 

@@ -18,6 +18,11 @@ vec3 hg_probes_irradiance;  // on the normal that was asked for, over pi
 vec3 hg_probes_behind;      // on the opposite one, where surfaces let light through
 vec3 hg_probes_surfaces;    // about the mirror direction, of surfaces alone, over pi
 float hg_probes_sky = 1.0;  // share of the environment that is seen about it
+#ifdef HG_PROBES_BILINEAR
+vec3 hg_probes_hidden_way = vec3(0.0, 1.0, 0.0); // where something near hides what probes see
+vec3 hg_probes_hiding;      // mean radiance of surfaces about that way, which what hides has as well; where
+                            // probes see none, of those about the mirror direction
+#endif
 
 // Texel of a table with this side; xi in [0, 1) moves the point by up to half a texel.
 uint hg_probe_texel(vec3 d, int side, vec2 xi)
@@ -107,7 +112,7 @@ vec3 hg_probe_irradiance(hg_gpu_probe_grid p, uint first, vec3 n, vec2 xi)
 }
 
 struct hg_probe_light {
-    vec3 irradiance, surfaces;
+    vec3 irradiance, surfaces, hiding;
     float sky, weight; // of all probes
 };
 
@@ -119,7 +124,8 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
     vec3 f = clamp(point.at - vec3(base), 0.0, 1.0);
     vec4 sum = vec4(0.0);
 #ifdef HG_PROBES_BILINEAR
-    vec4 reflection = vec4(0.0);
+    vec4 reflection = vec4(0.0), hiding = vec4(0.0);
+    uint hidden = hg_probe_texel(hg_probes_hidden_way, HG_PROBE_IRRADIANCE_SIDE, vec2(0.5));
     uint mirrored = hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx);
     xi.yz = vec2(0.5);
 #endif
@@ -141,6 +147,8 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
         uint both = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
             2u * (k * HG_PROBE_IRRADIANCE_TEXELS + mirrored);
         reflection += w * vec4(hg_rgb9e5(p.words.v[both]), uintBitsToFloat(p.words.v[both + 1u]));
+        both += 2u * hidden - 2u * mirrored;
+        hiding += w * vec4(hg_rgb9e5(p.words.v[both]), 1.0 - uintBitsToFloat(p.words.v[both + 1u]));
 #endif
         // One of them by weight, for the reflection.
         float share = sum.w > 0.0 ? w / sum.w : 0.0;
@@ -154,6 +162,8 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
 #ifdef HG_PROBES_BILINEAR
     light.surfaces = reflection.rgb / max(sum.w, 1e-12);
     light.sky = reflection.a / max(sum.w, 1e-12);
+    hiding += 0.01 * vec4(reflection.rgb, sum.w - reflection.a);
+    light.hiding = hiding.rgb / max(hiding.a, 1e-3 * sum.w);
 #else
     uint k = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
         2u * (chosen * HG_PROBE_IRRADIANCE_TEXELS +
@@ -170,6 +180,9 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
     float left = 1.0;
     hg_probes_irradiance = hg_probes_surfaces = vec3(0.0);
     hg_probes_sky = 0.0;
+#ifdef HG_PROBES_BILINEAR
+    hg_probes_hiding = vec3(0.0);
+#endif
     for (int c = int(hg_frame.probes.count) - 1; c >= 0 && left > 0.0; c--) {
         hg_gpu_probe_grid p = hg_frame.probes.grids[c];
         hg_probe_point point = hg_probe_point_in(p, pos_ws, n_geometric, view);
@@ -182,6 +195,9 @@ void hg_probes_look(vec3 pos_ws, vec3 n_geometric, vec3 n, vec3 view, vec3 r, ve
         hg_probes_irradiance += share * light.irradiance;
         hg_probes_surfaces += share * light.surfaces;
         hg_probes_sky += share * light.sky;
+#ifdef HG_PROBES_BILINEAR
+        hg_probes_hiding += share * light.hiding;
+#endif
         left -= share;
     }
 }

@@ -86,6 +86,13 @@ vec4 background()
     return color;
 }
 
+// What is near occludes the reflected environment, and what a material says of the same is not taken twice.
+void occlude(inout hg_surface s, float n_dot_v, float alpha)
+{
+    hg_probes_sky *= hg_specular_occlusion(n_dot_v, hg_probe_light_open, alpha);
+    s.occlusion = min(s.occlusion / max(hg_probe_light_open, 0.01), 1.0);
+}
+
 #ifndef HG_NO_LOBES
 // Metres of the world per unit of an instance's own space.
 float hg_world_scale(uint instance)
@@ -183,6 +190,7 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.base.n);
+        occlude(s, b.base.n_dot_v, b.base.alpha);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 15u);
         vec3 r = reflect(-view, b.base.n);
@@ -242,6 +250,7 @@ vec4 surface(uvec2 id, out float depth)
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.n);
+        occlude(s, b.n_dot_v, b.alpha);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
             hg_random3(uvec2(gl_FragCoord.xy), 15u));

@@ -21,6 +21,13 @@ layout(constant_id = 3) const bool hg_mirrors = false; // how surfaces mirror is
 HG_PROBE_LIGHT_IO(HG_IO_DECLARE)
 #include "lib/probe_light_texel.glsl"
 
+float hg_gtao_depth(ivec2 pixel)
+{
+    float d = texelFetch(hg_depth, pixel, 0).r; // reversed: depth 1 at the near plane
+    return d > 0.0 ? hg_frame.camera.proj[3][2] / (d + hg_frame.camera.proj[2][2]) : 0.0;
+}
+#include "lib/gtao.glsl"
+
 layout(location = 0) out uvec4 out_light;
 layout(location = 1) out uvec2 out_mirror; // shared/reflect.h
 
@@ -44,6 +51,15 @@ uvec2 mirror_of(hg_vertex v)
     float f0 = mix(s.f0, max(s.base_color.r, max(s.base_color.g, s.base_color.b)), s.metallic);
     uvec2 words = uvec2(round(clamp(vec2(s.roughness, f0), 0.0, 1.0) * 65535.0));
     return uvec2(hg_encode_normal(s.normal), s.unlit ? 65535u : words.x | words.y << 16);
+}
+
+// Neighbours have values far apart, and so have samples. Jimenez 2014, "Next Generation Post Processing in
+// Call of Duty: Advanced Warfare" (interleaved gradient noise).
+vec2 spread(ivec2 texel)
+{
+    vec2 at = vec2(texel) + 5.588238 * float(hg_frame.sample_index & 63u);
+    float angle = fract(52.9829189 * fract(dot(at, vec2(0.06711056, 0.00583715))));
+    return vec2(angle, fract(angle * 7.0 + 0.25 * float((texel.x ^ texel.y) & 3)));
 }
 
 void main()
@@ -70,8 +86,18 @@ void main()
         out_mirror = mirror_of(v);
     float side = v.front ? 1.0 : -1.0;
     vec3 n = v.normal_ws * side;
-    hg_probes_look(v.position_ws, v.geometric_ws * side, n, view, reflect(-view, n),
+    vec4 open = vec4(n, 1.0);
+    if ((hg_frame.flags & HG_FRAME_OCCLUSION) != 0u && hg_frame.camera.orthographic == 0u)
+        open = hg_gtao(vec2(pixel) + 0.5, v.position_ws - hg_frame.camera.eye_ws, v.geometric_ws * side,
+            HG_GTAO_REACH * hg_probes_spacing(v.position_ws), spread(texel));
+    // Of what is hidden by what is near, probes farther away see the light beyond it.
+    vec3 bent = normalize(mix(open.xyz, n, open.w));
+    hg_probes_hidden_way = n - open.w * open.xyz + 1e-3 * n;
+    hg_probes_look(v.position_ws, v.geometric_ws * side, bent, view, reflect(-view, n),
         hg_random3(uvec2(pixel), 15u));
-    out_light = uvec4(pack_rgb9e5(hg_probes_irradiance), pack_rgb9e5(hg_probes_surfaces),
-        hg_probe_light_pack(n, hg_probes_sky), floatBitsToUint(v.depth));
+    uint share = uint(round(open.w * float(HG_PROBE_LIGHT_OPEN_MASK)));
+    vec3 light = mix(hg_probes_hiding, hg_probes_irradiance, open.w);
+    out_light = uvec4(pack_rgb9e5(light), pack_rgb9e5(hg_probes_surfaces),
+        hg_probe_light_pack(n, hg_probes_sky),
+        (floatBitsToUint(v.depth) & ~HG_PROBE_LIGHT_OPEN_MASK) | share);
 }

@@ -45,6 +45,8 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 #define HG_FRAME_COARSE_SHADOWS 1u
 // The first light is the sun of a sky, whose disc counts: its shadows have penumbrae.
 #define HG_FRAME_SUN_DISC       2u
+// Ambient occlusion by the depth of the picture, in the light of probes (lib/gtao.glsl).
+#define HG_FRAME_OCCLUSION      4u
 
 #define HG_FRAME_TONEMAP_ACES        0
 #define HG_FRAME_TONEMAP_AGX         1

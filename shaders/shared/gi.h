@@ -16,7 +16,8 @@
 //
 // Probe light, RGBA32UI at a quarter of the picture's sides, rounded up (lib/probe_light.glsl): irradiance over pi
 // and what reflections need of surfaces, both RGB9E5; normal in twice 12 bits and the share of the environment
-// that is seen in 8; depth as above. Of the surface in the middle of 4 x 4 px.
+// that is seen in 8; depth whose last bits (HG_PROBE_LIGHT_OPEN_MASK) are the share of the cosine lobe that
+// nothing near occludes. Of the surface in the middle of 4 x 4 px.
 #ifndef HG_SHADERS_SHARED_GI_H
 #define HG_SHADERS_SHARED_GI_H
 
@@ -42,6 +43,10 @@
 #define HG_PROBE_BIAS_NORMAL 0.15f
 #define HG_PROBE_BIAS_VIEW   0.10f
 #define HG_GATHERED_SHARE_MASK 0xfffu
+#define HG_PROBE_LIGHT_OPEN_MASK 0xffu
+// How far things occlude for pictures in motion, in spacings: what stands closer to a point is between
+// it and where probes are asked for it.
+#define HG_GTAO_REACH 1.0f
 #define HG_PROBE_LIGHT_PX    4 // of the picture along a side of a texel
 
 struct hg_gpu_probe_grid {

@@ -15,7 +15,9 @@
 #define HG_ALPHA_MASK_IO(X) X(0, NEAREST_2D, opaque_depth)
 // unlit_tiles_cells.comp
 #define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
-#define HG_PROBE_LIGHT_IO(X) X(0, NEAREST_U2D, visibility)
+#define HG_PROBE_LIGHT_IO(X)                                                                       \
+    X(0, NEAREST_U2D, visibility)                                                                  \
+    X(1, NEAREST_2D, depth)
 #define HG_PICK_IO(X)  X(0, NEAREST_U2D, visibility)
 #define HG_POSED_MOTION_IO(X) X(0, NEAREST_U2D, visibility)
 #define HG_DEBUG_IO(X)                                                                             \

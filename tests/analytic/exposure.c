@@ -168,6 +168,151 @@ static void test_motion(void **state)
     hg_view_destroy(view);
 }
 
+static struct hg_frame_info step(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    return info;
+}
+
+// Light that changes while a view is watched: its exposure comes step by step to the one that a
+// view has which never showed anything else, and so do its bytes.
+static void test_adaptation(void **state)
+{
+    struct rig *rig = *state;
+    make_card(rig, 1);
+    struct hg_view *view = look(rig, &card_params);
+    hg_view_set_final(view, false);
+    assert_true(settle(view, 8).exposure_ev == 0);
+    path_rig_environment(rig, 64);
+    hg_scene_publish(rig->scene);
+    float ev = 0, between = 0;
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 10000 && !info.settled; i++) {
+        info = step(view);
+        assert_true(info.exposure_ev <= ev && info.exposure_ev >= -6.0f);
+        assert_true(!info.settled || info.metered);
+        between += info.exposure_ev < -0.5f && info.exposure_ev > -5.5f ? 1.0f : 0.0f;
+        ev = info.exposure_ev;
+    }
+    assert_true(info.settled && ev == -6.0f && between > 3);
+    struct hg_refbuf *adapted = pixels_of(view, HG_PIXEL_RGBA8);
+    hg_view_destroy(view);
+    view = look(rig, &card_params);
+    assert_true(settle(view, 8).exposure_ev == -6.0f);
+    struct hg_refbuf *fresh = pixels_of(view, HG_PIXEL_RGBA8);
+    assert_memory_equal(adapted->data, fresh->data, fresh->size);
+    hg_refbuf_unref(adapted);
+    hg_refbuf_unref(fresh);
+    hg_view_destroy(view);
+}
+
+static void look_aside(struct hg_view *view, int number)
+{
+    const float at[3] = {0.01f * (float)number, -0.2f, 0};
+    path_rig_look(view, eye, at, 0.6f);
+}
+
+// A view that never rests adapts all the same; after a cut its first picture has its exposure.
+static void test_adaptation_in_motion(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_view_params params = card_params;
+    params.gi = HG_GI_PROBES; // which is what it is metered by
+    make_card(rig, 1);
+    struct hg_view *view = look(rig, &params);
+    hg_view_set_final(view, false);
+    assert_true(settle(view, 8).exposure_ev == 0);
+    path_rig_environment(rig, 64);
+    hg_scene_publish(rig->scene);
+    struct hg_frame_info info = {0};
+    for (int i = 0; i < 100000 && !(info.exposure_ev < -5.9f); i++) {
+        const float before = info.exposure_ev;
+        look_aside(view, i % 10 + 1);
+        info = step(view);
+        assert_true(!info.settled && info.exposure_ev <= before + 0.1f);
+    }
+    assert_true(info.exposure_ev < -5.9f);
+    path_rig_environment(rig, 1);
+    hg_scene_publish(rig->scene);
+    const float behind[3] = {0.5f, 2, -3}, down[3] = {0, -0.2f, 0};
+    path_rig_look(view, behind, down, 0.6f);
+    info = step(view);
+    assert_true(!info.settled && fabsf(info.exposure_ev) < 0.1f);
+    hg_view_destroy(view);
+}
+
+// Settings of a camera: a card under light of L cd/m^2 comes out as 0.18 L / (1.2 * 2^EV100).
+static void test_camera(void **state)
+{
+    struct rig *rig = *state;
+    for (int i = 0; i < 2; i++) {
+        struct hg_view_params params = card_params;
+        params.mode = i ? HG_MODE_PATH : HG_MODE_REALTIME;
+        params.exposure_mode = HG_EXPOSURE_CAMERA;
+        params.f_number = 8; // EV100 12
+        params.shutter_s = 1.0f / 64;
+        params.exposure_ev = 1;
+        make_card(rig, 4000);
+        struct hg_view *view = look(rig, &params);
+        const struct hg_frame_info info = settle(view, 8);
+        assert_true(!info.metered && fabs((double)info.exposure_ev + 11 + log2(1.2)) < 1e-5);
+        struct hg_refbuf *pixels = pixels_of(view, HG_PIXEL_RGBA32F);
+        const float *p = (const float *)(const void *)pixels->data + 4 * (16 * 48 + 24);
+        const double expected = 0.18 * 4000 / 1.2 / 2048;
+        if (fabs((double)p[1] / expected - 1) > 0.03)
+            fail_msg("the card is %g, not %g", (double)p[1], expected);
+        hg_refbuf_unref(pixels);
+        hg_view_destroy(view);
+    }
+}
+
+static struct hg_refbuf *picture_of(
+    struct rig *rig, const struct hg_view_params *params, const struct hg_view_camera *camera)
+{
+    struct hg_view *view = path_rig_view(rig, params);
+    path_rig_set_camera(view, camera);
+    settle(view, 8);
+    struct hg_refbuf *out = pixels_of(view, HG_PIXEL_RGBA8);
+    hg_view_destroy(view);
+    return out;
+}
+
+// The lens of an f-number and the blur of an exposure time are those of their formulas, to the
+// byte.
+static void test_camera_lens_and_shutter(void **state)
+{
+    struct rig *rig = *state;
+    const struct hg_view_params plain = {
+        .width = 48, .height = 32, .samples = 8, .mode = HG_MODE_PATH, .frame_s = 0.04f};
+    const struct hg_view_camera still = {.eye = {0.5f, 2, 3}, .up = {0, 1, 0}, .vfov_rad = 0.8f};
+    make_still_life(rig);
+    for (int i = 0; i < 2; i++) {
+        struct hg_view_params stated = plain, physical = plain;
+        struct hg_view_camera camera = still, lens = still;
+        if (i == 0) { // focal length 600 mm / (2 tan 0.4), f/1.4
+            physical.f_number = 1.4f;
+            physical.sensor_mm = 600;
+            lens.lens_radius = 0.25e-3f * 600 / 1.4f / tanf(0.4f);
+        } else { // a quarter of a frame about the pose
+            const float next_eye[3] = {1.5f, 2, 3};
+            camera.moves = true;
+            memcpy(camera.next_eye, next_eye, sizeof next_eye);
+            lens = camera;
+            physical.shutter_s = 0.01f;
+            stated.shutter_open = -0.125f;
+            stated.shutter_close = 0.125f;
+        }
+        struct hg_refbuf *pictures[3] = {picture_of(rig, &physical, &camera),
+            picture_of(rig, &stated, &lens), picture_of(rig, &plain, &camera)};
+        assert_memory_equal(pictures[0]->data, pictures[1]->data, pictures[0]->size);
+        assert_memory_not_equal(pictures[0]->data, pictures[2]->data, pictures[0]->size);
+        for (int k = 0; k < 3; k++)
+            hg_refbuf_unref(pictures[k]);
+    }
+}
+
 // Nothing in view, and no light: exposure 0, and the view settles.
 static void test_nothing(void **state)
 {
@@ -194,6 +339,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_card),
         cmocka_unit_test(test_one_value), cmocka_unit_test(test_stated),
-        cmocka_unit_test(test_motion), cmocka_unit_test(test_nothing)};
+        cmocka_unit_test(test_motion), cmocka_unit_test(test_adaptation),
+        cmocka_unit_test(test_adaptation_in_motion), cmocka_unit_test(test_camera),
+        cmocka_unit_test(test_camera_lens_and_shutter), cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

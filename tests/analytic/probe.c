@@ -8,7 +8,8 @@
 #include "base/alloc.h"
 #include "tests/support/check.h"
 
-#define GROUP 32
+#define GROUP   32
+#define SIDE_PX 512 // of the picture
 
 // A 90 degree camera at the origin that looks along -z, reversed infinite depth, y down in clip.
 static void set_camera(struct hg_gpu_camera *c)
@@ -22,7 +23,10 @@ static void set_camera(struct hg_gpu_camera *c)
     memcpy(c->view_proj.m, proj, sizeof proj);
     c->forward_ws.z = -1;
     c->near = 0.1f;
-    c->pixel_angle = 2.0f / 512;
+    c->ray_origin_ws = (struct hg_vec3){-1, 1, -1};
+    c->ray_x_ws.x = 2.0f / SIDE_PX;
+    c->ray_y_ws.y = -2.0f / SIDE_PX;
+    c->pixel_angle = 2.0f / SIDE_PX;
 }
 
 void probe_init(struct probe *probe, struct hg_store *store)
@@ -96,6 +100,7 @@ void probe_run_shader(struct probe *probe, const struct probe_dispatch *dispatch
     struct hg_gpu_frame *block = hg_calloc(1, sizeof *block);
     assert_non_null(block);
     block->camera = probe->camera;
+    block->width = block->height = SIDE_PX;
     block->lighting = probe->block;
     test_ok(hg_gpu_buffer_create(
                 probe->gpu, HG_GPU_BUFFER_UPLOAD, sizeof *block, "frame", &frame, &err),

@@ -56,6 +56,36 @@ static void test_histogram_edges(void **state)
     NEAR(mean_of(&h, 0, 0, 1), HG_EXPOSURE_HIGH_STOPS);
 }
 
+// The definition, "sunny 16", and what a stop is of each setting; white is 1.
+static void test_camera(void **state)
+{
+    (void)state;
+    NEAR(hg_exposure_ev100(1, 1, 100), 0);
+    NEAR(hg_exposure_ev100(16, 1.0 / 128, 100), 15);
+    NEAR(hg_exposure_ev100(16, 1.0 / 128, 400), 13);
+    assert_true(fabs((double)hg_exposure_of_camera(16, 1.0 / 128, 100) + 15 + log2(1.2)) < 1e-6);
+    const float ev = hg_exposure_of_camera(4, 0.02, 200);
+    assert_true(fabsf(hg_exposure_of_camera(8, 0.08, 200) - ev) < 1e-5f);
+    assert_true(fabsf(hg_exposure_of_camera(4, 0.04, 200) - ev - 1) < 1e-5f);
+    assert_true(fabsf(hg_exposure_of_camera(4, 0.02, 400) - ev - 1) < 1e-5f);
+}
+
+// After one time constant the rest is 1/e of the way, by the rate of its direction; two steps are
+// as one; it arrives, and goes no further.
+static void test_adapt(void **state)
+{
+    (void)state;
+    const float dark = hg_exposure_adapt(-4, 4, HG_EXPOSURE_TO_DARK_S);
+    const float bright = hg_exposure_adapt(4, -4, HG_EXPOSURE_TO_BRIGHT_S);
+    assert_true(fabs((double)dark - (4 - 8 * exp(-1))) < 1e-6);
+    assert_true(fabs((double)bright + (4 - 8 * exp(-1))) < 1e-6);
+    const float once = hg_exposure_adapt(-4, 4, 0.5);
+    const float twice = hg_exposure_adapt(hg_exposure_adapt(-4, 4, 0.2), 4, 0.3);
+    assert_true(fabsf(once - twice) < 1e-5f && once < 4);
+    assert_true(hg_exposure_adapt(1, 2, 0) == 1 && hg_exposure_adapt(1, 2, -1) == 1);
+    assert_true(hg_exposure_adapt(1, 2, 3) == 2 && hg_exposure_adapt(2, 2, 0) == 2);
+}
+
 static void test_of_light(void **state)
 {
     (void)state;
@@ -189,9 +219,10 @@ static void test_nothing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_histogram),
-        cmocka_unit_test(test_histogram_edges), cmocka_unit_test(test_of_light),
-        cmocka_unit_test(test_cards), cmocka_unit_test(test_background),
-        cmocka_unit_test(test_night), cmocka_unit_test(test_emitters), cmocka_unit_test(test_shade),
+        cmocka_unit_test(test_histogram_edges), cmocka_unit_test(test_camera),
+        cmocka_unit_test(test_adapt), cmocka_unit_test(test_of_light), cmocka_unit_test(test_cards),
+        cmocka_unit_test(test_background), cmocka_unit_test(test_night),
+        cmocka_unit_test(test_emitters), cmocka_unit_test(test_shade),
         cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

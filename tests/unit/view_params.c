@@ -410,17 +410,29 @@ static void test_default_exposure(void **state)
         const char *text; // NULL: no option
         enum hgp_exposure_mode mode;
         float ev;
-    } rows[] = {{HGP_encoding_PNG8, NULL, HGP_exposure_mode_AUTO, 0},
-        {HGP_encoding_JPEG, NULL, HGP_exposure_mode_AUTO, 0},
-        {HGP_encoding_EXR_HALF, NULL, HGP_exposure_mode_FIXED, 0},
-        {HGP_encoding_EXR_FLOAT, NULL, HGP_exposure_mode_FIXED, 0},
-        {HGP_encoding_EXR_HALF, "auto", HGP_exposure_mode_AUTO, 0},
-        {HGP_encoding_PNG8, "-3", HGP_exposure_mode_FIXED, -3},
-        {HGP_encoding_PNG8, "auto+1", HGP_exposure_mode_AUTO, 1}};
+        const char *camera; // one of its options; NULL: none
+    } rows[] = {{HGP_encoding_PNG8, NULL, HGP_exposure_mode_AUTO, 0, NULL},
+        {HGP_encoding_PNG8, NULL, HGP_exposure_mode_CAMERA, 0, "--iso=200"},
+        {HGP_encoding_EXR_HALF, NULL, HGP_exposure_mode_CAMERA, 0, "--f-number=4"},
+        {HGP_encoding_PNG8, "auto", HGP_exposure_mode_AUTO, 0, "--shutter-time=1"},
+        {HGP_encoding_PNG8, "camera+2", HGP_exposure_mode_CAMERA, 2, NULL},
+        {HGP_encoding_JPEG, NULL, HGP_exposure_mode_AUTO, 0, NULL},
+        {HGP_encoding_EXR_HALF, NULL, HGP_exposure_mode_FIXED, 0, NULL},
+        {HGP_encoding_EXR_FLOAT, NULL, HGP_exposure_mode_FIXED, 0, NULL},
+        {HGP_encoding_EXR_HALF, "auto", HGP_exposure_mode_AUTO, 0, NULL},
+        {HGP_encoding_PNG8, "-3", HGP_exposure_mode_FIXED, -3, NULL},
+        {HGP_encoding_PNG8, "auto+1", HGP_exposure_mode_AUTO, 1, NULL}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct hg_cli_options o;
-        const char *argv[] = {"helio", "render", "s", "-o", "o", "--exposure", rows[i].text};
-        assert_int_equal(hg_cli_parse(rows[i].text ? 7 : 5, argv, &o, NULL), HG_OK);
+        const char *argv[8] = {"helio", "render", "s", "-o", "o"};
+        int count = 5;
+        if (rows[i].camera)
+            argv[count++] = rows[i].camera;
+        if (rows[i].text) {
+            argv[count++] = "--exposure";
+            argv[count++] = rows[i].text;
+        }
+        assert_int_equal(hg_cli_parse(count, argv, &o, NULL), HG_OK);
         const struct hg_cli_render r = {.o = &o, .size = {1, 1}, .format = {rows[i].encoding, 90}};
         struct hgp_view_set view;
         hg_cli_render_view(&r, &view);

@@ -277,14 +277,16 @@ static void test_exposure(void **state)
     static const struct {
         const char *text;
         struct hg_cli_exposure wanted;
-    } rows[] = {{"auto", {true, 0}}, {"auto+1.5", {true, 1.5}}, {"auto-2", {true, -2}},
-        {"0", {false, 0}}, {"-8.25", {false, -8.25}}};
+    } rows[] = {{"auto", {true, false, 0}}, {"auto+1.5", {true, false, 1.5}},
+        {"auto-2", {true, false, -2}}, {"0", {false, false, 0}}, {"-8.25", {false, false, -8.25}},
+        {"camera", {false, true, 0}}, {"camera-1", {false, true, -1}}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         struct hg_cli_options o;
         const char *argv[] = {"helio", "render", "s", "-o", "o.png", "--exposure", rows[i].text};
         assert_int_equal(hg_cli_parse(7, argv, &o, NULL), HG_OK);
         assert_true(o.has_exposure);
         assert_int_equal(o.exposure.automatic, rows[i].wanted.automatic);
+        assert_int_equal(o.exposure.camera, rows[i].wanted.camera);
         assert_true(o.exposure.ev == rows[i].wanted.ev);
     }
 }
@@ -298,10 +300,10 @@ static void test_bad_values(void **state)
         {"--orbit", "1,2,nan"}, {"--orbit", "1,2,0x10"}, {"--fov", "0"}, {"--fov", "180"},
         {"--background", "1,2,-3"}, {"--seed", "4294967296"}, {"--samples", "0"},
         {"--samples", "1.5"}, {"--exposure", "33"}, {"--exposure", "1 "}, {"--exposure", "auto1"},
-        {"--exposure", "auto+"}, {"--exposure", "auto+33"}, {"--exposure", "aut"},
-        {"--mode", "Realtime"}, {"--tonemap", "aces|agx"}, {"--tonemap", "ace"},
-        {"--jpeg-quality", "101"}, {"--region", "1,2,3"}, {"--region", "1,2,3,4.5"},
-        {"--region", "-1,2,3,4"}};
+        {"--exposure", "camera1"}, {"--f-number", "0"}, {"--iso", "0"}, {"--exposure", "auto+"},
+        {"--exposure", "auto+33"}, {"--exposure", "aut"}, {"--mode", "Realtime"},
+        {"--tonemap", "aces|agx"}, {"--tonemap", "ace"}, {"--jpeg-quality", "101"},
+        {"--region", "1,2,3"}, {"--region", "1,2,3,4.5"}, {"--region", "-1,2,3,4"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         struct hg_error err;
         const char *argv[] = {"helio", "render", "s", "-o", "o.png", bad[i][0], bad[i][1]};

@@ -1,0 +1,185 @@
+// occlusion.c - ambient occlusion of pictures in motion: nearer to path tracing where things meet,
+// and nothing else is changed.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/analytic/path_rig.h"
+
+enum { WIDTH = 192, HEIGHT = 128, CELL = 16, CELLS = WIDTH / CELL * (HEIGHT / CELL) };
+
+static const float target[3] = {0, 0.2f, 0};
+
+static struct hg_view_params params_of(enum hg_view_ao ao)
+{
+    return (struct hg_view_params){.width = WIDTH,
+        .height = HEIGHT,
+        .samples = 8,
+        .tonemap = HG_TONEMAP_LINEAR,
+        .gi = HG_GI_PROBES,
+        .exposure_ev = -1,
+        .ao = ao};
+}
+
+// Boxes that are small beside the spacing of probes, on a wide floor.
+static void make_boxes_on(struct rig *rig, float half)
+{
+    rig_scene(rig);
+    struct hg_material *grey = path_rig_lambert(rig, 0.5f);
+    path_rig_floor(rig, grey, half);
+    for (int i = 0; i < 4; i++) {
+        const float x = -0.9f + 0.6f * (float)i, z = -0.2f * (float)(i % 2);
+        const float low[3] = {x, 0, z}, high[3] = {x + 0.4f, 0.5f, z + 0.4f};
+        path_rig_box(rig, grey, low, high);
+    }
+    path_rig_environment(rig, 1);
+}
+
+static void make_boxes(struct rig *rig)
+{
+    make_boxes_on(rig, 12);
+}
+
+// The same in a closed room with a shining panel, where probes know all about the corners.
+static void make_room(struct rig *rig)
+{
+    static const float box[2][3] = {{-3, -0.01f, -3}, {3, 3, 3}};
+    static const float panel[4][3] = {
+        {-0.5f, 2.95f, 0.5f}, {-0.5f, 2.95f, -0.5f}, {0.5f, 2.95f, -0.5f}, {0.5f, 2.95f, 0.5f}};
+    make_boxes_on(rig, 3);
+    path_rig_environment(rig, 0);
+    struct hg_material *wall = path_rig_lambert(rig, 0.6f);
+    for (int i = 0; i < 6; i++)
+        rig_face(rig, wall, box, 1, i);
+    struct hg_material *light = path_rig_lambert(rig, 0.0f);
+    light->emissive[0] = light->emissive[1] = light->emissive[2] = 20.0f;
+    rig_quad(rig, light, panel);
+}
+
+static float linear(uint8_t v)
+{
+    const float c = (float)v / 255.0f;
+    return c <= 0.04045f ? c / 12.92f : powf((c + 0.055f) / 1.055f, 2.4f);
+}
+
+static void mean_cells(struct hg_view *view, float cells[CELLS])
+{
+    struct hg_error err = {0};
+    struct hg_refbuf *pixels;
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+    memset(cells, 0, CELLS * sizeof *cells);
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++)
+            cells[y / CELL * (WIDTH / CELL) + x / CELL] +=
+                linear(pixels->data[4 * (y * WIDTH + x) + 1]) / (CELL * CELL);
+    hg_refbuf_unref(pixels);
+}
+
+static void look(struct hg_view *view, int number)
+{
+    const float eye[3] = {1.2f + 0.001f * (float)number, 1.6f, 2.2f};
+    path_rig_look(view, eye, target, 0.7f);
+}
+
+static void settle(struct hg_view *view)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info = {0};
+    look(view, 0);
+    for (int i = 0; i < 100000 && !info.settled; i++)
+        test_ok(hg_view_step(view, 16, &info, &err), &err);
+    assert_true(info.settled);
+}
+
+// A picture in motion, once the field is there.
+static void move(struct rig *rig, const struct hg_view_params *params, float cells[CELLS])
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    struct hg_view *view = path_rig_view(rig, params);
+    hg_view_set_final(view, false);
+    for (int i = 48; i >= 0; i--) {
+        look(view, i);
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+    }
+    assert_false(info.settled);
+    mean_cells(view, cells);
+    hg_view_destroy(view);
+}
+
+static void path_trace(struct rig *rig, float cells[CELLS])
+{
+    struct hg_view_params params = params_of(HG_AO_AUTO);
+    params.mode = HG_MODE_PATH;
+    params.gi = HG_GI_NONE;
+    params.samples = 64;
+    struct hg_view *view = path_rig_view(rig, &params);
+    settle(view);
+    mean_cells(view, cells);
+    hg_view_destroy(view);
+}
+
+static double error_of(const float cells[CELLS], const float truth[CELLS], double *worst)
+{
+    double sum = 0;
+    *worst = 0;
+    for (int i = 0; i < CELLS; i++) {
+        const double off = fabs((double)cells[i] / (double)truth[i] - 1);
+        sum += off / CELLS;
+        *worst = fmax(*worst, off);
+    }
+    return sum;
+}
+
+// Small things that probes do not see, in the open: half of the error. In a room that probes know
+// it must not get worse.
+static void test_nearer_to_paths(void **state)
+{
+    struct rig *rig = *state;
+    float truth[CELLS], with[CELLS], without[CELLS];
+    double worst[2];
+    for (int i = 0; i < 2; i++) {
+        (i ? make_room : make_boxes)(rig);
+        path_trace(rig, truth);
+        const struct hg_view_params on = params_of(HG_AO_AUTO), off = params_of(HG_AO_NONE);
+        move(rig, &on, with);
+        move(rig, &off, without);
+        const double a = error_of(with, truth, &worst[0]), b = error_of(without, truth, &worst[1]);
+        print_message("mean %g, worst %g with, %g, %g without\n", a, worst[0], b, worst[1]);
+        const double most = i ? 1.0 : 0.7;
+        if (!(a < most * b && worst[0] < most * worst[1]))
+            fail_msg("mean %g, worst %g with, %g, %g without", a, worst[0], b, worst[1]);
+    }
+}
+
+// Settled pictures do not know of it, and no picture without light from probes does.
+static void test_elsewhere(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    struct hg_refbuf *pictures[2];
+    make_boxes(rig);
+    for (int i = 0; i < 2; i++) {
+        const struct hg_view_params params = params_of(i ? HG_AO_NONE : HG_AO_AUTO);
+        struct hg_view *view = path_rig_view(rig, &params);
+        settle(view);
+        test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pictures[i], &err), &err);
+        hg_view_destroy(view);
+    }
+    assert_memory_equal(pictures[0]->data, pictures[1]->data, pictures[0]->size);
+    float cells[2][CELLS];
+    for (int i = 0; i < 2; i++) {
+        hg_refbuf_unref(pictures[i]);
+        struct hg_view_params params = params_of(i ? HG_AO_NONE : HG_AO_AUTO);
+        params.gi = HG_GI_NONE;
+        move(rig, &params, cells[i]);
+    }
+    assert_memory_equal(cells[0], cells[1], sizeof cells[0]);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_nearer_to_paths), cmocka_unit_test(test_elsewhere)};
+    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
+}
