@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/camera/exposure.h"
+#include "renderer/frame/gi_view.h"
 #include "renderer/frame/meter.h"
 #include "renderer/math/vec.h"
 

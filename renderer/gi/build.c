@@ -9,13 +9,17 @@
 // Rounds of the schedule: every probe once in each.
 #define PLACE_ROUNDS 3
 #define PLACE_RAYS   64
-#define WARM_ROUNDS  8 // light that bounces comes to its level; what they sum up is let go of
+#define WARM_LEAST   8 // light that bounces comes to its level; what they sum up is let go of
+#define WARM_MOST    64
+#define WARM_WINDOW  HG_GI_WARM_WINDOW // rounds, over which the logarithm of light grows by less than
+#define WARM_GROWTH  0.006             // when nearly all that bounces has come
 #define WARM_RAYS    24
 #define MAIN_ROUNDS  4
 #define MAIN_RAYS    96
-#define ROUNDS       (PLACE_ROUNDS + WARM_ROUNDS + MAIN_ROUNDS)
+#define MOST_ROUNDS  (PLACE_ROUNDS + WARM_MOST + MAIN_ROUNDS)
 #define WARM_KEEP    0.4f
 #define MAIN_KEEP    0.9f
+#define MOVE_ROUND   15 // the first one: other directions than those that place probes
 #define MOVE_RAYS    16
 #define FIRST_RAYS   8 // of the first updates since a change, so that light bounces on sooner
 #define FIRST_ROUNDS 12
@@ -35,7 +39,7 @@ bool hg_gi_build_has_key(const struct hg_gi_build *b, const struct hg_gi_key *ke
 
 bool hg_gi_build_is_done(const struct hg_gi_build *b)
 {
-    return b->round == ROUNDS;
+    return b->end > 0 && b->round >= b->end;
 }
 
 bool hg_gi_build_is_placed(const struct hg_gi_build *b)
@@ -78,7 +82,7 @@ static enum hg_status check_budget(
 enum hg_status hg_gi_build_place(
     struct hg_gi_build *b, const struct hg_gi_field *grid, struct hg_error *err)
 {
-    b->round = b->next = b->listed = 0;
+    b->round = b->next = b->listed = b->end = 0;
     enum hg_status status = hg_gi_field_place_grid(&b->field, grid);
     hg_free(b->list);
     b->list = status == HG_OK ? hg_calloc(b->field.count, sizeof *b->list) : NULL;
@@ -95,10 +99,10 @@ enum hg_status hg_gi_build_surround(
 {
     struct hg_gi_field grid = {0};
     float min[3], max[3];
-    b->round = b->next = b->listed = 0;
+    b->round = b->next = b->listed = b->end = 0;
     if (!hg_geometry_bounds(waves->params.geometry, min, max)) {
         hg_gi_field_finish(&b->field, NULL);
-        b->round = ROUNDS;
+        b->round = b->end = MOST_ROUNDS;
         return HG_OK;
     }
     enum hg_status status = check_budget(&waves->params, min, max, err);
@@ -125,12 +129,12 @@ static struct hg_gi_wave wave_of(struct hg_gi_build *b, const struct hg_gi_build
     if (b->round < PLACE_ROUNDS) {
         w.places = true;
         w.rays = PLACE_RAYS;
-    } else if (b->round < PLACE_ROUNDS + WARM_ROUNDS) {
+    } else if (b->end == 0) {
         w.rays = WARM_RAYS;
         w.keep = WARM_KEEP;
     } else {
         w.rays = MAIN_RAYS;
-        w.keep = b->round == PLACE_ROUNDS + WARM_ROUNDS ? 0 : MAIN_KEEP;
+        w.keep = b->round == b->end - MAIN_ROUNDS ? 0 : MAIN_KEEP;
     }
     return w;
 }
@@ -140,23 +144,40 @@ static uint64_t less(uint64_t rays, uint64_t cast)
     return rays > cast ? rays - cast : 0;
 }
 
+// A round is over: has light that bounces come to its level? In a corridor around corners that takes many
+// rounds, as each brings it a bounce further.
+static bool is_warm(struct hg_gi_build *b)
+{
+    const uint32_t warm = b->round - PLACE_ROUNDS;
+    double *slot = &b->log_light[warm % WARM_WINDOW];
+    const double before = *slot;
+    *slot = hg_gi_field_log_light(&b->field, b->list, b->listed);
+    return warm >= WARM_LEAST && (*slot - before < WARM_GROWTH || warm == WARM_MOST);
+}
+
+static void finish_round(struct hg_gi_build *b)
+{
+    b->next = 0;
+    b->round++;
+    if (b->round <= PLACE_ROUNDS)
+        list_probes(b);
+    else if (b->end == 0 && is_warm(b))
+        b->end = b->round + MAIN_ROUNDS;
+}
+
 enum hg_status hg_gi_build_advance(struct hg_gi_build *b, const struct hg_gi_build_params *params,
     uint64_t *rays, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    while (*rays > 0 && b->round < ROUNDS && status == HG_OK) {
+    while (*rays > 0 && !hg_gi_build_is_done(b) && status == HG_OK) {
         const struct hg_gi_wave w = wave_of(b, params);
         status = hg_gi_waves_run(params->waves, &w, err);
         *rays = less(*rays, (uint64_t)w.count * w.rays);
         b->next += w.count;
-        if (b->next == b->listed) {
-            b->next = 0;
-            b->round++;
-        }
-        if (b->next == 0 && b->round <= PLACE_ROUNDS)
-            list_probes(b);
+        if (b->next == b->listed)
+            finish_round(b);
         if (b->listed == 0) // nothing that light could reach
-            b->round = ROUNDS;
+            b->round = b->end = MOST_ROUNDS;
     }
     return status;
 }
@@ -247,7 +268,7 @@ enum hg_status hg_gi_build_update(struct hg_gi_build *b, const struct hg_gi_buil
         .probes = probes,
         .count = count,
         .rays = first ? FIRST_RAYS : MOVE_RAYS,
-        .round = ROUNDS + (uint32_t)(b->updates / b->listed),
+        .round = MOVE_ROUND + (uint32_t)(b->updates / b->listed),
         .keep = -1};
     *rays = (uint64_t)w.count * w.rays;
     b->updates += count;

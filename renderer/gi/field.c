@@ -331,6 +331,23 @@ void hg_gi_probe_gather(
     set_means(f, probe);
 }
 
+#define DARK 1e-6 // of the brightest probe's light: darker ones count as that
+
+double hg_gi_field_log_light(const struct hg_gi_field *f, const uint32_t *probes, uint32_t count)
+{
+    double most = 0, sum = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (uint32_t i = 0; i < count; i++) {
+            const struct hg_gi_means *m = &f->means[probes[i]];
+            double light = 0;
+            for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++)
+                light += (double)m->light[t][0] + (double)m->light[t][1] + (double)m->light[t][2];
+            most = pass == 0 ? fmax(most, light) : most;
+            sum += pass == 1 && most > 0 ? log(fmax(light, DARK * most)) : 0;
+        }
+    return count > 0 ? sum / count : 0;
+}
+
 // Rays have come from all around: every direction has its share.
 static bool is_lit(const struct hg_gi_field *f, uint32_t probe)
 {
