@@ -191,8 +191,7 @@ static void declare_probe_light(struct hg_batch *f)
                .record = record_probe_light,
                .accesses = {{f->deformed, HG_GRAPH_READ, 0}, {f->cache, HG_GRAPH_READ, 0},
                    {f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_SAMPLE, 0},
-                   {f->probe_light, HG_GRAPH_COLOR, 0},
-                   {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
+                   {f->probe_light, HG_GRAPH_COLOR, 0}, {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
     if (reflects)
         hg_batch_declare_reflections(f);
 }

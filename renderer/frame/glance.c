@@ -104,7 +104,8 @@ enum hg_status hg_glance_step(struct hg_view_state *view, struct hg_error *err)
         hg_scene_gpu_camera(view->scene_gpu, &view->camera, p->width, p->height);
     aim(&camera, p);
     hg_lighting_sources(view->lighting, &sources);
-    const struct hg_gi_look look = {view->gi.field, hg_gi_view_id(view), &sources, p->rays, p->width * p->height};
+    const struct hg_gi_look look = {
+        view->gi.field, hg_gi_view_id(view), &sources, p->rays, p->width * p->height};
     const enum hg_status status = hg_gi_see(view->scene_gpu->gi, &look, p->sights, err);
     if (status == HG_OK)
         hg_meter_take(view, value_of(p, hg_meter_sun_stops(view->scene_gpu->scene)));

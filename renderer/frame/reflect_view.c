@@ -75,8 +75,8 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (!moves || view->gi.field == HG_GI_NO_FIELD ||
         view->settings.reflections == HG_VIEW_REFLECTIONS_ENVIRONMENT)
         return HG_OK;
-    enum hg_status status = hg_gi_world(
-        view->scene_gpu->gi, view->gi.field, hg_gi_view_id(view), &r->world, err);
+    enum hg_status status =
+        hg_gi_world(view->scene_gpu->gi, view->gi.field, hg_gi_view_id(view), &r->world, err);
     if (status != HG_OK)
         return go_without(r, status, err);
     if (r->world.trace == NULL)

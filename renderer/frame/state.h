@@ -53,7 +53,7 @@ struct hg_view_settings {
     uint32_t ground;   // enum hg_ground of renderer.h
     uint32_t gi;       // HG_VIEW_GI_*
     uint32_t reflections; // HG_VIEW_REFLECTIONS_*
-    uint32_t ao;       // enum hg_view_ao
+    uint32_t ao;          // enum hg_view_ao
     uint32_t temporal; // enum hg_view_temporal
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1

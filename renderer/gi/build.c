@@ -11,8 +11,9 @@
 #define PLACE_RAYS   64
 #define WARM_LEAST   8 // light that bounces comes to its level; what they sum up is let go of
 #define WARM_MOST    64
-#define WARM_WINDOW  HG_GI_WARM_WINDOW // rounds, over which the logarithm of light grows by less than
-#define WARM_GROWTH  0.006             // when nearly all that bounces has come
+#define WARM_WINDOW                                                                                \
+    HG_GI_WARM_WINDOW      // rounds, over which the logarithm of light grows by less than
+#define WARM_GROWTH  0.006 // when nearly all that bounces has come
 #define WARM_RAYS    24
 #define MAIN_ROUNDS  4
 #define MAIN_RAYS    96
@@ -144,8 +145,8 @@ static uint64_t less(uint64_t rays, uint64_t cast)
     return rays > cast ? rays - cast : 0;
 }
 
-// A round is over: has light that bounces come to its level? In a corridor around corners that takes many
-// rounds, as each brings it a bounce further.
+// A round is over: has light that bounces come to its level? In a corridor around corners that
+// takes many rounds, as each brings it a bounce further.
 static bool is_warm(struct hg_gi_build *b)
 {
     const uint32_t warm = b->round - PLACE_ROUNDS;

@@ -11,11 +11,11 @@ struct hg_gi_build { // zeroed: none
     struct hg_gi_field field;
     struct hg_gi_key key;
     bool keyed;
-    uint32_t *list, listed; // probes that a round is of, ascending
-    uint32_t round, next;   // of the schedule; next: of the list
-    uint32_t end;           // rounds of the schedule; 0: not known yet
+    uint32_t *list, listed;              // probes that a round is of, ascending
+    uint32_t round, next;                // of the schedule; next: of the list
+    uint32_t end;                        // rounds of the schedule; 0: not known yet
     double log_light[HG_GI_WARM_WINDOW]; // after the newest rounds
-    uint64_t updates;       // of the moving field since the last change, of all probes
+    uint64_t updates;                    // of the moving field since the last change, of all probes
 };
 
 // What waves are cast with.

@@ -106,8 +106,8 @@ struct hg_gi_brought { // rays from all around and rays to peaks; of these the m
 void hg_gi_probe_gather(
     struct hg_gi_field *field, uint32_t probe, const struct hg_gi_brought *brought, float keep);
 
-// Mean over some probes of the logarithm of their light, from wherever: how much it grows from round
-// to round tells how much of what bounces is still to come.
+// Mean over some probes of the logarithm of their light, from wherever: how much it grows from
+// round to round tells how much of what bounces is still to come.
 double hg_gi_field_log_light(
     const struct hg_gi_field *field, const uint32_t *probes, uint32_t count);
 

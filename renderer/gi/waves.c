@@ -87,8 +87,7 @@ static enum hg_status no_memory(enum hg_status status, struct hg_error *err)
                            : hg_error_set(err, status, "probes", NULL, "out of host memory");
 }
 
-enum hg_status hg_gi_waves_sync_surfaces(
-    struct hg_gi_waves *w, bool exact, struct hg_error *err)
+enum hg_status hg_gi_waves_sync_surfaces(struct hg_gi_waves *w, bool exact, struct hg_error *err)
 {
     struct hg_rays_key rays = hg_rays_default_key(w->params.rays, HG_TRACE_AUTO, exact);
     rays.exact = w->exact = exact;

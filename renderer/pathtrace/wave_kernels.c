@@ -60,7 +60,6 @@ enum hg_status hg_path_wave_create(struct hg_path *p, struct hg_error *err)
 
 // --- kernels -------------------------------------------------------------------------------------
 
-
 static void fill_lens(const struct hg_path *p, struct hg_gpu_path *block)
 {
     const struct hg_gpu_camera *c = p->host.camera;

@@ -1,9 +1,9 @@
 // gi_truth.c - settled pictures with gathered light against path tracing, region by region: rooms
 // where nearly all light has come by way of surfaces.
 //
-// Means of regions by paths are in references/gi_truth.txt. With GI_TRUTH_SAMPLES=N in the environment
-// scenes that are missing there are rendered with N samples per pixel and appended; to make one again, delete
-// its lines.
+// Means of regions by paths are in references/gi_truth.txt. With GI_TRUTH_SAMPLES=N in the
+// environment scenes that are missing there are rendered with N samples per pixel and appended; to
+// make one again, delete its lines.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -75,7 +75,8 @@ static struct rig_camera cornell(struct rig *rig)
     faces(rig, white, box, 1, FLOOR | CEILING | LOW_Z);
     faces(rig, painted(rig, 0.57f, 0.06f, 0.05f), box, 1, LOW_X);
     faces(rig, painted(rig, 0.12f, 0.38f, 0.12f), box, 1, HIGH_X);
-    block(rig, white, (const float[2]){0.93f, -1.69f}, (const float[3]){1.65f, 1.65f, 1.65f}, 0.29f);
+    block(
+        rig, white, (const float[2]){0.93f, -1.69f}, (const float[3]){1.65f, 1.65f, 1.65f}, 0.29f);
     block(
         rig, white, (const float[2]){-0.93f, -3.51f}, (const float[3]){1.65f, 3.3f, 1.65f}, -0.37f);
     faces(rig, lamp(rig, 15), panel, -1, FLOOR);
@@ -86,8 +87,9 @@ static struct rig_camera cornell(struct rig *rig)
 static struct rig_camera corridor(struct rig *rig)
 {
     struct hg_material *m = painted(rig, 0.7f, 0.7f, 0.7f);
-    // Seen from above: the first leg along x (z from 0 to 2, x from 0 to 6), the second along -z at its
-    // end (x from 4 to 6, z from -3 to 0), the third along x again (z from -5 to -3, x from 4 to 9).
+    // Seen from above: the first leg along x (z from 0 to 2, x from 0 to 6), the second along -z at
+    // its end (x from 4 to 6, z from -3 to 0), the third along x again (z from -5 to -3, x from 4
+    // to 9).
     const float legs[3][2][3] = {
         {{0, 0, 0}, {6, 2.5f, 2}}, {{4, 0, -3}, {6, 2.5f, 0}}, {{4, 0, -5}, {9, 2.5f, -3}}};
     faces(rig, m, legs[0], 1, FLOOR | CEILING | LOW_X | HIGH_X | HIGH_Z);
@@ -97,8 +99,7 @@ static struct rig_camera corridor(struct rig *rig)
     faces(rig, m, (const float[2][3]){{6, 0, -5}, {9, 2.5f, -3}}, 1, HIGH_Z);
     const float panel[2][3] = {{1, 2.4f, 0.5f}, {3, 2.45f, 1.5f}};
     faces(rig, lamp(rig, 40), panel, -1, FLOOR);
-    return (struct rig_camera){
-        .eye = {8.8, 1.3, -4.2}, .target = {5, 1.2, -3.8}, .vfov_rad = 1.0};
+    return (struct rig_camera){.eye = {8.8, 1.3, -4.2}, .target = {5, 1.2, -3.8}, .vfov_rad = 1.0};
 }
 
 static void panel_room(struct rig *rig, struct hg_material *floor, unsigned walls)
@@ -110,8 +111,8 @@ static void panel_room(struct rig *rig, struct hg_material *floor, unsigned wall
     faces(rig, painted(rig, 0.6f, 0.3f, 0.2f), box, 1, walls & LOW_X);
     faces(rig, painted(rig, 0.2f, 0.4f, 0.6f), box, 1, walls & LOW_Z);
     faces(rig, lamp(rig, 5), panel, -1, FLOOR);
-    block(rig, painted(rig, 0.5f, 0.5f, 0.2f), (const float[2]){-0.6f, -1}, (const float[3]){1, 1, 1},
-        0.4f);
+    block(rig, painted(rig, 0.5f, 0.5f, 0.2f), (const float[2]){-0.6f, -1},
+        (const float[3]){1, 1, 1}, 0.4f);
 }
 
 static struct rig_camera glossy_floor(struct rig *rig)
@@ -237,8 +238,8 @@ static void against_paths(struct rig *rig, const struct scene *scene)
         print_message("\n");
     }
     const double total = sums[0] / sums[1] - 1;
-    print_message(
-        "%s: worst region off by %.1f %%, all by %+.1f %%\n", scene->name, 100 * worst, 100 * total);
+    print_message("%s: worst region off by %.1f %%, all by %+.1f %%\n", scene->name, 100 * worst,
+        100 * total);
     assert_true(worst <= scene->limits[0]);
     assert_true(fabs(total) <= scene->limits[1]);
 }

@@ -31,8 +31,8 @@ static bool is_usable(const struct hg_gpu_light *light)
            (light->kind == HG_LIGHT_KIND_DIRECTIONAL || is_finite3(light->position_ws));
 }
 
-// The sun of a sky, of its size; it does not move while a shutter is open. Its number follows those of
-// the scene's lights.
+// The sun of a sky, of its size; it does not move while a shutter is open. Its number follows those
+// of the scene's lights.
 static struct hg_gpu_light light_of_sky(const struct hg_emitter_lights *l)
 {
     struct hg_gpu_light light = hg_light_of_sun(l->sun.lux, l->sun.towards_ws);

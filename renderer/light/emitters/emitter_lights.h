@@ -10,7 +10,7 @@
 // Zero-initialise. Directional lights come first.
 struct hg_emitter_lights {
     struct hg_light_set set;                      // of the scene
-    struct hg_sky_disc sun;                        // of its sky, which is the first light
+    struct hg_sky_disc sun;                       // of its sky, which is the first light
     const struct hg_light_set *opening, *closing; // of a shutter; NULL: nothing moves
     struct hg_gpu_light *items;                   // [count], then those of the opening if they move
     size_t capacity;

@@ -41,8 +41,8 @@ void hg_sky_draw_disc(const struct hg_sky *sky, struct hg_image *image);
 
 // Illuminance of the sun seen from the ground, facing it, linear Rec.709 lux.
 void hg_sky_sun_illuminance(const struct hg_sky *sky, float out[3]);
-// The disc as a directional light, of an environment as it stands in its scene. Zero-initialise: what
-// is costly is kept from one update to the next.
+// The disc as a directional light, of an environment as it stands in its scene. Zero-initialise:
+// what is costly is kept from one update to the next.
 struct hg_sky_disc {
     float sun_direction[3], turbidity; // that illuminance was made from
     float illuminance[3];
