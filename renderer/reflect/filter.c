@@ -7,6 +7,10 @@
 #define NEAR_PX      10.0f // of roughness: how wide neighbours count fully,
 #define FAR_PX       70.0f // and not at all
 #define FAR_METRES   10.0f // of roughness: difference between the lengths of rays
+#define CALM_FROM    0.2f  // roughness from which single bright rays are held back
+#define CALM_REACH   2     // texels around that tell,
+#define CALM_LEAST   3     // if there are so many rays among them,
+#define CALM_MOST    2.0f  // how much brighter than their mean a ray may be
 #define MOST_HISTORY 0.92f
 #define SMOOTH       0.1f // roughness below which history counts less: there is little noise
 #define CLIP         1.5f // standard deviations of neighbours that history may be off
@@ -68,6 +72,51 @@ static void filter_row(void *user, size_t y)
         filter_texel(s, (int)x, (int)y);
 }
 
+static float light_of(const hg_reflect_sums *s)
+{
+    return 0.2126f * (*s)[HG_REFLECT_RED] + 0.7152f * (*s)[HG_REFLECT_GREEN] +
+           0.0722f * (*s)[HG_REFLECT_BLUE];
+}
+
+// A ray of a rough lobe that met something far brighter than those of its neighbours would be a spot as
+// wide as the filters, and another one in the next picture.
+static void calm_texel(const struct spatial *s, int x, int y)
+{
+    const int columns = (int)s->image->columns, rows = (int)s->image->rows;
+    const size_t i = (size_t)y * s->image->columns + (size_t)x;
+    const struct hg_reflect_texel *p = &s->image->texels[i];
+    const float own = light_of(&s->from[i]), weight = s->from[i][HG_REFLECT_WEIGHT];
+    float light = 0, weights = 0;
+    int count = 0;
+    s->to[i] = s->from[i];
+    if (!p->mirrors || !(weight > 0) || p->roughness < CALM_FROM)
+        return;
+    for (int qy = y - CALM_REACH; qy <= y + CALM_REACH; qy++)
+        for (int qx = x - CALM_REACH; qx <= x + CALM_REACH; qx++) {
+            if (qx < 0 || qy < 0 || qx >= columns || qy >= rows || (qx == x && qy == y))
+                continue;
+            const size_t k = (size_t)qy * s->image->columns + (size_t)qx;
+            const struct hg_reflect_texel *q = &s->image->texels[k];
+            if (!q->mirrors || q->roughness < CALM_FROM || !(s->from[k][HG_REFLECT_WEIGHT] > 0))
+                continue;
+            light += light_of(&s->from[k]);
+            weights += s->from[k][HG_REFLECT_WEIGHT];
+            count++;
+        }
+    const float most = CALM_MOST * light * weight;
+    if (count < CALM_LEAST || own * weights <= most)
+        return;
+    for (int c = HG_REFLECT_RED; c <= HG_REFLECT_BLUE; c++)
+        s->to[i][c] *= most / (own * weights);
+}
+
+static void calm_row(void *user, size_t y)
+{
+    const struct spatial *s = user;
+    for (uint32_t x = 0; x < s->image->columns; x++)
+        calm_texel(s, (int)x, (int)y);
+}
+
 static void swap(hg_reflect_sums **a, hg_reflect_sums **b)
 {
     hg_reflect_sums *kept = *a;
@@ -79,6 +128,9 @@ void hg_reflect_filter_spatial(
     const struct hg_reflect_image *image, hg_reflect_sums **sums, hg_reflect_sums **spare)
 {
     static const int steps[] = {1, 3};
+    struct spatial calm = {image, *sums, *spare, 0};
+    hg_jobs_for(image->jobs, image->rows, calm_row, &calm);
+    swap(sums, spare);
     for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
         struct spatial s = {image, *sums, *spare, steps[i]};
         hg_jobs_for(image->jobs, image->rows, filter_row, &s);
