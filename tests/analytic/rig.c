@@ -243,7 +243,7 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
     test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
     test_ok(hg_view_set_params(view, &params, &err), &err);
     test_ok(hg_view_set_camera(view, &camera, &err), &err);
-    for (int i = 0; i < 4000 && !info.settled; i++)
+    for (int i = 0; i < 40000 && !info.settled; i++)
         test_ok(hg_view_step(view, 8, &info, &err), &err);
     assert_true(info.settled);
     test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA32F, &pixels, &err), &err);
