@@ -78,8 +78,8 @@ static float light_of(const hg_reflect_sums *s)
            0.0722f * (*s)[HG_REFLECT_BLUE];
 }
 
-// A ray of a rough lobe that met something far brighter than those of its neighbours would be a spot as
-// wide as the filters, and another one in the next picture.
+// A ray of a rough lobe that met something far brighter than those of its neighbours would be a
+// spot as wide as the filters, and another one in the next picture.
 static void calm_texel(const struct spatial *s, int x, int y)
 {
     const int columns = (int)s->image->columns, rows = (int)s->image->rows;

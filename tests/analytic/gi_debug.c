@@ -266,8 +266,8 @@ static void test_shadows(void **state)
 // --- counters ------------------------------------------------------------------------------------
 
 // A closed room that emits: rays of placed probes meet its walls, and there are no lights. The
-// schedule is 3 rounds of 64 rays of all probes, then 8 to 64 of 24 and 4 of 96 of those awake: 64 in a
-// white room, where light never comes to its level.
+// schedule is 3 rounds of 64 rays of all probes, then 8 to 64 of 24 and 4 of 96 of those awake: 64
+// in a white room, where light never comes to its level.
 static void test_counters(void **state)
 {
     const float room[2][3] = {{-2, 0, -3}, {2, 3, 3}};
