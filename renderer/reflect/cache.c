@@ -130,12 +130,12 @@ enum hg_status hg_radiance_cache_sync(struct hg_radiance_cache *cache,
     struct grid grid = {.spacing = field->spacing};
     memcpy(grid.counts, field->counts, sizeof grid.counts);
     memcpy(grid.origin, field->origin, sizeof grid.origin);
-    const bool anew = cache->count == 0 || key->side != cache->key.side ||
-                      memcmp(key->origin, cache->key.origin, sizeof key->origin) != 0 ||
-                      memcmp(&grid, &cache->placed, sizeof grid) != 0;
+    const bool is_new = cache->count == 0 || key->side != cache->key.side ||
+                        memcmp(key->origin, cache->key.origin, sizeof key->origin) != 0 ||
+                        memcmp(&grid, &cache->placed, sizeof grid) != 0;
     cache->light += cache->light == 0 || key->light != cache->key.light;
     cache->key = *key;
-    if (!anew)
+    if (!is_new)
         return HG_OK;
     clear(cache);
     cache->placed = grid;
@@ -315,7 +315,7 @@ void hg_radiance_cache_light(
     const float share = 1 / (float)(lit + 1);
     for (int c = 0; c < 3; c++)
         t->radiance[c] += (radiance[c] - t->radiance[c]) * share;
-    t->state = lit < LIT_MOST ? lit + 1 : lit; // and nobody asks for it any more
+    t->state = lit < LIT_MOST ? lit + 1 : lit; // and its request is done
     t->light = cache->light;
     cache->stats.lit++;
 }

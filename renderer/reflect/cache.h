@@ -24,8 +24,8 @@ void hg_radiance_cache_destroy(struct hg_radiance_cache *cache); // accepts NULL
 // What the cache is of.
 struct hg_cache_key {
     uint64_t light;        // differs: texels are lit again
-    double origin[3];      // of the geometry; differs: begun anew
-    uint32_t side;         // texels along a face; differs: begun anew
+    double origin[3];      // of the geometry; a change empties the cache
+    uint32_t side;         // texels along a face; a change empties the cache
     uint32_t lit_enough;   // times that a texel is lit until its mean is good: light that is chosen
                            // by chance, like that of one among many lamps
     uint64_t budget_bytes; // 0 = unlimited

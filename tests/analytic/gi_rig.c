@@ -81,6 +81,14 @@ struct hg_refbuf *gi_read_floats(struct hg_view *view)
     return pixels;
 }
 
+void gi_assert_same(struct hg_refbuf *a, struct hg_refbuf *b)
+{
+    assert_int_equal(a->size, b->size);
+    assert_memory_equal(a->data, b->data, a->size);
+    hg_refbuf_unref(a);
+    hg_refbuf_unref(b);
+}
+
 struct hg_refbuf *gi_take(struct rig *rig, const struct gi_shot *shot)
 {
     struct hg_view *view = gi_open_view(rig, shot);

@@ -24,6 +24,8 @@ struct hg_view *gi_open_view(struct rig *rig, const struct gi_shot *shot);
 // Steps of so many samples until the picture is settled.
 void gi_settle(struct hg_view *view, uint32_t samples);
 struct hg_refbuf *gi_read_floats(struct hg_view *view);
+// Equal bytes; frees both.
+void gi_assert_same(struct hg_refbuf *a, struct hg_refbuf *b);
 // The settled picture.
 struct hg_refbuf *gi_take(struct rig *rig, const struct gi_shot *shot);
 // By probes alone, and gathered by rays from each pixel; the field of probes is made once.

@@ -49,6 +49,15 @@ static struct hg_refbuf *settled(struct rig *rig)
     return rig_pixels(rig, HG_PIXEL_RGBA32F);
 }
 
+// The picture is that of a scene which never was otherwise; closes that.
+static void assert_as_in(struct rig *fresh, const struct hg_refbuf *got)
+{
+    struct hg_refbuf *want = settled(fresh);
+    rig_assert_same(got, want);
+    hg_refbuf_unref(want);
+    rig_close_scene(fresh);
+}
+
 // Of the maps that the newest picture drew again.
 static float drawn_share(struct rig *rig)
 {
@@ -82,12 +91,9 @@ static void test_moved(void **state)
     struct hg_refbuf *after = settled(rig);
     assert_true(rig_difference(before, after) > 1e-3);
     open_scene(&fresh, to);
-    struct hg_refbuf *anew = settled(&fresh);
-    rig_assert_same(after, anew);
+    assert_as_in(&fresh, after);
     hg_refbuf_unref(before);
     hg_refbuf_unref(after);
-    hg_refbuf_unref(anew);
-    rig_close_scene(&fresh);
     rig_close_scene(rig);
 }
 
@@ -111,12 +117,9 @@ static void test_removed(void **state)
     assert_true(rig_difference(before, after) > 3e-4);
     open_scene(&fresh, at);
     hide(&fresh);
-    struct hg_refbuf *anew = settled(&fresh);
-    rig_assert_same(after, anew);
+    assert_as_in(&fresh, after);
     hg_refbuf_unref(before);
     hg_refbuf_unref(after);
-    hg_refbuf_unref(anew);
-    rig_close_scene(&fresh);
     rig_close_scene(rig);
 }
 

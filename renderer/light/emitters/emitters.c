@@ -224,14 +224,12 @@ static enum hg_status build(
 // --- environment ---------------------------------------------------------------------------------
 
 // What the image shows; 0: there is none.
-static uint64_t environment_signature(const struct hg_environment *env, bool has_sun)
+static uint64_t environment_signature(const struct hg_environment *env)
 {
     uint64_t h = hg_hash_mix(1, env->kind);
     if (env->kind == HG_ENV_SKY) {
         h = hg_hash_mix_bytes(h, env->sun_direction, sizeof env->sun_direction);
-        h = hg_hash_mix_bytes(h, &env->turbidity, sizeof env->turbidity);
-        h = hg_hash_mix(h, env->sun);
-        return hg_hash_mix(h, has_sun) | 1;
+        return hg_hash_mix_bytes(h, &env->turbidity, sizeof env->turbidity) | 1;
     }
     if (env->kind != HG_ENV_IMAGE || !env->image.pixels)
         return 0;
@@ -243,13 +241,13 @@ static uint64_t environment_signature(const struct hg_environment *env, bool has
 }
 
 static enum hg_status make_warp(
-    struct hg_emitters *e, const struct hg_environment *env, bool has_sun, struct hg_error *err)
+    struct hg_emitters *e, const struct hg_environment *env, struct hg_error *err)
 {
     const uint64_t begin = hg_clock_now_ns();
     struct hg_image drawn = {0};
     struct hg_env_warp warp = {0};
     enum hg_status status = HG_OK;
-    struct hg_sky sky = hg_sky_of(env, has_sun);
+    struct hg_sky sky = hg_sky_of(env, true);
     sky.with_disc = false; // a light of its own (emitter_lights.c)
     if (env->kind == HG_ENV_SKY)
         status = hg_sky_render(&sky, e->jobs, &drawn);
@@ -270,12 +268,10 @@ static enum hg_status make_warp(
 static enum hg_status sync_environment(
     struct hg_emitters *e, const struct hg_environment *env, struct hg_error *err)
 {
-    // As lighting.c: any directional light of the scene stands for the disc.
-    const bool has_sun = e->lights.set.directional_count > 0;
-    const uint64_t signature = environment_signature(env, has_sun);
+    const uint64_t signature = environment_signature(env);
     enum hg_status status = HG_OK;
     if (signature && signature != e->env_signature)
-        status = make_warp(e, env, has_sun, err);
+        status = make_warp(e, env, err);
     if (status)
         e->env_signature = 0;
     else if (signature)
