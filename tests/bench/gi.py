@@ -6,31 +6,20 @@ are far off.
     gi.py --helio build/bin/helio --models build/tests/models
 """
 import argparse
-import json
 import os
-import subprocess
 import tempfile
+
+import bench_report
+from bench_report import check
 
 PATH = [{"eye": [0.2 * (k % 3 - 1), 1.7, 9 - 0.7 * k], "target": [0, 2, -0.7 * k]} for k in range(5)]
 
 
 def bench(args, folder, **options):
-    report = os.path.join(folder, "report.json")
     options = dict(width=32, height=18, samples=1, path=PATH, lamps=2,
                    scene=os.path.abspath(os.path.join(args.models, "leaves_opaque.glb")),
                    references=os.path.join(folder, "references"), **options)
-    done = subprocess.run([args.helio, "bench", "gi", "--progress", "none", "--json", report, "--cache-dir",
-                           os.path.join(folder, "cache"), "--options", json.dumps(options)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    if done.returncode != 0:
-        raise SystemExit("exit code %d\n%s" % (done.returncode, done.stdout))
-    with open(report, encoding="utf-8") as file:
-        return json.load(file)
-
-
-def check(condition, *what):
-    if not condition:
-        raise SystemExit("unexpected: %s" % (what,))
+    return bench_report.bench(args.helio, "gi", folder, options)
 
 
 def check_light(light, found, made):

@@ -5,30 +5,19 @@ that say what each does.
     reflections.py --helio build/bin/helio --models build/tests/models
 """
 import argparse
-import json
 import os
-import subprocess
 import tempfile
+
+import bench_report
+from bench_report import check
 
 PATH = [{"eye": [0.2, 1.7, 9], "target": [0, 2, 0]}, {"eye": [0, 1.7, 8], "target": [0, 0, 0]}]
 
 
 def bench(args, folder):
-    report = os.path.join(folder, "report.json")
     options = {"width": 64, "height": 36, "samples": 1, "path": PATH,
                "scene": os.path.abspath(os.path.join(args.models, "leaves_opaque.glb"))}
-    done = subprocess.run([args.helio, "bench", "reflections", "--progress", "none", "--json", report, "--cache-dir",
-                           os.path.join(folder, "cache"), "--options", json.dumps(options)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    if done.returncode != 0:
-        raise SystemExit("exit code %d\n%s" % (done.returncode, done.stdout))
-    with open(report, encoding="utf-8") as file:
-        return json.load(file)
-
-
-def check(condition, *what):
-    if not condition:
-        raise SystemExit("unexpected: %s" % (what,))
+    return bench_report.bench(args.helio, "reflections", folder, options)
 
 
 def main():
