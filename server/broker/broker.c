@@ -21,6 +21,7 @@
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
+static const uint64_t check_tokens_ns = 1000000000;
 
 // ---- checks -------------------------------------------------------------------------------------
 
@@ -117,7 +118,7 @@ static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_e
         .events = &hg_recovery_events,
         .owner = &b->sessions};
     b->admission = (struct hg_admission){
-        .options = &b->options, .tokens = &b->tokens, .guard = &b->guard, .sessions = &b->sessions};
+        .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
         .events = &hg_client_dispatch_events,
@@ -209,6 +210,10 @@ static void warn_exposed(const struct hg_broker *b)
 {
     if (b->tokens.exposed)
         hg_warn(AUTH, "the token file %s can be read by others than its owner", b->options.tokens);
+    if (b->tokens.plain)
+        hg_warn(AUTH,
+            "%u tokens stand in %s as they are; heliod --hash-token makes lines without them",
+            b->tokens.plain, b->options.tokens);
 }
 
 static void reload(struct hg_broker *b)
@@ -236,6 +241,7 @@ static void reload(struct hg_broker *b)
         size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
+        hg_client_dispatch_check_tokens(&b->conns);
         apply_log(&b->options);
         hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
         hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
@@ -361,6 +367,10 @@ static void tick(struct hg_broker *b)
 {
     uint64_t now_ns = b->loop.now_ns;
     hg_conn_check_times(&b->conns);
+    if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
+        b->tokens_checked_ns = now_ns;
+        hg_client_dispatch_check_tokens(&b->conns);
+    }
     hg_worker_pool_check_times(&b->pool);
     watch_accepts(b, now_ns);
     if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {
@@ -429,6 +439,7 @@ static void stop(struct hg_broker *b)
     while (b->sessions.first) // those that waited for their last edits
         hg_session_destroy(b->sessions.first);
     hg_listeners_destroy(&b->loop, &b->listeners);
+    hg_peer_table_finish(&b->conns.peers);
     hg_worker_pool_finish(&b->pool);
     hg_upload_store_destroy(b->store);
     hg_tokens_finish(&b->tokens);

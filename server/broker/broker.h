@@ -7,8 +7,8 @@
 // Layers, lowest first:
 //   loop options auth notify list peer_log upload_store    the system's side; contents
 //   transport                                    bytes of a peer
-//   packet listener                              whole messages; where clients come in
-//   conn worker_link scene_journal               a client; a worker; accepted edits
+//   packet listener peer_table                   whole messages; where clients come in, and from
+//   conn slots worker_link scene_journal         a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
@@ -30,7 +30,6 @@ struct hg_broker {
     int argc;
     char *const *argv; // for reloads
     struct hg_tokens tokens;
-    struct hg_guard guard;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;
@@ -38,7 +37,7 @@ struct hg_broker {
     struct hg_conn_table conns;
     struct hg_session_table sessions;
     struct hg_worker_pool pool;
-    uint64_t tick_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
+    uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };
 
 // Runs until drained, with so many workers; returns the exit code. Options are taken over.

@@ -5,8 +5,12 @@
 
 #include "base/alloc.h"
 #include "server/broker/list.h"
+#include "server/broker/slots.h"
 
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
+// hello, auth and some pings; what is answered to them is small.
+enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
+static const uint64_t rest_ns = 2000000000;
 
 bool hg_conn_is_slow(const struct hg_conn *conn)
 {
@@ -54,6 +58,19 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
 
 // ---- ending -------------------------------------------------------------------------------------
 
+void hg_conn_set_open(struct hg_conn *conn, double rate)
+{
+    hg_slots_opened(conn);
+    conn->state = HG_CONN_OPEN;
+    conn->opened_ns = conn->allowance_ns = conn->table->loop->now_ns;
+    conn->rate = conn->allowance = rate;
+}
+
+bool hg_conn_is_own(const struct hg_conn *conn)
+{
+    return conn->peer.is_local && conn->peer.same_user;
+}
+
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
 {
     struct hg_conn_table *table = conn->table;
@@ -71,6 +88,7 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     if (conn->paused)
         table->paused_count--;
     conn->paused = false;
+    hg_slots_leave(conn);
     HG_LIST_REMOVE(table->first, conn);
     table->count--;
     conn->next = table->dead;
@@ -130,16 +148,17 @@ static void refuse_stream(struct hg_conn *conn, enum hg_status status)
 static bool may_take_message(struct hg_conn *conn)
 {
     uint64_t now_ns = conn->table->loop->now_ns;
-    double rate = conn->table->options->max_rate;
-    conn->allowance += (double)(now_ns - conn->allowance_ns) * 1e-9 * rate;
+    conn->allowance += (double)(now_ns - conn->allowance_ns) * 1e-9 * conn->rate;
     conn->allowance_ns = now_ns;
-    if (conn->allowance > rate)
-        conn->allowance = rate;
+    if (conn->allowance > conn->rate)
+        conn->allowance = conn->rate;
     return conn->allowance >= 1;
 }
 
 static bool must_pause(struct hg_conn *conn)
 {
+    if (conn->state < HG_CONN_OPEN)
+        return conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
     if (conn->state != HG_CONN_OPEN)
         return false;
     return hg_conn_is_slow(conn) || conn->table->events->must_wait(conn) || !may_take_message(conn);
@@ -169,6 +188,14 @@ static bool take_message(struct hg_conn *conn)
     if (!packet)
         return false;
     conn->allowance -= 1;
+    if (conn->state < HG_CONN_OPEN && conn->allowance < 0) {
+        struct hg_error err = {0};
+        hg_packet_unref(packet);
+        hg_error_set(&err, HG_E_LIMIT, "message", NULL,
+            "at most %d messages come before the session is open", MESSAGES_BEFORE_OPEN);
+        hg_conn_close(conn, &err, "too many messages");
+        return false;
+    }
     conn->table->events->message(conn, packet);
     hg_packet_unref(packet);
     return true;
@@ -294,17 +321,26 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
         hg_conn_kill(conn, "takes nothing of what waits for it (peer-timeout)");
         return;
     }
+    if (!hg_outq_is_drained(&conn->out, now_ns, o->peer_timeout_ns, o->min_drain * 1024.)) {
+        hg_conn_kill(conn, "takes too little of what waits for it (min-drain)");
+        return;
+    }
+    if (conn->auth.due_ns && now_ns >= conn->auth.due_ns) {
+        conn->auth.due_ns = 0;
+        conn->table->events->due(conn);
+    }
+    if (now_ns - conn->received_ns > rest_ns)
+        hgp_framer_rest(&conn->in);
     if (conn->state == HG_CONN_OPEN)
         check_idle(conn, now_ns);
 }
 
 // ---- accepting ----------------------------------------------------------------------------------
 
-static void turn_away(struct hg_conn *conn)
+static void turn_away(struct hg_conn *conn, const char *reason)
 {
     struct hg_error err = {0};
-    hg_error_set(&err, HG_E_LIMIT, "connection", NULL,
-        "the daemon has as many connections as it takes (max-connections); try again later");
+    hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
     hg_conn_close(conn, &err, "too many connections");
     if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
         hg_conn_kill(conn, "too many connections");
@@ -325,8 +361,7 @@ static void add_conn(
         .in = {.frames = &hg_packet_frames},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,
         .received_ns = table->loop->now_ns,
-        .allowance = table->options->max_rate,
-        .allowance_ns = table->loop->now_ns,
+        .allowance = MESSAGES_BEFORE_OPEN,
     };
     if (hg_loop_add(table->loop, &conn->source)) {
         hg_transport_close(transport);
@@ -337,8 +372,13 @@ static void add_conn(
     table->count++;
     conn->transport.class->greet(&conn->transport, table->options->peer_timeout_ns, &conn->peer);
     hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
-    if (table->count > table->options->max_connections)
-        turn_away(conn);
+    if (hg_slots_take(conn)) {
+        hg_conn_kill(conn, "no memory for a connection");
+        return;
+    }
+    const char *refusal = hg_slots_refusal(conn);
+    if (refusal)
+        turn_away(conn, refusal);
 }
 
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)

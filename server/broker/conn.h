@@ -8,6 +8,7 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_log.h"
+#include "server/broker/peer_table.h"
 
 struct hg_session;
 
@@ -20,6 +21,20 @@ enum hg_conn_state {
     HG_CONN_DEAD,    // transport closed; freed at the end of the round
 };
 
+// What the connection is counted under.
+struct hg_conn_place {
+    struct hg_peer_entry *source, *network; // NULL: not counted
+    bool opening;                           // among those whose session is not open yet
+};
+
+// Who the client says it is. Of the layer above.
+struct hg_conn_auth {
+    uint8_t hash[32]; // of its token
+    bool has_token;
+    uint32_t request;
+    uint64_t due_ns; // when the token is judged (hg_conn_events.due); 0 = nothing waits
+};
+
 struct hg_conn {
     struct hg_conn *prev, *next;
     struct hg_conn_table *table;
@@ -30,12 +45,15 @@ struct hg_conn {
     enum hg_conn_state state;
     bool paused, peer_ended;
     struct hg_peer peer;
+    struct hg_conn_place place;
+    struct hg_conn_auth auth;
     char client[129]; // from hello
     uint16_t version;
     uint64_t number;                          // of the session
     uint64_t deadline_ns;                     // handshake, or the end of CLOSING
     uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
-    double allowance;                         // messages that may be accepted now (rate limit)
+    double rate;      // messages a second; 0 = as many as `allowance` says in all (not yet open)
+    double allowance; // messages that may be accepted now
     uint64_t allowance_ns;
     struct hg_session *session; // of the layer above
 };
@@ -46,6 +64,8 @@ struct hg_conn_events {
     void (*message)(struct hg_conn *conn, struct hg_packet *packet);
     // Too many requests of the client are in flight: it is not read (back-pressure).
     bool (*must_wait)(const struct hg_conn *conn);
+    // auth.due_ns has come.
+    void (*due)(struct hg_conn *conn);
     // The output has fallen below its limit again.
     void (*drained)(struct hg_conn *conn);
     // It is CLOSING or DEAD; at the end of the round in which that happened.
@@ -62,11 +82,18 @@ struct hg_conn_table {
     uint32_t count, paused_count;
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool closing;             // one began to close: `ended` comes at the end of the round
+    struct hg_peer_table peers;
+    uint32_t opening_count; // whose session is not open
+    uint64_t random;        // state of the early drop
     struct hg_peer_log log;
 };
 
 // Takes in the clients that wait at a listener.
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+// The session is open: messages are limited by `rate` a second from here on.
+void hg_conn_set_open(struct hg_conn *conn, double rate);
+// It belongs to the daemon's own user on this machine, for whom slots are kept.
+bool hg_conn_is_own(const struct hg_conn *conn);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
 // Takes over the reference.
 void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet);

@@ -54,6 +54,9 @@ static const struct {
     {"config", "FILE", "Read options from FILE, one 'name = value' per line; flags override it."},
     {"check-config", "", "Check flags, file and tokens, then exit: 0 = good, 2 = not."},
     {"device-info", "", "Let the worker describe the Vulkan device and its fallbacks, then exit."},
+    {"hash-token", "",
+        "Read a token from standard input, print the word that stands for it in the file of "
+        "tokens, then exit."},
     {"print-docs", "FORMAT", "Print this reference as markdown or man, then exit."},
     {"help", "", "Print this help, then exit."},
     {"version", "", "Print the version, then exit."},
@@ -265,7 +268,8 @@ static enum hg_status apply_extra(
         const char *name;
         enum hg_options_action action;
     } actions[] = {{"check-config", HG_OPTIONS_CHECK}, {"device-info", HG_OPTIONS_DEVICE_INFO},
-        {"help", HG_OPTIONS_HELP}, {"version", HG_OPTIONS_VERSION}};
+        {"hash-token", HG_OPTIONS_HASH_TOKEN}, {"help", HG_OPTIONS_HELP},
+        {"version", HG_OPTIONS_VERSION}};
     for (size_t i = 0; i < sizeof actions / sizeof *actions; i++)
         if (strcmp(name, actions[i].name) == 0) {
             o->action = actions[i].action;
@@ -512,12 +516,25 @@ static const char markdown_head[] =
 
 static const char token_text[] =
     "\n## Tokens\n\n"
-    "```\n# TOKEN  ROLE  [NAME]\nb9b0a7c2e4f14d7f  edit  ci-runner\n```\n\n"
+    "```\n# TOKEN  ROLE  [NAME]  [KEY=VALUE...]\n"
+    "sha256:9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08  edit  ci-runner\n"
+    "sha256:60303ae22b998861bce3b28f33eec1be758a213c86c93c076dbe9f558c11c752  view  guests"
+    "  expires=2027-06-30  scenes=showroom-*  sessions=20\n```\n\n"
     "`view` may open scenes and views and ask; `edit` may also change scenes; `admin` may also "
-    "list "
-    "sessions. Tokens have 8 to 256 characters without spaces. The file should be readable by "
-    "the daemon's user alone; the daemon warns when it is not. Clients on a unix socket that run "
-    "as the daemon's own user need no token (they are `admin`) unless `require-token` is set.\n";
+    "list sessions. Tokens have 8 to 256 characters without spaces; `heliod --hash-token` reads "
+    "one "
+    "and prints the word that stands for it. A token may also stand there as it is; the daemon "
+    "warns about it, and about a file that others than its user may read.\n\n"
+    "| key | |\n|---|---|\n"
+    "| `expires=YYYY-MM-DD[Thh:mm:ssZ]` | From then on (UTC) it is unknown, and its sessions end. "
+    "|\n"
+    "| `scenes=PATTERN` | It opens scenes whose names match only (`*`, `?`, `[...]`), and scenes "
+    "without a name, which are a session's own. |\n"
+    "| `sessions=COUNT` | Open at a time, in place of `max-sessions-per-token`. |\n"
+    "| `rate=COUNT` | Messages per second of a session, in place of `max-rate`. |\n\n"
+    "On SIGHUP the sessions of tokens that are no longer there, or have another role, end. Clients "
+    "on a unix socket that run as the daemon's own user need no token (they are `admin`) unless "
+    "`require-token` is set.\n";
 
 // Read by renderer/debug_environment.c.
 static const char environment_text[] =

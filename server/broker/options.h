@@ -26,6 +26,7 @@ enum hg_options_action {
     HG_OPTIONS_RUN,
     HG_OPTIONS_CHECK,       // --check-config
     HG_OPTIONS_DEVICE_INFO, // --device-info
+    HG_OPTIONS_HASH_TOKEN,  // --hash-token
     HG_OPTIONS_HELP,
     HG_OPTIONS_VERSION,
     HG_OPTIONS_DOCS, // --print-docs

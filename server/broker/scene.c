@@ -53,6 +53,23 @@ uint32_t hg_shared_scene_channel(const struct hg_shared_scene *scene)
     return HG_SCENE_REPLAY_CHANNEL | scene->number;
 }
 
+uint32_t hg_shared_scene_claim_ids(struct hg_shared_scene *scene)
+{
+    for (uint32_t i = 0; i < HG_SCENE_RANGES; i++)
+        if (!(scene->ranges[i / 64] >> i % 64 & 1)) {
+            scene->ranges[i / 64] |= UINT64_C(1) << i % 64;
+            return 1 + i * HG_SCENE_ID_RANGE;
+        }
+    return 0;
+}
+
+void hg_shared_scene_release_ids(struct hg_shared_scene *scene, uint32_t first_id)
+{
+    uint32_t i = (first_id - 1) / HG_SCENE_ID_RANGE;
+    if (!hg_journal_uses_ids(scene->journal, first_id, HG_SCENE_ID_RANGE))
+        scene->ranges[i / 64] &= ~(UINT64_C(1) << i % 64);
+}
+
 static void end_replay(struct hg_shared_scene *scene)
 {
     struct hg_link *link = scene->link;

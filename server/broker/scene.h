@@ -9,6 +9,11 @@
 
 #define HG_SCENE_REPLAY_CHANNEL (UINT32_C(1) << 31) // | number of the scene
 
+enum {
+    HG_SCENE_ID_RANGE = 1 << 20, // object and asset ids of one session
+    HG_SCENE_RANGES = 4032,      // in a scene at a time
+};
+
 struct hg_shared_scene {
     struct hg_shared_scene *prev, *next;
     uint32_t number;
@@ -17,7 +22,9 @@ struct hg_shared_scene {
     struct hg_journal *journal;
     struct hg_link *link; // to its worker
     uint64_t revision;
-    uint32_t sessions, ranges_used;
+    uint32_t sessions;
+    uint64_t ranges[HG_SCENE_RANGES / 64]; // bit: the range of ids belongs to a session, or objects
+                                           // have ids of it
     bool in_worker;  // replayed; sessions are attached
     uint32_t deaths; // of the worker while this scene was replayed
 };
@@ -33,6 +40,10 @@ struct hg_scene_table {
 struct hg_shared_scene *hg_shared_scene_join(
     struct hg_scene_table *table, struct hgp_str name, uint64_t session, bool *existed);
 void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene *scene);
+// A range of ids for a session: the first of HG_SCENE_ID_RANGE. 0: none is left.
+uint32_t hg_shared_scene_claim_ids(struct hg_shared_scene *scene);
+// The session has ended: its range is free again, unless objects have ids of it.
+void hg_shared_scene_release_ids(struct hg_shared_scene *scene, uint32_t first_id);
 // On which it is replayed.
 uint32_t hg_shared_scene_channel(const struct hg_shared_scene *scene);
 

@@ -208,7 +208,7 @@ void hg_session_request_attach(struct hg_session *s)
             .role = s->role,
             .scene = hgp_str_make(s->scene->key),
             .first_id = s->first_id,
-            .id_count = HG_SESSION_ID_RANGE,
+            .id_count = HG_SCENE_ID_RANGE,
             .max_pixels = s->table->options->max_pixels,
             .replay = restore});
     if (s->batch_open) // before there is a view that could show half of it

@@ -3,15 +3,14 @@
 #ifndef HG_BROKER_SESSION_STATE_H
 #define HG_BROKER_SESSION_STATE_H
 
+#include "server/broker/auth.h"
 #include "server/broker/conn.h"
 #include "server/broker/scene.h"
 
 enum {
-    HG_SESSION_ID_RANGE = 1 << 20, // object and asset ids of one session
-    HG_SESSION_RANGES = 4095,      // sessions that one scene can have had
-    HG_SESSION_UPLOADS = 16,       // contents of one session that may alternate
-    HG_SESSION_TRIES = 2,          // deaths of the worker after which a request is given up
-    HG_SESSION_POISONS = 3,        // given-up requests after which a session is closed
+    HG_SESSION_UPLOADS = 16, // contents of one session that may alternate
+    HG_SESSION_TRIES = 2,    // deaths of the worker after which a request is given up
+    HG_SESSION_POISONS = 3,  // given-up requests after which a session is closed
 };
 
 // A message on its way to the worker that matters for the order of things. Most are answered;
@@ -45,6 +44,7 @@ struct hg_session {
     uint32_t number;
     enum hgp_role role;
     char name[129];
+    struct hg_token_scope scope;
     struct hg_shared_scene *scene; // NULL: none open
     uint32_t first_id;
     bool attached;   // the worker knows it

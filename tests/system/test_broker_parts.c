@@ -1,4 +1,4 @@
-// test_broker_parts.c - options, tokens, the guard, the upload store, streams.
+// test_broker_parts.c - options, tokens, peers, the upload store, streams.
 #include <fcntl.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,6 +18,7 @@
 #include "server/broker/listener.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
+#include "server/broker/peer_table.h"
 #include "server/broker/upload_store.h"
 #include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
@@ -152,6 +153,14 @@ static void options_without_memory(void **state)
 
 // ---- tokens -------------------------------------------------------------------------------------
 
+static const struct hg_token *find_token(
+    const struct hg_tokens *tokens, const char *token, int64_t now_s)
+{
+    uint8_t hash[32];
+    assert_int_equal(hg_token_hash(hgp_str_make(token), hash), HG_OK);
+    return hg_tokens_find(tokens, hash, now_s);
+}
+
 static void tokens_are_read(void **state)
 {
     (void)state;
@@ -163,13 +172,12 @@ static void tokens_are_read(void **state)
     assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
     assert_int_equal(tokens.count, 3);
     assert_false(tokens.exposed);
-    const struct hg_token *t = hg_tokens_find(&tokens, hgp_str_make("abcdefgh"));
+    const struct hg_token *t = find_token(&tokens, "abcdefgh", 1);
     assert_non_null(t);
     assert_int_equal(t->role, HGP_role_VIEW);
     assert_string_equal(t->name, "anna");
-    assert_null(hg_tokens_find(&tokens, hgp_str_make("abcdefg")));
-    assert_null(hg_tokens_find(&tokens, hgp_str_make("")));
-    assert_null(hg_tokens_find(&tokens, (struct hgp_str){0}));
+    assert_null(find_token(&tokens, "abcdefg", 1));
+    assert_null(find_token(&tokens, "", 1));
     hg_tokens_finish(&tokens);
     assert_int_equal(chmod(path_of("tokens"), 0640), 0);
     assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
@@ -185,24 +193,96 @@ static void tokens_are_read(void **state)
     }
 }
 
-static void guessing_is_slowed(void **state)
+static void tokens_have_scopes(void **state)
 {
     (void)state;
-    static struct hg_guard guard;
+    struct hg_tokens tokens;
+    struct hg_error err;
+    char text[400], hex[HG_SHA256_HEX];
+    uint8_t hash[32];
+    assert_int_equal(hg_token_hash(hgp_str_make("hidden-token"), hash), HG_OK);
+    hg_sha256_hex(hash, hex);
+    snprintf(text, sizeof text,
+        "sha256:%s edit carl expires=2030-01-02 scenes=hall-* sessions=3 rate=500\n"
+        "plain-token view expires=1970-01-02T00:00:10Z\n",
+        hex);
+    test_text_write(folder, "tokens", text);
+    assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
+    assert_int_equal(tokens.plain, 1);
+    const struct hg_token *t = find_token(&tokens, "hidden-token", 1000);
+    assert_non_null(t);
+    assert_string_equal(t->name, "carl");
+    assert_int_equal(t->scope.expires_s, 1893542400);
+    assert_string_equal(t->scope.scenes, "hall-*");
+    assert_int_equal(t->scope.max_sessions, 3);
+    assert_int_equal(t->scope.max_rate, 500);
+    assert_null(find_token(&tokens, "hidden-token", 1893542400));
+    t = find_token(&tokens, "plain-token", 86409);
+    assert_non_null(t);
+    assert_string_equal(t->name, "view");
+    assert_null(find_token(&tokens, "plain-token", 86410));
+    hg_tokens_finish(&tokens);
+    static const char *const bad[] = {"sha256:abc view\n", "longenough view x expires=tomorrow\n",
+        "longenough view x sessions=0\n", "longenough view x rate=1e3\n",
+        "longenough view x scenes=\n", "longenough view x colour=red\n",
+        "longenough view expires=2030-01-01 x\n"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        test_text_write(folder, "tokens", bad[i]);
+        assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_E_INVAL);
+    }
+}
+
+static void peers_are_counted(void **state)
+{
+    (void)state;
+    static struct hg_peer_table table;
     const uint64_t s = 1000000000u;
-    for (int i = 0; i < 3; i++) {
-        assert_false(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 100 * s));
-        hg_guard_count_failure(&guard, "10.0.0.1", 100 * s);
+    struct hg_peer_entry *a = hg_peer_table_join(&table, "10.0.0.1/32");
+    assert_ptr_equal(hg_peer_table_join(&table, "10.0.0.1/32"), a);
+    assert_int_equal(a->connections, 2);
+    for (int i = 0; i < 3; i++)
+        hg_peer_table_count_failure(&table, a, 100 * s);
+    hg_peer_table_leave(&table, a, 110 * s);
+    hg_peer_table_leave(&table, a, 110 * s);
+    // It is remembered without a connection, for a minute.
+    a = hg_peer_table_join(&table, "10.0.0.1/32");
+    assert_int_equal(a->connections, 1);
+    assert_int_equal(hg_peer_entry_failures(a, 159 * s), 3);
+    assert_int_equal(hg_peer_entry_failures(a, 161 * s), 0);
+    assert_int_equal(hg_peer_table_all_failures(&table, 159 * s), 3);
+    assert_int_equal(hg_peer_table_all_failures(&table, 161 * s), 0);
+    hg_peer_table_leave(&table, a, 161 * s);
+    assert_int_equal(table.idle_count, 0);
+    // A flood of addresses pushes out the oldest, not the newest, and takes bounded memory.
+    char key[32];
+    for (int i = 0; i < HG_PEER_TABLE_IDLE + 20; i++) {
+        snprintf(key, sizeof key, "10.%d.%d.1/32", i >> 8, i & 255);
+        a = hg_peer_table_join(&table, key);
+        hg_peer_table_count_failure(&table, a, 200 * s);
+        hg_peer_table_leave(&table, a, 200 * s);
     }
-    assert_true(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 159 * s));
-    assert_false(hg_guard_is_blocked(&guard, "10.0.0.2", 3, 101 * s));
-    assert_false(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 161 * s));
-    char address[32]; // a flood of addresses pushes out the oldest, not the newest
-    for (int i = 0; i < HG_GUARD_ENTRIES + 20; i++) {
-        snprintf(address, sizeof address, "10.1.0.%d", i);
-        hg_guard_count_failure(&guard, address, (200 + (uint64_t)i) * s);
-    }
-    assert_true(hg_guard_is_blocked(&guard, address, 1, 350 * s));
+    assert_int_equal(table.idle_count, HG_PEER_TABLE_IDLE);
+    assert_int_equal(hg_peer_entry_failures(hg_peer_table_join(&table, key), 201 * s), 1);
+    assert_int_equal(hg_peer_entry_failures(hg_peer_table_join(&table, "10.0.1.1/32"), 201 * s), 0);
+    hg_peer_table_finish(&table);
+}
+
+static void slow_queues_are_found(void **state)
+{
+    (void)state;
+    const uint64_t s = 1000000000u;
+    struct hg_outq q = {0};
+    assert_true(hg_outq_is_drained(&q, 100 * s, s, 1000)); // empty
+    struct hg_packet *packet = hg_packet_encode(HGP_T_ping, &(struct hgp_ping){.nonce = 1});
+    assert_int_equal(hg_outq_push(&q, packet, 0, 0), HG_OK);
+    q.window_ns = 100 * s;
+    assert_true(hg_outq_is_drained(&q, 109 * s, 10 * s, 1000)); // too early to say
+    q.window_bytes = 9999;
+    assert_false(hg_outq_is_drained(&q, 110 * s, 10 * s, 1000));
+    q.window_bytes = 10000; // it was begun anew
+    assert_true(hg_outq_is_drained(&q, 120 * s, 10 * s, 1000));
+    assert_int_equal(q.window_bytes, 0);
+    hg_outq_finish(&q);
 }
 
 static void addresses_are_checked(void **state)
@@ -373,7 +453,9 @@ int main(void)
         cmocka_unit_test(reload_keeps_start_options),
         cmocka_unit_test(options_without_memory),
         cmocka_unit_test(tokens_are_read),
-        cmocka_unit_test(guessing_is_slowed),
+        cmocka_unit_test(tokens_have_scopes),
+        cmocka_unit_test(peers_are_counted),
+        cmocka_unit_test(slow_queues_are_found),
         cmocka_unit_test(addresses_are_checked),
         cmocka_unit_test(store_evicts_what_nobody_uses),
         cmocka_unit_test(streams_are_cut_into_messages),
