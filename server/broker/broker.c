@@ -121,6 +121,7 @@ static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_e
         .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
+        .slots = {.options = &b->options},
         .events = &hg_client_dispatch_events,
         .owner = &b->admission};
     b->sessions = (struct hg_session_table){.loop = &b->loop,
@@ -439,7 +440,7 @@ static void stop(struct hg_broker *b)
     while (b->sessions.first) // those that waited for their last edits
         hg_session_destroy(b->sessions.first);
     hg_listeners_destroy(&b->loop, &b->listeners);
-    hg_peer_table_finish(&b->conns.peers);
+    hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
     hg_upload_store_destroy(b->store);
     hg_tokens_finish(&b->tokens);

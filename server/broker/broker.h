@@ -8,7 +8,8 @@
 //   loop options auth notify list peer_log upload_store    the system's side; contents
 //   transport                                    bytes of a peer
 //   packet listener peer_table                   whole messages; where clients come in, and from
-//   conn slots worker_link scene_journal         a client; a worker; accepted edits
+//   slots                                        who gets a connection
+//   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions

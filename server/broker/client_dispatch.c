@@ -7,7 +7,6 @@
 #include "server/broker/session.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_view.h"
-#include "server/broker/slots.h"
 
 // ---- handshake ----------------------------------------------------------------------------------
 
@@ -87,7 +86,7 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
         return;
     }
     conn->version = m->version_max < HGP_VERSION_MAX ? m->version_max : HGP_VERSION_MAX;
-    bool trusted = hg_conn_is_own(conn) && !a->options->require_token;
+    bool trusted = conn->slot.own && !a->options->require_token;
     if (!trusted && !a->tokens->count) {
         refuse(conn, HG_E_AUTH, "hello",
             "only the daemon's own user may connect: it has no tokens for others");
@@ -116,23 +115,23 @@ static uint64_t penalty_ns(const struct hg_conn *conn)
     const struct hg_admission *a = conn->table->owner;
     const uint64_t second_ns = 1000000000;
     uint64_t now_ns = conn->table->loop->now_ns;
-    uint32_t failures = conn->place.source ? hg_peer_entry_failures(conn->place.source, now_ns) : 0;
+    uint32_t failures = conn->slot.source ? hg_peer_entry_failures(conn->slot.source, now_ns) : 0;
     if (failures >= a->options->auth_failures) {
         uint32_t doublings = failures - a->options->auth_failures;
         return second_ns << (doublings < 4 ? doublings : 4);
     }
-    bool flooded =
-        hg_peer_table_all_failures(&conn->table->peers, now_ns) >= a->options->auth_failures_total;
+    bool flooded = hg_peer_table_all_failures(&conn->table->slots.peers, now_ns) >=
+                   a->options->auth_failures_total;
     return flooded ? second_ns : 0;
 }
 
 static void refuse_token(struct hg_conn *conn)
 {
     uint64_t now_ns = conn->table->loop->now_ns;
-    hg_peer_table_count_failure(&conn->table->peers, conn->place.source, now_ns);
+    hg_peer_table_count_failure(&conn->table->slots.peers, conn->slot.source, now_ns);
     if (hg_peer_log_may(&conn->table->log, now_ns))
         hg_warn(AUTH, "wrong token from %s (client %s), %llu wrong ones in all", conn->peer.name,
-            conn->client, (unsigned long long)conn->table->peers.failures);
+            conn->client, (unsigned long long)conn->table->slots.peers.failures);
     refuse(conn, HG_E_AUTH, "auth", "the token is not known, or has expired");
 }
 

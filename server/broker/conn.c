@@ -5,7 +5,6 @@
 
 #include "base/alloc.h"
 #include "server/broker/list.h"
-#include "server/broker/slots.h"
 
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
 // hello, auth and some pings; what is answered to them is small.
@@ -60,15 +59,10 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
 
 void hg_conn_set_open(struct hg_conn *conn, double rate)
 {
-    hg_slots_opened(conn);
+    hg_slots_opened(&conn->table->slots, &conn->slot);
     conn->state = HG_CONN_OPEN;
     conn->opened_ns = conn->allowance_ns = conn->table->loop->now_ns;
     conn->rate = conn->allowance = rate;
-}
-
-bool hg_conn_is_own(const struct hg_conn *conn)
-{
-    return conn->peer.is_local && conn->peer.same_user;
 }
 
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
@@ -88,9 +82,8 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     if (conn->paused)
         table->paused_count--;
     conn->paused = false;
-    hg_slots_leave(conn);
+    hg_slots_leave(&table->slots, &conn->slot, table->loop->now_ns);
     HG_LIST_REMOVE(table->first, conn);
-    table->count--;
     conn->next = table->dead;
     table->dead = conn;
 }
@@ -369,14 +362,13 @@ static void add_conn(
         return;
     }
     HG_LIST_ADD(table->first, conn);
-    table->count++;
     conn->transport.class->greet(&conn->transport, table->options->peer_timeout_ns, &conn->peer);
     hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
-    if (hg_slots_take(conn)) {
+    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot)) {
         hg_conn_kill(conn, "no memory for a connection");
         return;
     }
-    const char *refusal = hg_slots_refusal(conn);
+    const char *refusal = hg_slots_refusal(&table->slots, &conn->slot);
     if (refusal)
         turn_away(conn, refusal);
 }

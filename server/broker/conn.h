@@ -8,7 +8,7 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_log.h"
-#include "server/broker/peer_table.h"
+#include "server/broker/slots.h"
 
 struct hg_session;
 
@@ -19,12 +19,6 @@ enum hg_conn_state {
     HG_CONN_OPEN,
     HG_CONN_CLOSING, // flushing: only queued packets are still sent
     HG_CONN_DEAD,    // transport closed; freed at the end of the round
-};
-
-// What the connection is counted under.
-struct hg_conn_place {
-    struct hg_peer_entry *source, *network; // NULL: not counted
-    bool opening;                           // among those whose session is not open yet
 };
 
 // Who the client says it is. Of the layer above.
@@ -45,7 +39,7 @@ struct hg_conn {
     enum hg_conn_state state;
     bool paused, peer_ended;
     struct hg_peer peer;
-    struct hg_conn_place place;
+    struct hg_slot slot;
     struct hg_conn_auth auth;
     char client[129]; // from hello
     uint16_t version;
@@ -79,12 +73,10 @@ struct hg_conn_table {
     const struct hg_conn_events *events;
     void *owner; // for `events`
     struct hg_conn *first, *dead;
-    uint32_t count, paused_count;
+    uint32_t paused_count;
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool closing;             // one began to close: `ended` comes at the end of the round
-    struct hg_peer_table peers;
-    uint32_t opening_count; // whose session is not open
-    uint64_t random;        // state of the early drop
+    struct hg_slots slots;
     struct hg_peer_log log;
 };
 
@@ -92,8 +84,6 @@ struct hg_conn_table {
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
 // The session is open: messages are limited by `rate` a second from here on.
 void hg_conn_set_open(struct hg_conn *conn, double rate);
-// It belongs to the daemon's own user on this machine, for whom slots are kept.
-bool hg_conn_is_own(const struct hg_conn *conn);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
 // Takes over the reference.
 void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet);

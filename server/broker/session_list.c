@@ -109,7 +109,7 @@ static void put_all(struct hg_writer *w, const struct hg_session_table *table)
         put_worker(w, &table->pool->links[i]);
     }
     put(w, table->pool->count > 1 ? "]" : "");
-    put_number(w, ",\"connections\":", table->conns->count);
+    put_number(w, ",\"connections\":", table->conns->slots.count);
     put_number(w, ",\"upload_store_bytes\":", hg_upload_store_bytes(table->store));
     put_number(w, ",\"uptime_s\":", (table->loop->now_ns - table->started_ns) / 1000000000u);
     put(w, table->draining ? ",\"draining\":true}" : ",\"draining\":false}");

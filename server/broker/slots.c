@@ -2,38 +2,55 @@
 
 #include "base/clock.h"
 
-// Xorshift (Marsaglia 2003), from 0 to 1.
-static double draw(struct hg_conn_table *table)
+enum hg_status hg_slots_take(
+    struct hg_slots *slots, const struct hg_peer *peer, struct hg_slot *slot)
 {
-    uint64_t x = table->random ? table->random : hg_clock_now_ns() | 1;
+    *slot = (struct hg_slot){.own = peer->is_local && peer->same_user, .opening = true};
+    slots->count++;
+    slots->opening++;
+    if (slot->own)
+        return HG_OK;
+    slot->source = hg_peer_table_join(&slots->peers, peer->source);
+    if (peer->network[0])
+        slot->network = hg_peer_table_join(&slots->peers, peer->network);
+    return slot->source && (slot->network || !peer->network[0]) ? HG_OK : HG_E_NOMEM;
+}
+
+void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot)
+{
+    slots->opening -= slot->opening;
+    slot->opening = false;
+}
+
+void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns)
+{
+    hg_slots_opened(slots, slot);
+    slots->count--;
+    hg_peer_table_leave(&slots->peers, slot->source, now_ns);
+    hg_peer_table_leave(&slots->peers, slot->network, now_ns);
+    *slot = (struct hg_slot){0};
+}
+
+// ---- refusals -----------------------------------------------------------------------------------
+
+// Xorshift (Marsaglia 2003), from 0 to 1.
+static double draw(struct hg_slots *slots)
+{
+    uint64_t x = slots->random ? slots->random : hg_clock_now_ns() | 1;
     x ^= x << 13;
     x ^= x >> 7;
     x ^= x << 17;
-    table->random = x;
+    slots->random = x;
     return (double)(x >> 11) * 0x1p-53;
 }
 
 // From half of max-handshakes on newcomers are refused at random, with a probability that rises to
 // 1 there: who floods cannot keep all others out, as they could with a plain limit.
-static bool is_dropped_early(struct hg_conn_table *table)
+static bool is_dropped_early(struct hg_slots *slots)
 {
-    double most = table->options->max_handshakes, from = most / 2;
-    double excess = ((double)table->opening_count - 1 - from) / (most - from);
-    return excess > 0 && draw(table) < excess;
-}
-
-enum hg_status hg_slots_take(struct hg_conn *conn)
-{
-    struct hg_conn_table *table = conn->table;
-    conn->place.opening = true;
-    table->opening_count++;
-    if (hg_conn_is_own(conn))
-        return HG_OK;
-    conn->place.source = hg_peer_table_join(&table->peers, conn->peer.source);
-    if (conn->peer.network[0])
-        conn->place.network = hg_peer_table_join(&table->peers, conn->peer.network);
-    return conn->place.source && (conn->place.network || !conn->peer.network[0]) ? HG_OK
-                                                                                 : HG_E_NOMEM;
+    double most = slots->options->max_handshakes, from = most / 2;
+    double excess = ((double)slots->opening - 1 - from) / (most - from);
+    return excess > 0 && draw(slots) < excess;
 }
 
 uint32_t hg_slots_kept(uint32_t most, uint32_t reserved)
@@ -41,38 +58,22 @@ uint32_t hg_slots_kept(uint32_t most, uint32_t reserved)
     return reserved < most / 4 ? reserved : most / 4;
 }
 
-const char *hg_slots_refusal(struct hg_conn *conn)
+const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
 {
-    struct hg_conn_table *table = conn->table;
-    const struct hg_options *o = table->options;
-    uint32_t kept = hg_slots_kept(o->max_connections, o->reserved_connections);
-    if (table->count > o->max_connections)
+    const struct hg_options *o = slots->options;
+    if (slots->count > o->max_connections)
         return "the daemon has as many connections as it takes (max-connections)";
-    if (hg_conn_is_own(conn))
+    if (slot->own)
         return NULL;
-    if (table->count > o->max_connections - kept)
+    if (slots->count >
+        o->max_connections - hg_slots_kept(o->max_connections, o->reserved_connections))
         return "the daemon has as many connections as it takes (max-connections); the last are "
                "kept for its own user (reserved-connections)";
-    if (conn->place.source->connections > o->max_per_address)
+    if (slot->source->connections > o->max_per_address)
         return "this address has as many connections as one may have (max-per-address)";
-    if (conn->place.network && conn->place.network->connections > o->max_per_network)
+    if (slot->network && slot->network->connections > o->max_per_network)
         return "this network has as many connections as one may have (max-per-network)";
-    if (is_dropped_early(table))
+    if (is_dropped_early(slots))
         return "too many connections are opening at this moment (max-handshakes)";
     return NULL;
-}
-
-void hg_slots_opened(struct hg_conn *conn)
-{
-    conn->table->opening_count -= conn->place.opening;
-    conn->place.opening = false;
-}
-
-void hg_slots_leave(struct hg_conn *conn)
-{
-    struct hg_conn_table *table = conn->table;
-    hg_slots_opened(conn);
-    hg_peer_table_leave(&table->peers, conn->place.source, table->loop->now_ns);
-    hg_peer_table_leave(&table->peers, conn->place.network, table->loop->now_ns);
-    conn->place = (struct hg_conn_place){0};
 }
