@@ -316,10 +316,12 @@ static bool must_wait(const struct hg_conn *conn)
            (link && link->out.bytes > conn->table->options->input_limit_bytes);
 }
 
-static void grant_frames(struct hg_conn *conn)
+static void grant_more(struct hg_conn *conn)
 {
-    if (conn->session)
-        hg_session_view_grant_all(conn->session);
+    if (!conn->session || !conn->session->scene)
+        return;
+    hg_session_request_pump(conn->session);
+    hg_session_view_grant_all(conn->session);
 }
 
 static void end_session(struct hg_conn *conn)
@@ -334,6 +336,6 @@ const struct hg_conn_events hg_client_dispatch_events = {
     .message = take_message,
     .must_wait = must_wait,
     .due = judge_token,
-    .drained = grant_frames,
+    .drained = grant_more,
     .ended = end_session,
 };

@@ -11,9 +11,15 @@ enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT =
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
 static const uint64_t rest_ns = 2000000000;
 
+uint64_t hg_conn_output_limit(const struct hg_conn *conn)
+{
+    uint64_t limit = conn->table->options->output_limit_bytes;
+    return conn->output_share && conn->output_share < limit ? conn->output_share : limit;
+}
+
 bool hg_conn_is_slow(const struct hg_conn *conn)
 {
-    return conn->out.bytes > conn->table->options->output_limit_bytes;
+    return conn->out.bytes > hg_conn_output_limit(conn);
 }
 
 // ---- sending ------------------------------------------------------------------------------------
@@ -236,8 +242,10 @@ static void transmit(struct hg_conn *conn)
             hg_conn_kill(conn, "done");
         return;
     }
-    if (was_slow && !hg_conn_is_slow(conn))
+    if (conn->starved || (was_slow && !hg_conn_is_slow(conn))) {
+        conn->starved = false;
         conn->table->events->drained(conn);
+    }
 }
 
 static void ready(struct hg_source *source, uint32_t events)
@@ -393,9 +401,63 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
 
 // ---- all of them --------------------------------------------------------------------------------
 
+// Those for which much waits share output-total equally by token while more than half of it is
+// used, so that nothing more is made for those above their share; above all of it the one for which
+// most waits is closed.
+enum { MUCH_OUTPUT = 1 << 20 };
+
+static bool shares_token(const struct hg_conn *a, const struct hg_conn *b)
+{
+    return a->auth.has_token == b->auth.has_token &&
+           memcmp(a->auth.hash, b->auth.hash, sizeof a->auth.hash) == 0;
+}
+
+static uint64_t share_of(const struct hg_conn *conn, uint32_t tokens, uint64_t total)
+{
+    uint32_t sharing = 0;
+    for (const struct hg_conn *it = conn->table->first; it; it = it->next)
+        sharing += it->out.bytes > MUCH_OUTPUT && shares_token(it, conn);
+    uint64_t share = total / 2 / (tokens ? tokens : 1) / (sharing ? sharing : 1);
+    return share > MUCH_OUTPUT ? share : MUCH_OUTPUT;
+}
+
+static uint32_t count_tokens(const struct hg_conn_table *table)
+{
+    uint32_t count = 0;
+    for (const struct hg_conn *it = table->first, *other; it; it = it->next) {
+        if (it->out.bytes <= MUCH_OUTPUT)
+            continue;
+        for (other = table->first; other != it; other = other->next)
+            if (other->out.bytes > MUCH_OUTPUT && shares_token(other, it))
+                break;
+        count += other == it;
+    }
+    return count;
+}
+
+static void check_output(struct hg_conn_table *table)
+{
+    uint64_t total = 0, most = table->options->output_total_bytes;
+    struct hg_conn *largest = NULL;
+    for (struct hg_conn *it = table->first; it; it = it->next) {
+        total += it->out.bytes;
+        if (!largest || it->out.bytes > largest->out.bytes)
+            largest = it;
+    }
+    bool is_short = total > most / 2;
+    uint32_t tokens = is_short ? count_tokens(table) : 0;
+    for (struct hg_conn *it = table->first; it && (is_short || table->was_short); it = it->next)
+        it->output_share = is_short && it->out.bytes > MUCH_OUTPUT ? share_of(it, tokens, most) : 0;
+    table->was_short = is_short;
+    if (total > most)
+        hg_conn_kill(largest, "more waits for it than for any other, and for all of them more than "
+                              "output-total");
+}
+
 void hg_conn_check_times(struct hg_conn_table *table)
 {
     uint64_t now_ns = table->loop->now_ns;
+    check_output(table);
     for (struct hg_conn *it = table->first, *next; it; it = next) {
         next = it->next;
         check_time(it, now_ns);

@@ -38,6 +38,7 @@ struct hg_conn {
     struct hg_outq out;
     enum hg_conn_state state;
     bool paused, peer_ended;
+    bool starved; // something waits for room in its output
     struct hg_peer peer;
     struct hg_slot slot;
     struct hg_conn_auth auth;
@@ -46,6 +47,7 @@ struct hg_conn {
     uint64_t number;                          // of the session
     uint64_t deadline_ns;                     // handshake, or the end of CLOSING
     uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
+    uint64_t output_share;                    // of output-total while that is short; 0 = it is not
     double rate;      // messages a second; 0 = as many as `allowance` says in all (not yet open)
     double allowance; // messages that may be accepted now
     uint64_t allowance_ns;
@@ -60,7 +62,8 @@ struct hg_conn_events {
     bool (*must_wait)(const struct hg_conn *conn);
     // auth.due_ns has come.
     void (*due)(struct hg_conn *conn);
-    // The output has fallen below its limit again.
+    // The output has fallen below its limit again, or has become less while something waited for
+    // room in it (`starved`, which is false again).
     void (*drained)(struct hg_conn *conn);
     // It is CLOSING or DEAD; at the end of the round in which that happened.
     void (*ended)(struct hg_conn *conn);
@@ -75,6 +78,7 @@ struct hg_conn_table {
     struct hg_conn *first, *dead;
     uint32_t paused_count;
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
+    bool was_short;           // of memory for output, at the last check
     bool closing;             // one began to close: `ended` comes at the end of the round
     struct hg_slots slots;
     struct hg_peer_log log;
@@ -93,7 +97,9 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
 void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char *reason);
 void hg_conn_kill(struct hg_conn *conn, const char *reason); // at once
 void hg_conn_update(struct hg_conn *conn);                   // which events are wanted
-bool hg_conn_is_slow(const struct hg_conn *conn);            // its output is above the limit
+// Bytes that may wait for the client: output-limit, or less while the daemon's memory is short.
+uint64_t hg_conn_output_limit(const struct hg_conn *conn);
+bool hg_conn_is_slow(const struct hg_conn *conn); // more wait
 
 // Once in a while: handshakes, silent and stuck clients.
 void hg_conn_check_times(struct hg_conn_table *table);

@@ -116,7 +116,7 @@ static void add_credit(struct hg_session *s, const struct hgp_credit *m)
     if (!view->subscribed)
         return; // stopped
     view->credit += view->credit < UINT32_MAX - 1024 ? m->frames : 0;
-    hg_session_view_grant(s, view);
+    hg_session_view_grant_all(s);
 }
 
 static void relay_checked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)

@@ -21,7 +21,8 @@ struct hg_request {
     uint32_t client_id; // 0 = no answer requested
     struct hg_packet *packet;
     bool sent;
-    uint8_t deaths; // of the worker while this was under way
+    uint8_t deaths;  // of the worker while this was under way
+    uint64_t charge; // bytes that its answer may have; counted in granted_bytes while it is sent
 };
 
 struct hg_session_view {
@@ -34,7 +35,9 @@ struct hg_session_view {
     bool subscribed, resubscribe;
     uint32_t credit;  // credit: frames that the client accepts
     uint32_t granted; // of these, given to the worker
+    uint64_t frame_bytes; // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
+    uint64_t turn; // of the newest credit; smaller = longer ago
 };
 
 struct hg_session {
@@ -52,6 +55,9 @@ struct hg_session {
     struct hg_request *first, *last;
     uint32_t request_count, frame_count;
     uint64_t request_bytes;
+    uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
+    uint64_t query_bytes;   // the largest answer to a query so far
+    uint64_t turns;         // of its views
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
     uint64_t uploaded_bytes;
