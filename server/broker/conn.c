@@ -67,8 +67,8 @@ void hg_conn_set_open(struct hg_conn *conn, double rate)
 {
     hg_slots_opened(&conn->table->slots, &conn->slot);
     conn->state = HG_CONN_OPEN;
-    conn->opened_ns = conn->allowance_ns = conn->table->loop->now_ns;
-    conn->rate = conn->allowance = rate;
+    conn->opened_ns = conn->rate.since_ns = conn->table->loop->now_ns;
+    conn->rate.per_second = conn->rate.allowance = rate;
 }
 
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
@@ -147,11 +147,11 @@ static void refuse_stream(struct hg_conn *conn, enum hg_status status)
 static bool may_take_message(struct hg_conn *conn)
 {
     uint64_t now_ns = conn->table->loop->now_ns;
-    conn->allowance += (double)(now_ns - conn->allowance_ns) * 1e-9 * conn->rate;
-    conn->allowance_ns = now_ns;
-    if (conn->allowance > conn->rate)
-        conn->allowance = conn->rate;
-    return conn->allowance >= 1;
+    conn->rate.allowance += (double)(now_ns - conn->rate.since_ns) * 1e-9 * conn->rate.per_second;
+    conn->rate.since_ns = now_ns;
+    if (conn->rate.allowance > conn->rate.per_second)
+        conn->rate.allowance = conn->rate.per_second;
+    return conn->rate.allowance >= 1;
 }
 
 static bool must_pause(struct hg_conn *conn)
@@ -186,8 +186,8 @@ static bool take_message(struct hg_conn *conn)
         refuse_stream(conn, status);
     if (!packet)
         return false;
-    conn->allowance -= 1;
-    if (conn->state < HG_CONN_OPEN && conn->allowance < 0) {
+    conn->rate.allowance -= 1;
+    if (conn->state < HG_CONN_OPEN && conn->rate.allowance < 0) {
         struct hg_error err = {0};
         hg_packet_unref(packet);
         hg_error_set(&err, HG_E_LIMIT, "message", NULL,
@@ -362,7 +362,7 @@ static void add_conn(
         .in = {.frames = &hg_packet_frames},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,
         .received_ns = table->loop->now_ns,
-        .allowance = MESSAGES_BEFORE_OPEN,
+        .rate = {.allowance = MESSAGES_BEFORE_OPEN},
     };
     if (hg_loop_add(table->loop, &conn->source)) {
         hg_transport_close(transport);

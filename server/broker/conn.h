@@ -29,6 +29,13 @@ struct hg_conn_auth {
     uint64_t due_ns; // when the token is judged (hg_conn_events.due); 0 = nothing waits
 };
 
+// How fast messages are taken.
+struct hg_conn_rate {
+    double per_second; // 0 = as many as `allowance` says in all (not yet open)
+    double allowance;  // that may be accepted now
+    uint64_t since_ns; // when that was counted
+};
+
 struct hg_conn {
     struct hg_conn *prev, *next;
     struct hg_conn_table *table;
@@ -48,9 +55,7 @@ struct hg_conn {
     uint64_t deadline_ns;                     // handshake, or the end of CLOSING
     uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
     uint64_t output_share;                    // of output-total while that is short; 0 = it is not
-    double rate;      // messages a second; 0 = as many as `allowance` says in all (not yet open)
-    double allowance; // messages that may be accepted now
-    uint64_t allowance_ns;
+    struct hg_conn_rate rate;
     struct hg_session *session; // of the layer above
 };
 

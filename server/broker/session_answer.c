@@ -148,8 +148,8 @@ static void note_size(
 {
     uint16_t type = request->packet->header.type;
     if (!hg_journal_wants(type) && type != HGP_T_frame_request &&
-        packet->header.type != HGP_T_error && packet->header.length > s->query_bytes)
-        s->query_bytes = packet->header.length;
+        packet->header.type != HGP_T_error && packet->header.length > s->answers.query_bytes)
+        s->answers.query_bytes = packet->header.length;
 }
 
 static void finish_request(struct hg_session *s, struct hg_request *request,

@@ -65,18 +65,18 @@ static uint64_t answer_bytes(struct hg_session *s, const struct hg_packet *packe
         return EDIT_ANSWER_BYTES;
     if (type == HGP_T_frame_request)
         return frame_bytes(s, packet);
-    return s->query_bytes ? s->query_bytes : QUERY_ANSWER_BYTES;
+    return s->answers.query_bytes ? s->answers.query_bytes : QUERY_ANSWER_BYTES;
 }
 
 static void charge(struct hg_session *s, struct hg_request *request)
 {
     request->charge = request->client_id ? answer_bytes(s, request->packet) : 0;
-    s->granted_bytes += request->charge;
+    s->answers.granted_bytes += request->charge;
 }
 
 static void give_back(struct hg_session *s, struct hg_request *request)
 {
-    s->granted_bytes -= request->charge;
+    s->answers.granted_bytes -= request->charge;
     request->charge = 0;
 }
 

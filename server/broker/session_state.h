@@ -40,6 +40,13 @@ struct hg_session_view {
     uint64_t turn; // of the newest credit; smaller = longer ago
 };
 
+// What the client was promised.
+struct hg_session_answers {
+    uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
+    uint64_t query_bytes;   // the largest answer to a query so far
+    uint64_t turns;         // of the views
+};
+
 struct hg_session {
     struct hg_session *prev, *next;
     struct hg_session_table *table;
@@ -55,9 +62,7 @@ struct hg_session {
     struct hg_request *first, *last;
     uint32_t request_count, frame_count;
     uint64_t request_bytes;
-    uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
-    uint64_t query_bytes;   // the largest answer to a query so far
-    uint64_t turns;         // of its views
+    struct hg_session_answers answers;
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
     uint64_t uploaded_bytes;

@@ -146,7 +146,7 @@ bool hg_session_view_may_grant(const struct hg_session *s, uint64_t bytes)
 {
     if (!s->conn)
         return true;
-    uint64_t before = s->conn->out.bytes + s->granted_bytes;
+    uint64_t before = s->conn->out.bytes + s->answers.granted_bytes;
     for (const struct hg_session_view *it = s->views; it; it = it->next)
         before += it->granted * it->frame_bytes;
     bool may = !before || before + bytes <= hg_conn_output_limit(s->conn);
@@ -161,7 +161,7 @@ uint32_t hg_session_view_take_window(struct hg_session *s, struct hg_session_vie
     while (
         view->granted < most && (!view->granted || hg_session_view_may_grant(s, view->frame_bytes)))
         view->granted++;
-    view->turn = ++s->turns;
+    view->turn = ++s->answers.turns;
     return view->granted;
 }
 
@@ -178,7 +178,7 @@ static void grant(struct hg_session *s, struct hg_session_view *view)
     hg_link_send(s->scene->link, s->number, 0, HGP_T_credit,
         &(struct hgp_credit){.view = view->number, .frames = 1});
     view->granted++;
-    view->turn = ++s->turns;
+    view->turn = ++s->answers.turns;
 }
 
 // Whose turn it is: of those that may have one more, the one whose turn is longest ago.
