@@ -18,6 +18,7 @@
 #include "server/broker/recovery.h"
 #include "server/broker/session.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_upload.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
@@ -372,6 +373,8 @@ static void tick(struct hg_broker *b)
         b->tokens_checked_ns = now_ns;
         hg_client_dispatch_check_tokens(&b->conns);
     }
+    for (struct hg_session *it = b->sessions.first; it; it = it->next)
+        hg_session_upload_check_times(it, now_ns);
     hg_worker_pool_check_times(&b->pool);
     watch_accepts(b, now_ns);
     if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {

@@ -65,7 +65,7 @@ struct hg_session {
     struct hg_session_answers answers;
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
-    uint64_t uploaded_bytes;
+    uint64_t uploaded_bytes;       // that came, for statistics
     uint64_t verified_bytes;       // of the file that the worker has for image_query
     uint8_t failed_hash[32];       // newest upload that failed; its other pieces may still come
     struct hg_error failed_upload; // and fail the same way
