@@ -9,7 +9,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 
-enum kind { TEXT, LIST, COUNT, MIB, SECONDS, BOOL };
+enum kind { TEXT, CHOICE, LIST, COUNT, MIB, SECONDS, BOOL };
 enum reload { START, LIVE };
 enum { FILE_LIMIT_BYTES = 1 << 20 };
 
@@ -23,6 +23,7 @@ struct option {
 };
 
 #define OFFSET_TEXT(member)    offsetof(struct hg_options, member)
+#define OFFSET_CHOICE(member)  offsetof(struct hg_options, member)
 #define OFFSET_LIST(member)    offsetof(struct hg_options, member)
 #define OFFSET_COUNT(member)   offsetof(struct hg_options, member)
 #define OFFSET_MIB(member)     offsetof(struct hg_options, member##_bytes)
@@ -136,11 +137,28 @@ static enum hg_status set_number(
     return HG_OK;
 }
 
+// The values are in the metavar, "ONE|OTHER".
+static bool is_choice(const struct option *row, const char *value)
+{
+    size_t length = strlen(value);
+    for (const char *it = row->metavar; it; it = strchr(it, '|')) {
+        it += *it == '|';
+        if (length && strncmp(it, value, length) == 0 && (!it[length] || it[length] == '|'))
+            return true;
+    }
+    return false;
+}
+
 static enum hg_status set_value(
     struct hg_options *o, const struct option *row, const char *value, struct hg_error *err)
 {
     char **text = member(o, row), *copy;
     switch (row->kind) {
+    case CHOICE:
+        if (!is_choice(row, value))
+            return hg_error_set(err, HG_E_INVAL, NULL, NULL, "%s takes %s, not '%s'", row->name,
+                row->metavar, value);
+        // fall through
     case TEXT:
         copy = *value ? hg_strdup(value) : NULL;
         if (*value && !copy)
@@ -368,7 +386,7 @@ enum hg_status hg_options_parse(
 void hg_options_finish(struct hg_options *o)
 {
     for (size_t i = 0; i < TABLE_COUNT; i++) {
-        if (table[i].name && table[i].kind == TEXT)
+        if (table[i].name && (table[i].kind == TEXT || table[i].kind == CHOICE))
             hg_free(*(char **)member(o, &table[i]));
         if (table[i].name && table[i].kind == LIST)
             clear_list(member(o, &table[i]));
@@ -384,6 +402,7 @@ static size_t value_size(enum kind kind)
 {
     switch (kind) {
     case TEXT:
+    case CHOICE:
         return sizeof(char *);
     case LIST:
         return sizeof(struct hg_text_list);
@@ -405,7 +424,7 @@ static bool same_value(
     const struct hg_options *a, const struct hg_options *b, const struct option *row)
 {
     const void *x = member(a, row), *y = member(b, row);
-    if (row->kind == TEXT)
+    if (row->kind == TEXT || row->kind == CHOICE)
         return same_text(*(char *const *)x, *(char *const *)y);
     if (row->kind != LIST)
         return memcmp(x, y, value_size(row->kind)) == 0;

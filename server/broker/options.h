@@ -16,6 +16,7 @@ struct hg_text_list {
 };
 
 #define HG_OPTION_C_TEXT(member)    char *member; // NULL = none
+#define HG_OPTION_C_CHOICE(member)  char *member;
 #define HG_OPTION_C_LIST(member)    struct hg_text_list member;
 #define HG_OPTION_C_COUNT(member)   uint32_t member;
 #define HG_OPTION_C_MIB(member)     uint64_t member##_bytes;

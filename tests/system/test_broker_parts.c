@@ -64,7 +64,7 @@ static void options_from_flags_and_file(void **state)
     char config[200];
     snprintf(config, sizeof config, "--config=%s", path_of("conf"));
     const char *argv[] = {"heliod", "--max-pixels", "12345", config, "--texture-budget=64",
-        "--require-token", "--no-sandbox", "--host-budget=96"};
+        "--require-token", "--sandbox=off", "--host-budget=96"};
     assert_int_equal(parse(&o, &err, 8, argv), HG_OK);
     assert_int_equal(o.max_views, 7);
     assert_int_equal(o.max_pixels, 12345);
@@ -74,16 +74,17 @@ static void options_from_flags_and_file(void **state)
     assert_true(o.texture_budget_bytes == 64u << 20);
     assert_true(o.host_budget_bytes == 96u << 20);
     assert_true(o.cache_limit_bytes == (uint64_t)32768 << 20);
-    assert_true(o.require_token && !o.sandbox);
+    assert_true(o.require_token && strcmp(o.sandbox, "off") == 0);
     assert_true(o.max_message_bytes == HGP_LIMIT_OPEN_DEFAULT);
     hg_options_finish(&o);
     // Flags win over the file; a list is replaced as a whole.
-    const char *over[] = {"heliod", config, "--asset-root", "/x", "--max-views=9", "--sandbox"};
+    const char *over[] = {
+        "heliod", config, "--asset-root", "/x", "--max-views=9", "--sandbox=best-effort"};
     assert_int_equal(parse(&o, &err, 6, over), HG_OK);
     assert_int_equal(o.asset_root.count, 1);
     assert_string_equal(o.asset_root.items[0], "/x");
     assert_int_equal(o.max_views, 9);
-    assert_true(o.sandbox);
+    assert_string_equal(o.sandbox, "best-effort");
     hg_options_finish(&o);
 }
 
@@ -93,7 +94,8 @@ static void bad_options_are_named(void **state)
     static const char *const bad[] = {"--max-views=0", "--max-views=1.5", "--max-views=-1",
         "--max-views=4097", "--max-views=9x", "--max-views=", "--max-views", "--nonsense",
         "--no-max-views", "--peer-timeout=nan", "--peer-timeout=inf", "--sandbox=perhaps",
-        "--listen=", "stray", "--", "--print-docs=html", "--config=/nonexistent/file"};
+        "--sandbox=req", "--listen=", "stray", "--", "--print-docs=html",
+        "--config=/nonexistent/file"};
     struct hg_options o;
     struct hg_error err;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
