@@ -57,10 +57,13 @@ static bool parse_pattern(const char *text, char *out, size_t size)
     return *text && (size_t)snprintf(out, size, "%s", text) < size;
 }
 
-static bool parse_scope(char *word, struct hg_token_scope *scope)
+static bool parse_scope(char *word, struct hg_token *out)
 {
+    struct hg_token_scope *scope = &out->scope;
     char *value = strchr(word, '=');
     *value++ = 0;
+    if (strcmp(word, "tenant") == 0)
+        return parse_pattern(value, out->tenant, sizeof out->tenant);
     if (strcmp(word, "expires") == 0)
         return parse_date(value, &scope->expires_s);
     if (strcmp(word, "scenes") == 0)
@@ -112,6 +115,20 @@ static enum hg_status parse_token(
     return status;
 }
 
+// A token without a name is a tenant of its own.
+static void name_tenant(struct hg_token *out)
+{
+    char hex[HG_SHA256_HEX];
+    hg_sha256_hex(out->hash, hex);
+    snprintf(out->tenant, sizeof out->tenant, "token:%.16s", hex);
+}
+
+static void take_name(struct hg_token *out, const char *name)
+{
+    snprintf(out->name, sizeof out->name, "%s", name);
+    snprintf(out->tenant, sizeof out->tenant, "%s", name);
+}
+
 static enum hg_status parse_line(
     char *line, struct hg_token *out, bool *plain, struct hg_error *err)
 {
@@ -127,15 +144,17 @@ static enum hg_status parse_line(
         return hg_error_set(
             err, HG_E_INVAL, NULL, NULL, "expected 'TOKEN ROLE [NAME]', ROLE view, edit or admin");
     snprintf(out->name, sizeof out->name, "%s", role);
+    name_tenant(out);
     for (int i = 0; (word = next_word(&line)); i++) {
         bool is_name = i == 0 && !strchr(word, '=');
         if (is_name)
-            snprintf(out->name, sizeof out->name, "%s", word);
+            take_name(out, word);
         else if (!strchr(word, '='))
             return hg_error_set(err, HG_E_INVAL, NULL, NULL, "a name has no spaces");
-        else if (!parse_scope(word, &out->scope))
+        else if (!parse_scope(word, out))
             return hg_error_set(err, HG_E_INVAL, NULL, NULL,
-                "'%s' is none of expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, sessions=COUNT, "
+                "'%s' is none of tenant=NAME, expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, "
+                "sessions=COUNT, "
                 "rate=COUNT",
                 word);
     }

@@ -20,6 +20,7 @@ struct hg_token {
     uint8_t hash[32];
     enum hgp_role role;
     char name[129];
+    char tenant[129]; // whose scenes and worker it gets
     struct hg_token_scope scope;
 };
 
@@ -31,7 +32,7 @@ struct hg_tokens {
 };
 
 // Reads lines of
-//   TOKEN ROLE [NAME] [expires=DATE] [scenes=PATTERN] [sessions=COUNT] [rate=COUNT]
+//   TOKEN ROLE [NAME] [tenant=NAME] [expires=DATE] [scenes=PATTERN] [sessions=COUNT] [rate=COUNT]
 // where TOKEN is `sha256:` and 64 hexadecimal digits, or the token itself; DATE is YYYY-MM-DD or
 // YYYY-MM-DDThh:mm:ssZ. HG_E_INVAL: err->what = the file, err->where = "line N".
 // HG_E_NOTFOUND, HG_E_PERM, HG_E_IO, HG_E_LIMIT, HG_E_NOMEM. *out is empty on failure.

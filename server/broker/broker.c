@@ -112,7 +112,7 @@ static enum hg_status open_default(struct hg_broker *b, struct hg_error *err)
 
 // All parts, from below; recovery and client_dispatch act when a link or a connection has
 // something.
-static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_error *err)
+static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
 {
     struct hg_link like = {.loop = &b->loop,
         .options = &b->options,
@@ -131,7 +131,7 @@ static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_e
         .conns = &b->conns,
         .pool = &b->pool,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, workers, &like))
+    if (hg_worker_pool_init(&b->pool, &like))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
     return HG_OK;
 }
@@ -417,7 +417,7 @@ static uint64_t round_end(void *user)
 
 // ---- life ---------------------------------------------------------------------------------------
 
-static enum hg_status start(struct hg_broker *b, uint32_t workers, struct hg_error *err)
+static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
     enum hg_status status = hg_loop_init(&b->loop, err);
@@ -426,7 +426,7 @@ static enum hg_status start(struct hg_broker *b, uint32_t workers, struct hg_err
     if (!status)
         status = open_store(b, err);
     if (!status)
-        status = wire_up(b, workers, err);
+        status = wire_up(b, err);
     if (!status && !hg_link_find_program(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
@@ -461,7 +461,7 @@ static void raise_file_limit(void)
     }
 }
 
-int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *const *argv)
+int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
 {
     static struct hg_broker broker; // large, one per process
     struct hg_broker *b = &broker;
@@ -475,7 +475,7 @@ int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
     raise_file_limit();
     if (!status)
-        status = start(b, workers, &err);
+        status = start(b, &err);
     if (!status) {
         b->sessions.started_ns = b->loop.now_ns;
         b->watchdog_ns = hg_notify_watchdog_ns();

@@ -41,8 +41,8 @@ struct hg_broker {
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };
 
-// Runs until drained, with so many workers; returns the exit code. Options are taken over.
-int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *const *argv);
+// Runs until drained; returns the exit code. Options are taken over.
+int hg_broker_run(struct hg_options *options, int argc, char *const *argv);
 // Checks what --check-config checks: addresses, tokens, their combination.
 enum hg_status hg_broker_check(
     const struct hg_options *options, struct hg_error *err) HG_MUST_CHECK;

@@ -66,6 +66,8 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
         refuse(conn, HG_E_NOMEM, "session", "no memory for a session");
         return false;
     }
+    snprintf(
+        conn->session->tenant, sizeof conn->session->tenant, "%s", token ? token->tenant : "local");
     if (token)
         conn->session->scope = token->scope;
     hg_conn_set_open(
@@ -174,13 +176,14 @@ void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
         if (!it->session || !it->auth.has_token || it->state != HG_CONN_OPEN)
             continue;
         const struct hg_token *token = hg_tokens_find(a->tokens, it->auth.hash, now_s);
-        if (token && token->role == it->session->role) {
+        if (token && token->role == it->session->role &&
+            strcmp(token->tenant, it->session->tenant) == 0) {
             it->session->scope = token->scope;
             continue;
         }
         struct hg_error err = {0};
         hg_error_set(&err, HG_E_AUTH, "session", NULL,
-            "its token was revoked, has expired, or has another role now");
+            "its token was revoked, has expired, or has another role or tenant now");
         hg_session_request_fail_all(it->session, &err);
         hg_conn_close(it, &err, "the token is no longer valid");
     }

@@ -8,7 +8,6 @@
 #include "server/broker/broker.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
-enum { WORKERS = 1 }; // until there is more than one tenant
 
 static int complain(const struct hg_error *err)
 {
@@ -81,7 +80,7 @@ static int act(struct hg_options *options, int argc, char *const *argv)
     case HG_OPTIONS_DEVICE_INFO:
         return device_info(options);
     default:
-        return hg_broker_run(options, WORKERS, argc, argv);
+        return hg_broker_run(options, argc, argv);
     }
 }
 

@@ -7,33 +7,42 @@
 #include "base/log.h"
 #include "server/broker/list.h"
 
-static struct hg_shared_scene *find(struct hg_scene_table *table, struct hgp_str name)
+static struct hg_shared_scene *find(
+    struct hg_scene_table *table, const char *tenant, struct hgp_str name)
 {
     for (struct hg_shared_scene *it = table->first; it && name.size; it = it->next)
-        if (strlen(it->name) == name.size && memcmp(it->name, name.data, name.size) == 0)
+        if (strlen(it->name) == name.size && memcmp(it->name, name.data, name.size) == 0 &&
+            (table->pool->is_shared || strcmp(it->tenant, tenant) == 0))
             return it;
     return NULL;
 }
 
-struct hg_shared_scene *hg_shared_scene_join(
-    struct hg_scene_table *table, struct hgp_str name, uint64_t session, bool *existed)
+enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *tenant,
+    struct hgp_str name, uint64_t session, struct hg_shared_scene **out, bool *existed,
+    struct hg_error *err)
 {
-    struct hg_shared_scene *scene = find(table, name);
+    struct hg_shared_scene *scene = find(table, tenant, name);
     *existed = scene != NULL;
+    *out = scene;
     if (scene) {
         scene->sessions++;
-        return scene;
+        return HG_OK;
     }
+    struct hg_link *link = hg_worker_pool_route(table->pool, tenant);
+    if (!link)
+        return hg_error_set(err, HG_E_LIMIT, "scene_open", NULL,
+            "as many tenants have scenes open as may (max-workers); try again later");
     scene = hg_calloc(1, sizeof *scene);
     if (scene)
         scene->journal = hg_journal_create(table->store);
     if (!scene || !scene->journal) {
         hg_free(scene);
-        return NULL;
+        return hg_error_set(err, HG_E_NOMEM, "scene_open", NULL, "no memory for a scene");
     }
     scene->number = ++table->last_number & (HG_SCENE_REPLAY_CHANNEL - 1);
     scene->sessions = 1;
-    scene->link = hg_worker_pool_route(table->pool);
+    scene->link = link;
+    snprintf(scene->tenant, sizeof scene->tenant, "%s", tenant);
     scene->link->scene_count++;
     scene->in_worker = scene->link->state == HG_LINK_UP; // nothing to replay
     snprintf(scene->name, sizeof scene->name, "%.*s", (int)name.size, name.data ? name.data : "");
@@ -45,7 +54,8 @@ struct hg_shared_scene *hg_shared_scene_join(
             (unsigned long long)session);
     HG_LIST_ADD(table->first, scene);
     hg_debug(JOURNAL, "scene '%s' made", scene->key);
-    return scene;
+    *out = scene;
+    return HG_OK;
 }
 
 uint32_t hg_shared_scene_channel(const struct hg_shared_scene *scene)

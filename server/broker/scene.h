@@ -19,6 +19,7 @@ struct hg_shared_scene {
     uint32_t number;
     char key[160];  // for the worker
     char name[129]; // empty: private
+    char tenant[129];
     struct hg_journal *journal;
     struct hg_link *link; // to its worker
     uint64_t revision;
@@ -30,15 +31,17 @@ struct hg_shared_scene {
 };
 
 struct hg_scene_table {
-    const struct hg_worker_pool *pool;
+    struct hg_worker_pool *pool;
     struct hg_upload_store *store;
     struct hg_shared_scene *first;
     uint32_t last_number;
 };
 
-// Finds or makes the scene; *existed. NULL: no memory.
-struct hg_shared_scene *hg_shared_scene_join(
-    struct hg_scene_table *table, struct hgp_str name, uint64_t session, bool *existed);
+// Finds or makes a scene of the tenant (of all tenants, where they share workers); *existed.
+// HG_E_LIMIT: no worker is left for the tenant. HG_E_NOMEM.
+enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *tenant,
+    struct hgp_str name, uint64_t session, struct hg_shared_scene **out, bool *existed,
+    struct hg_error *err) HG_MUST_CHECK;
 void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene *scene);
 // A range of ids for a session: the first of HG_SCENE_ID_RANGE. 0: none is left.
 uint32_t hg_shared_scene_claim_ids(struct hg_shared_scene *scene);

@@ -54,6 +54,7 @@ struct hg_session {
     uint32_t number;
     enum hgp_role role;
     char name[129];
+    char tenant[129];
     struct hg_token_scope scope;
     struct hg_shared_scene *scene; // NULL: none open
     uint32_t first_id;

@@ -231,19 +231,26 @@ static uint64_t restart_delay_ns(const struct hg_link *link)
     return delay_ns < longest_restart_ns ? delay_ns : longest_restart_ns;
 }
 
-void hg_link_fail(struct hg_link *link, const char *reason)
+void hg_link_end(struct hg_link *link)
 {
     if (link->state == HG_LINK_DOWN)
         return;
-    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
     if (link->pid)
-        kill(link->pid, SIGKILL); // reaped on SIGCHLD
+        kill(link->pid, SIGKILL);
     link->pid = 0;
     hg_loop_remove(link->loop, &link->source);
     hg_transport_close(&link->transport);
     hgp_framer_finish(&link->in);
     hg_outq_finish(&link->out);
     link->state = HG_LINK_DOWN;
+}
+
+void hg_link_fail(struct hg_link *link, const char *reason)
+{
+    if (link->state == HG_LINK_DOWN)
+        return;
+    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
+    hg_link_end(link);
     count_death(link);
     link->events->died(link);
 }
@@ -261,16 +268,10 @@ void hg_link_exited(struct hg_link *link, int status)
 
 void hg_link_stop(struct hg_link *link)
 {
-    hg_loop_remove(link->loop, &link->source);
-    hg_transport_close(&link->transport); // the worker ends when its link closes
-    hgp_framer_finish(&link->in);
-    hg_outq_finish(&link->out);
-    if (link->pid) {
-        kill(link->pid, SIGKILL);
-        waitpid(link->pid, NULL, 0);
-    }
-    link->pid = 0;
-    link->state = HG_LINK_DOWN;
+    pid_t pid = link->pid;
+    hg_link_end(link);
+    if (pid)
+        waitpid(pid, NULL, 0);
 }
 
 // ---- time ---------------------------------------------------------------------------------------
