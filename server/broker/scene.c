@@ -43,7 +43,7 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *te
     scene->sessions = 1;
     scene->link = link;
     snprintf(scene->tenant, sizeof scene->tenant, "%s", tenant);
-    scene->link->scene_count++;
+    scene->link->whose.scene_count++;
     scene->in_worker = scene->link->state == HG_LINK_UP; // nothing to replay
     snprintf(scene->name, sizeof scene->name, "%.*s", (int)name.size, name.data ? name.data : "");
     // The number keeps a scene apart from an earlier one of the same name.
@@ -96,7 +96,7 @@ void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene 
         return;
     hg_debug(JOURNAL, "scene '%s' dropped", scene->key);
     end_replay(scene);
-    scene->link->scene_count--;
+    scene->link->whose.scene_count--;
     HG_LIST_REMOVE(table->first, scene);
     hg_journal_destroy(scene->journal);
     hg_free(scene);

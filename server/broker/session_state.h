@@ -40,6 +40,12 @@ struct hg_session_view {
     uint64_t turn; // of the newest credit; smaller = longer ago
 };
 
+// The newest upload that failed: its other pieces may still come, and fail the same way.
+struct hg_session_failed {
+    uint8_t hash[32];
+    struct hg_error err;
+};
+
 // What the client was promised.
 struct hg_session_answers {
     uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
@@ -68,8 +74,7 @@ struct hg_session {
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
     uint64_t uploaded_bytes;       // that came, for statistics
     uint64_t verified_bytes;       // of the file that the worker has for image_query
-    uint8_t failed_hash[32];       // newest upload that failed; its other pieces may still come
-    struct hg_error failed_upload; // and fail the same way
+    struct hg_session_failed failed;
     uint32_t poisons;
 };
 

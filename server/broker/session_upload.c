@@ -86,14 +86,14 @@ static enum hg_status take_piece(
 // A piece behind one that failed: its sender learns the first reason, once.
 static bool follows_failure(const struct hg_session *s, const struct hgp_upload *m)
 {
-    return s->failed_upload.status && m->offset && memcmp(s->failed_hash, m->hash, 32) == 0;
+    return s->failed.err.status && m->offset && memcmp(s->failed.hash, m->hash, 32) == 0;
 }
 
 static void refuse(
     struct hg_session *s, uint32_t request, const struct hgp_upload *m, const struct hg_error *err)
 {
-    memcpy(s->failed_hash, m->hash, 32);
-    s->failed_upload = *err;
+    memcpy(s->failed.hash, m->hash, 32);
+    s->failed.err = *err;
     hg_conn_fail(s->conn, request, err);
 }
 
@@ -105,7 +105,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
     bool running = find_slot(s, m->hash) != NULL;
     if (!running && follows_failure(s, m)) {
         if (request)
-            hg_conn_fail(s->conn, request, &s->failed_upload);
+            hg_conn_fail(s->conn, request, &s->failed.err);
         return;
     }
     // Another session has sent it meanwhile: nothing is stored twice.
@@ -138,13 +138,13 @@ void hg_session_upload_check_times(struct hg_session *s, uint64_t now_ns)
         struct hg_upload *upload = s->uploads[i];
         if (!upload || now_ns < hg_upload_progress_ns(upload) + timeout_ns)
             continue;
-        memcpy(s->failed_hash, hg_upload_hash(upload), 32);
-        hg_error_set(&s->failed_upload, HG_E_TIMEOUT, "upload", NULL,
+        memcpy(s->failed.hash, hg_upload_hash(upload), 32);
+        hg_error_set(&s->failed.err, HG_E_TIMEOUT, "upload", NULL,
             "no piece of this content came for %.0f s (upload-timeout); it was given up at %llu of "
             "%llu bytes",
             (double)timeout_ns * 1e-9, (unsigned long long)hg_upload_offset(upload),
             (unsigned long long)hg_upload_total(upload));
-        hg_conn_fail(s->conn, 0, &s->failed_upload);
+        hg_conn_fail(s->conn, 0, &s->failed.err);
         hg_upload_abort(upload);
         s->uploads[i] = NULL;
     }

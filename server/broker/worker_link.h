@@ -50,6 +50,7 @@ struct hg_link_suspect {
 struct hg_link_owner {
     char tenant[129]; // "" = nobody yet
     bool wanted;      // a process is kept running
+    uint32_t scene_count;
     uint64_t idle_ns; // since when there is no scene in it
 };
 
@@ -67,7 +68,7 @@ struct hg_link {
     uint64_t restart_ns, started_ns, pulse_ns, busy_ns, rss_bytes;
     uint64_t death_ns[HG_LINK_DEATHS_KEPT]; // ring
     uint32_t deaths;
-    uint32_t last_id, scene_count;
+    uint32_t last_id;
     struct hg_link_owner whose;
     char last_words[400]; // why the worker says it ends; "" = it says nothing
     bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory

@@ -45,7 +45,7 @@ void hg_worker_pool_finish(struct hg_worker_pool *pool)
 static bool is_better(const struct hg_link *a, const struct hg_link *b)
 {
     bool a_up = a->state == HG_LINK_UP, b_up = b->state == HG_LINK_UP;
-    return a_up != b_up ? a_up : a->scene_count < b->scene_count;
+    return a_up != b_up ? a_up : a->whose.scene_count < b->whose.scene_count;
 }
 
 static struct hg_link *least_loaded(const struct hg_worker_pool *pool)
@@ -78,7 +78,7 @@ static struct hg_link *longest_idle(const struct hg_worker_pool *pool)
     struct hg_link *oldest = NULL;
     for (uint32_t i = 0; i < pool->count; i++) {
         struct hg_link *it = &pool->links[i];
-        if (it->whose.wanted && it->whose.tenant[0] && !it->scene_count &&
+        if (it->whose.wanted && it->whose.tenant[0] && !it->whose.scene_count &&
             (!oldest || it->whose.idle_ns < oldest->whose.idle_ns))
             oldest = it;
     }
@@ -132,7 +132,7 @@ struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *te
 static void check_idle(struct hg_link *link)
 {
     uint64_t now_ns = link->loop->now_ns;
-    if (!link->whose.tenant[0] || link->scene_count)
+    if (!link->whose.tenant[0] || link->whose.scene_count)
         link->whose.idle_ns = now_ns;
     else if (now_ns - link->whose.idle_ns > link->options->worker_idle_ns)
         release(link, "its tenant has had no scene for worker-idle");

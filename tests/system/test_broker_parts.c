@@ -487,11 +487,11 @@ static void scenes_are_spread_over_workers(void **state)
     for (int i = 0; i < 7; i++) { // none runs yet
         struct hg_link *link = hg_worker_pool_route(&pool, "anna");
         assert_ptr_equal(link, &links[i % 3]);
-        link->scene_count++;
+        link->whose.scene_count++;
     }
     links[0].state = links[2].state = HG_LINK_UP;
     assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[2]); // 3, 2 (down), 2
-    links[2].scene_count = 4;
+    links[2].whose.scene_count = 4;
     assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[0]);
     links[2].state = HG_LINK_STARTING;
     links[0].state = HG_LINK_DOWN;
