@@ -17,18 +17,18 @@ static struct hg_shared_scene *find(
     return NULL;
 }
 
-enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *tenant,
-    struct hgp_str name, uint64_t session, struct hg_shared_scene **out, bool *existed,
-    struct hg_error *err)
+enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct hg_scene_wish *wish,
+    struct hg_shared_scene **out, bool *existed, struct hg_error *err)
 {
-    struct hg_shared_scene *scene = find(table, tenant, name);
+    const struct hgp_str name = wish->name;
+    struct hg_shared_scene *scene = find(table, wish->tenant, name);
     *existed = scene != NULL;
     *out = scene;
     if (scene) {
         scene->sessions++;
         return HG_OK;
     }
-    struct hg_link *link = hg_worker_pool_route(table->pool, tenant);
+    struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant);
     if (!link)
         return hg_error_set(err, HG_E_LIMIT, "scene_open", NULL,
             "as many tenants have scenes open as may (max-workers); try again later");
@@ -42,7 +42,7 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *te
     scene->number = ++table->last_number & (HG_SCENE_REPLAY_CHANNEL - 1);
     scene->sessions = 1;
     scene->link = link;
-    snprintf(scene->tenant, sizeof scene->tenant, "%s", tenant);
+    snprintf(scene->tenant, sizeof scene->tenant, "%s", wish->tenant);
     scene->link->whose.scene_count++;
     scene->in_worker = scene->link->state == HG_LINK_UP; // nothing to replay
     snprintf(scene->name, sizeof scene->name, "%.*s", (int)name.size, name.data ? name.data : "");
@@ -51,7 +51,7 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *te
         snprintf(scene->key, sizeof scene->key, "%u:%s", scene->number, scene->name);
     else
         snprintf(scene->key, sizeof scene->key, "%u:private of session %llu", scene->number,
-            (unsigned long long)session);
+            (unsigned long long)wish->session);
     HG_LIST_ADD(table->first, scene);
     hg_debug(JOURNAL, "scene '%s' made", scene->key);
     *out = scene;

@@ -37,11 +37,17 @@ struct hg_scene_table {
     uint32_t last_number;
 };
 
+// Which scene a session asks for.
+struct hg_scene_wish {
+    const char *tenant;
+    struct hgp_str name; // empty: one of its own
+    uint64_t session;
+};
+
 // Finds or makes a scene of the tenant (of all tenants, where they share workers); *existed.
 // HG_E_LIMIT: no worker is left for the tenant. HG_E_NOMEM.
-enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const char *tenant,
-    struct hgp_str name, uint64_t session, struct hg_shared_scene **out, bool *existed,
-    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct hg_scene_wish *wish,
+    struct hg_shared_scene **out, bool *existed, struct hg_error *err) HG_MUST_CHECK;
 void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene *scene);
 // A range of ids for a session: the first of HG_SCENE_ID_RANGE. 0: none is left.
 uint32_t hg_shared_scene_claim_ids(struct hg_shared_scene *scene);
