@@ -178,6 +178,9 @@ static enum hg_status record(const struct hg_graph_run *run, void *user, struct 
     const uint64_t begin = hg_clock_now_ns();
     status = reflect(f, err);
     hg_view_stats_add_stage(draw->stats, "reflections", hg_clock_now_ns() - begin);
+    const uint32_t *words = back->mapped;
+    if (status == HG_OK)
+        status = hg_batch_look_into_mirrors(f, words, words + light_bytes / 4, err);
     return status == HG_OK ? hg_gpu_resume(run->gpu, run->cmd, err) : status;
 }
 

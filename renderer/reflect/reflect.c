@@ -165,15 +165,6 @@ static enum hg_status resize(
 
 // --- rays ----------------------------------------------------------------------------------------
 
-static void decode_normal(float x, float y, float out[3])
-{
-    const float z = 1 - fabsf(x) - fabsf(y), fold = fmaxf(-z, 0);
-    out[0] = x + (x >= 0 ? -fold : fold);
-    out[1] = y + (y >= 0 ? -fold : fold);
-    out[2] = z;
-    hg_normalize3(out);
-}
-
 static float halton(uint32_t i, uint32_t base)
 {
     float f = 1, sum = 0;
@@ -252,9 +243,9 @@ static void sample_row(void *user, size_t y)
         r->sources[i] = t->mirrors ? HG_REFLECT_ROUGH : HG_REFLECT_NOTHING;
         if (!t->mirrors)
             continue;
-        decode_normal((float)(int16_t)(mirror[0] & 0xffff) / 32767,
+        hg_octahedral3((float)(int16_t)(mirror[0] & 0xffff) / 32767,
             (float)(int16_t)(mirror[0] >> 16) / 32767, t->normal);
-        decode_normal((float)(light[2] & 4095) * (2.0f / 4095) - 1,
+        hg_octahedral3((float)(light[2] & 4095) * (2.0f / 4095) - 1,
             (float)(light[2] >> 12 & 4095) * (2.0f / 4095) - 1, smooth);
         const float px = hg_clampf((float)(x * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->width - 1));
         const float py =
