@@ -91,6 +91,10 @@ enum hg_view_ao { // of pictures in motion that have light from probes
     HG_AO_AUTO,   // by their depth
     HG_AO_NONE,
 };
+enum hg_view_mirrors { // planes of pictures in motion that have reflections by rays
+    HG_MIRRORS_AUTO,   // the one or two that mirror most
+    HG_MIRRORS_NONE,
+};
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
     HG_TEMPORAL_NONE,   // one sample per pixel
     HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
@@ -209,6 +213,7 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_gi             enum hg_view_gi
 #define HG_VIEW_ENUM_reflections    enum hg_view_reflections
 #define HG_VIEW_ENUM_ao             enum hg_view_ao
+#define HG_VIEW_ENUM_mirrors        enum hg_view_mirrors
 #define HG_VIEW_ENUM_temporal       enum hg_view_temporal
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace

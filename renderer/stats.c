@@ -213,6 +213,14 @@ static void put_reflections(struct hg_writer *w, const struct hg_view_state *s)
         (unsigned long long)c.captured, (unsigned long long)c.lit, (unsigned long long)c.bytes);
 }
 
+static void put_mirrors(struct hg_writer *w, const struct hg_view_state *s)
+{
+    const struct hg_mirror_stats *m = &s->motion.mirrors.stats;
+    if (s->motion.mirrors.texels > 0)
+        hg_json_put(w, ",\"mirrors\":{\"planes\":%u,\"rays\":%u,\"ms\":%.3f,\"bytes\":%llu}",
+            m->planes, m->rays, ms(m->ns), (unsigned long long)m->bytes);
+}
+
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_path_stats t = {0};
@@ -337,6 +345,7 @@ enum hg_status hg_renderer_stats_json(
         put_light(&w, &view->state);
         put_gi(&w, &view->state);
         put_reflections(&w, &view->state);
+        put_mirrors(&w, &view->state);
         put_trace(&w, &view->state);
         put_motion(&w, &view->state);
         put_passes(&w, &view->state);

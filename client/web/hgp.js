@@ -48,6 +48,7 @@ export const enums = {
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     ao: { AUTO: 0, NONE: 1 },
+    mirrors: { AUTO: 0, NONE: 1 },
     temporal: { NONE: 0, AUTO: 1 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     reflections: { ENVIRONMENT: 0, AUTO: 1, RAYS: 2, CACHE: 3 },
@@ -503,6 +504,7 @@ export const messages = {
             { name: "iso", kind: "f32", least: 0.1, most: 1e+07, since: 1, optional: true },
             { name: "sensor_mm", kind: "f32", least: 0.01, most: 1e+04, since: 1, optional: true },
             { name: "ao", kind: "enum", values: "ao", since: 1, optional: true },
+            { name: "mirrors", kind: "enum", values: "mirrors", since: 1, optional: true },
         ],
     },
     // drop a view

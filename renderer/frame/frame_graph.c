@@ -194,6 +194,8 @@ static void declare_probe_light(struct hg_batch *f)
                    {f->probe_light, HG_GRAPH_COLOR, 0}, {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
     if (reflects)
         hg_batch_declare_reflections(f);
+    if (reflects)
+        hg_batch_declare_mirrors(f);
 }
 
 // --- the scene behind glass ----------------------------------------------------------------------
@@ -209,6 +211,7 @@ static enum hg_status record_behind(
         .target = hg_graph_run_image(run, f->behind),
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
         .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
+        .mirrored = hg_batch_mirrored(run),
         .clear = true,
         .alone = true};
     return hg_shade_record(&f->pass, &shade, err);
@@ -222,7 +225,7 @@ static void declare_behind(struct hg_batch *f)
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
                    {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
@@ -271,7 +274,8 @@ static enum hg_status record_shading(
         .unlit = f->skips_unlit,
         .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL,
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
-        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL};
+        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
+        .mirrored = hg_batch_mirrored(run)};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
@@ -284,7 +288,8 @@ static void declare_shading(struct hg_batch *f, bool keep)
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->blend.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
                    {f->cache, HG_GRAPH_READ, 0}, {f->gathered, HG_GRAPH_SAMPLE, 0},
-                   {f->probe_light, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->probe_light, HG_GRAPH_SAMPLE, 0}, {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
                .keep = keep});

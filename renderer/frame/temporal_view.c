@@ -362,6 +362,9 @@ static enum hg_status resolve(
     if (matrices == NULL)
         return no_memory(err);
     fill_picture(view, draw, matrices, &picture);
+    float *depth = view->buffers.motion.mapped;
+    hg_mirror_view_move(
+        draw, depth, picture.ids ? (uint32_t *)(void *)(depth + pixels_of(draw)) : NULL);
     enum hg_status status =
         view->context->overrides.keeps_motion ? keep_motion(t, &picture) : HG_OK;
     if (status == HG_OK)

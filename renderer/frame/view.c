@@ -119,6 +119,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_frame_history_finish(&view->history);
     hg_temporal_view_finish(gpu, &view->motion.temporal);
     hg_reflect_view_finish(gpu, &view->motion.reflections);
+    hg_mirror_view_finish(gpu, &view->motion.mirrors);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -264,7 +265,8 @@ static void note_quality(struct hg_view_state *view)
         {"host raster", HG_QUALITY_TRIANGLES}, {"skin", HG_QUALITY_TRIANGLES},
         {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
         {"probe light", HG_QUALITY_PIXELS}, {"reflections", HG_QUALITY_PIXELS},
-        {"reflection rays", HG_QUALITY_RAYS}, {"shading", HG_QUALITY_PIXELS},
+        {"reflection rays", HG_QUALITY_RAYS}, {"mirrors", HG_QUALITY_PIXELS},
+        {"shading", HG_QUALITY_PIXELS},
         {"blend visibility", HG_QUALITY_PIXELS}, {"blend sort", HG_QUALITY_PIXELS},
         {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
         {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};

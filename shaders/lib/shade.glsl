@@ -41,6 +41,7 @@ HG_SHADE_IO(HG_IO_DECLARE)
 
 #include "lib/gathered.glsl"
 #include "lib/probe_light.glsl"
+#include "lib/mirrors.glsl"
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
@@ -190,6 +191,8 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.base.n);
         occlude(s, b.base.n_dot_v, b.base.alpha);
+        if (HG_HAS2(HG_FEATURE2_MIRRORS))
+            hg_mirrors_look(gl_FragCoord.xy, v.position_ws, v.depth, b.base.n, b.base.roughness);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 15u);
         vec3 r = reflect(-view, b.base.n);
@@ -249,6 +252,8 @@ vec4 surface(uvec2 id, out float depth)
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.n);
         occlude(s, b.n_dot_v, b.alpha);
+        if (HG_HAS2(HG_FEATURE2_MIRRORS))
+            hg_mirrors_look(gl_FragCoord.xy, v.position_ws, v.depth, b.n, b.roughness);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
             hg_random3(uvec2(gl_FragCoord.xy), 15u));
