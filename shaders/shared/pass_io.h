@@ -13,7 +13,7 @@
     X(2, NEAREST_U2D, gathered)
 // visibility_alpha*.frag, for the nearest layer.
 #define HG_ALPHA_MASK_IO(X) X(0, NEAREST_2D, opaque_depth)
-// unlit_tiles_cells.comp
+// unlit_tiles_cells.comp, checkerboard.frag
 #define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
 #define HG_PROBE_LIGHT_IO(X)                                                                       \
     X(0, NEAREST_U2D, visibility)                                                                  \
