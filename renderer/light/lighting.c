@@ -22,7 +22,9 @@ struct hg_lighting {
     struct hg_jobs *jobs;
     struct hg_lighting_params params;
     struct hg_env_device env;
-    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
+    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries, tables;
+    uint32_t *table_words; // what `tables` holds
+    uint64_t table_hash;
     struct hg_gpu_image atlas;
     struct hg_light_set set;
     struct hg_clusters cells;
@@ -97,9 +99,11 @@ void hg_lighting_destroy(struct hg_lighting *l)
         return;
     hg_env_device_finish(&l->env, l->gpu);
     hg_gpu_image_destroy(l->gpu, &l->atlas);
-    struct hg_gpu_buffer *buffers[] = {&l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries};
+    struct hg_gpu_buffer *buffers[] = {
+        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tables};
     for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
         hg_gpu_buffer_destroy(l->gpu, buffers[i]);
+    hg_free(l->table_words);
     hg_light_set_finish(&l->set);
     hg_clusters_finish(&l->cells);
     hg_light_cuts_finish(&l->cuts);
@@ -235,12 +239,35 @@ static enum hg_status upload_shadows(struct hg_lighting *l, struct hg_error *err
     return status;
 }
 
+// Profiles and images, when they are others than before.
+static enum hg_status upload_tables(struct hg_lighting *l, struct hg_error *err)
+{
+    const uint64_t hash = hg_light_set_table_hash(&l->set);
+    const uint64_t bytes = (uint64_t)l->set.word_count * sizeof *l->table_words;
+    if (hash == l->table_hash)
+        return HG_OK;
+    hg_free(l->table_words);
+    l->table_hash = 0;
+    l->table_words = hg_calloc((size_t)l->set.word_count + 1, sizeof *l->table_words);
+    if (!l->table_words)
+        return hg_error_set(err, HG_E_NOMEM, "light tables", NULL, "no memory");
+    hg_light_set_tables(&l->set, l->table_words);
+    if (l->set.left_out > 0)
+        hg_warn(LIGHT, "profiles or images of %u lights have no room", l->set.left_out);
+    enum hg_status status = put(l, &l->tables, "light tables", l->table_words, bytes, err);
+    if (!status)
+        l->table_hash = hash;
+    return status;
+}
+
 static enum hg_status upload_lists(struct hg_lighting *l, struct hg_error *err)
 {
     const bool cut = l->cells.overflow;
     const struct hg_gpu_light *lights = cut ? l->cuts.lights : l->set.items;
     const uint64_t count = cut ? l->cuts.count : l->set.count;
     enum hg_status status = put(l, &l->lights, "lights", lights, count * sizeof *lights, err);
+    if (!status)
+        status = upload_tables(l, err);
     if (!status)
         status = upload_shadows(l, err);
     if (!status && l->cells.used)
@@ -285,6 +312,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_lights = l->entries.address,
         .irradiance = l->env.irradiance.address,
         .dfg = l->dfg.address,
+        .tables = l->tables.address,
         .light_count = cut ? l->cuts.count : l->set.count,
         .global_count = cut ? l->set.directional_count : l->set.global_count,
         .clustered = l->cells.used,
@@ -398,6 +426,7 @@ void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources
 {
     const struct hg_gpu_lighting *b = &l->block;
     *out = (struct hg_lighting_sources){.lights = l->set.items,
+        .tables = l->table_words,
         .casts = l->set.casts,
         .count = l->set.count,
         .directional_count = l->set.directional_count,
@@ -423,8 +452,12 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .lights_in_lists = l->cells.overflow ? l->cuts.count : l->set.count,
         .environment_ns = l->env.prefilter_ns,
         .environment_cached = l->env.from_cache};
-    for (uint32_t i = 0; i < l->set.count; i++)
-        out->sized_lights += l->set.items[i].radiance > 0;
+    for (uint32_t i = 0; i < l->set.count; i++) {
+        const struct hg_gpu_light *light = &l->set.items[i];
+        out->sized_lights += light->radiance > 0;
+        out->tabled_lights +=
+            light->profile != HG_LIGHT_NO_TABLE || light->image != HG_LIGHT_NO_TABLE;
+    }
     for (uint32_t i = 0; i < l->plan.count; i++)
         out->shadow_maps_stale += l->plan.maps[i].stale;
     for (uint32_t i = 0; i < l->plan.count; i++)
@@ -433,5 +466,5 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
                         l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
                         l->dfg.memory.size_bytes + l->lights.memory.size_bytes +
                         l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
-                        l->entries.memory.size_bytes;
+                        l->entries.memory.size_bytes + l->tables.memory.size_bytes;
 }

@@ -117,7 +117,7 @@ static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uin
     }
     view->credit--;
     hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
-    hg_session_view_grant(s, view);
+    hg_session_view_grant_all(s);
 }
 
 static void relay_answer(struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
@@ -142,6 +142,16 @@ static void relay_unasked(struct hg_session *s, struct hg_packet *packet, const 
                 .reason = m->error.reason});
 }
 
+// How much answers to queries may be.
+static void note_size(
+    struct hg_session *s, const struct hg_request *request, const struct hg_packet *packet)
+{
+    uint16_t type = request->packet->header.type;
+    if (!hg_journal_wants(type) && type != HGP_T_frame_request &&
+        packet->header.type != HGP_T_error && packet->header.length > s->answers.query_bytes)
+        s->answers.query_bytes = packet->header.length;
+}
+
 static void finish_request(struct hg_session *s, struct hg_request *request,
     struct hg_packet *packet, const union hgp_any *m)
 {
@@ -154,6 +164,7 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
         note_refused(s, request);
     else
         note_accepted(s, request);
+    note_size(s, request, packet);
     if (request->client_id)
         relay_answer(s, packet, request->client_id);
     else if (failed)
@@ -168,8 +179,10 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
     note_revision(s, type, m);
     if (type == HGP_T_frame) {
         struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
-        if (view)
+        if (view) {
             renumber(view, packet, &m->frame);
+            view->frame_bytes = packet->header.length;
+        }
     }
     if (!request) {
         if (type == HGP_T_frame && !packet->header.request)

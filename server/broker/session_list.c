@@ -82,6 +82,7 @@ static void put_worker(struct hg_writer *w, const struct hg_link *link)
     put_text(w, "{\"state\":", states[link->state]);
     put_number(w, ",\"pid\":", (uint64_t)link->pid);
     put_number(w, ",\"deaths\":", link->deaths);
+    put_text(w, ",\"tenant\":", link->whose.tenant);
     put_number(w, ",\"rss_bytes\":", link->rss_bytes);
     put_number(w, ",\"waiting_bytes\":", link->out.bytes);
     put(w, "}");
@@ -102,14 +103,17 @@ static void put_all(struct hg_writer *w, const struct hg_session_table *table)
         put_scene(w, it);
         separator = ",";
     }
-    put(w, "],\"worker\":");
-    put_worker(w, &table->pool->links[0]);
-    for (uint32_t i = 0; table->pool->count > 1 && i < table->pool->count; i++) {
-        put(w, i == 0 ? ",\"workers\":[" : ",");
+    put(w, "],\"workers\":[");
+    separator = "";
+    for (uint32_t i = 0; i < table->pool->count; i++) {
+        if (!table->pool->links[i].whose.wanted)
+            continue;
+        put(w, separator);
         put_worker(w, &table->pool->links[i]);
+        separator = ",";
     }
-    put(w, table->pool->count > 1 ? "]" : "");
-    put_number(w, ",\"connections\":", table->conns->count);
+    put(w, "]");
+    put_number(w, ",\"connections\":", table->conns->slots.count);
     put_number(w, ",\"upload_store_bytes\":", hg_upload_store_bytes(table->store));
     put_number(w, ",\"uptime_s\":", (table->loop->now_ns - table->started_ns) / 1000000000u);
     put(w, table->draining ? ",\"draining\":true}" : ",\"draining\":false}");

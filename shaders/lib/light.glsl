@@ -293,13 +293,15 @@ float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
 
 // --- lights --------------------------------------------------------------------------------------
 
+#include "lib/light_table.glsl"
+
 // Illuminance at a point on a plane facing the light (lux per unit of its colour), and where it is.
 // Distance and cone after KHR_lights_punctual, "Range Property" and "Inner and Outer Cone Angles".
 vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 {
     if (!HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL) {
         l = -light.direction_ws;
-        return light.color;
+        return light.color * hg_light_tint(light, pos_ws);
     }
     vec3 d = light.position_ws - pos_ws;
     float d2 = max(dot(d, d), 1e-8);
@@ -315,7 +317,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
         float cone = clamp(c * light.spot_scale + light.spot_offset, 0.0, 1.0);
         e *= cone * cone;
     }
-    return light.color * e;
+    return light.color * e * hg_light_tint(light, pos_ws);
 }
 
 // Radiance of the surface of a light that has a size, as a point receives it. Cone and range go by the
@@ -323,7 +325,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 vec3 hg_light_radiance(hg_gpu_light light, vec3 pos_ws)
 {
     if (light.kind == HG_LIGHT_KIND_DIRECTIONAL)
-        return light.color * light.radiance;
+        return light.color * hg_light_tint(light, pos_ws) * light.radiance;
     vec3 d = light.position_ws - pos_ws, l;
     float d2 = max(dot(d, d), 1e-8);
     return hg_light_illuminance(light, pos_ws, l) * (d2 * light.radiance);

@@ -44,7 +44,8 @@ hg_gpu_light light_at(uint index)
         if (before.direction_ws != light.direction_ws)
             light.direction_ws =
                 normalize(HG_PATH_BETWEEN(before.direction_ws, light.direction_ws));
-        if (HG_PATH_CAN(HG_EMITTER_KIND_SIZED) && before.axis_ws != light.axis_ws)
+        bool turns = HG_PATH_CAN(HG_EMITTER_KIND_SIZED) || HG_HAS2(HG_FEATURE2_LIGHT_TABLES);
+        if (turns && before.axis_ws != light.axis_ws)
             light.axis_ws = normalize(HG_PATH_BETWEEN(before.axis_ws, light.axis_ws));
     }
     return light;
