@@ -97,7 +97,10 @@ enum hg_view_mirrors { // planes of pictures in motion that have reflections by 
 };
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
     HG_TEMPORAL_NONE,   // one sample per pixel
-    HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
+    HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before; the default of views of
+                        // the protocol that have light by way of surfaces
+    HG_TEMPORAL_CHECKERBOARD, // likewise, with every second pixel shaded, in turn; AUTO where
+                              // surfaces blend or transmit. Without parameter scale
 };
 enum hg_exposure_mode {
     HG_EXPOSURE_FIXED, // exposure_ev
@@ -119,6 +122,7 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_SHADOWS,
     HG_DEBUG_REFLECTIONS, // of pictures in motion, which have probes and the radiance cache unless
                           // parameter reflections is RAYS
+    HG_DEBUG_SCALE,       // of pictures in motion
 };
 
 enum hg_render_mode {

@@ -9,17 +9,24 @@
 #include "renderer/internal.h"
 #include "renderer/pathtrace/path.h"
 
-uint64_t hg_renderer_peak_rss_bytes(void)
+// Of /proc/self/status; 0 where it is not there.
+static uint64_t status_bytes(const char *wanted)
 {
-    char line[256];
-    unsigned long long kib = 0;
+    char line[256], name[32];
+    unsigned long long kib = 0, here;
     FILE *file = fopen("/proc/self/status", "re");
     if (file == NULL)
         return 0;
-    while (fgets(line, sizeof line, file) != NULL && sscanf(line, "VmHWM: %llu", &kib) != 1)
-        continue;
+    while (kib == 0 && fgets(line, sizeof line, file) != NULL)
+        if (sscanf(line, "%31[^:]: %llu", name, &here) == 2 && strcmp(name, wanted) == 0)
+            kib = here;
     fclose(file);
     return (uint64_t)kib * 1024;
+}
+
+uint64_t hg_renderer_peak_rss_bytes(void)
+{
+    return status_bytes("VmHWM");
 }
 
 static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
@@ -38,10 +45,12 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
     struct hg_spill_stats spill;
     hg_spill_stats(&spill);
     hg_json_put(w,
-        ",\"process\":{\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_peak_bytes\":%llu,"
+        ",\"process\":{\"rss_bytes\":%llu,\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_"
+        "peak_bytes\":%llu,"
         "\"spill_refused_bytes\":%llu}",
-        (unsigned long long)hg_renderer_peak_rss_bytes(), (unsigned long long)spill.bytes,
-        (unsigned long long)spill.peak_bytes, (unsigned long long)spill.refused_bytes);
+        (unsigned long long)status_bytes("VmRSS"), (unsigned long long)hg_renderer_peak_rss_bytes(),
+        (unsigned long long)spill.bytes, (unsigned long long)spill.peak_bytes,
+        (unsigned long long)spill.refused_bytes);
 }
 
 static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)
@@ -255,9 +264,12 @@ static void put_motion(struct hg_writer *w, const struct hg_view_state *s)
     const float target_ms = s->settings.target_ms;
     const struct hg_quality_choice c = hg_quality_choose(&s->motion.quality, target_ms);
     const VkExtent2D drawn = s->motion.temporal.drawn;
+    const struct hg_temporal *history = s->motion.temporal.history;
     hg_json_put(w,
-        ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f}",
-        drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor);
+        ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f,"
+        "\"bytes\":%llu}",
+        drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor,
+        (unsigned long long)(history != NULL ? hg_temporal_bytes(history) : 0));
 }
 
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)

@@ -14,11 +14,11 @@ _helio()
     'render --quality') COMPREPLY=($(compgen -W 'draft final' -- "$cur")); return ;;
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
-    'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw motion history probes irradiance shadows reflections' -- "$cur")); return ;;
+    'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw motion history probes irradiance shadows reflections scale' -- "$cur")); return ;;
     'render --trace') COMPREPLY=($(compgen -W 'auto embree compute khr' -- "$cur")); return ;;
     'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --gi') COMPREPLY=($(compgen -W 'none auto rays probes' -- "$cur")); return ;;
-    'render --temporal') COMPREPLY=($(compgen -W 'none auto' -- "$cur")); return ;;
+    'render --temporal') COMPREPLY=($(compgen -W 'none auto checkerboard' -- "$cur")); return ;;
     'render --reflections') COMPREPLY=($(compgen -W 'environment auto rays cache' -- "$cur")); return ;;
     'render --ao') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;
     'render --mirrors') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;

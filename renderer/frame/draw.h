@@ -38,6 +38,7 @@ enum hg_draw_flag {
     HG_DRAW_MOTION = 1 << 7,         // depth is read back for motion vectors (temporal_view.h)
     HG_DRAW_MOTION_IDS = 1 << 8,     // and the visibility buffer: something moved by itself
     HG_DRAW_MOTION_POSED = 1 << 9,   // and where posed surfaces were
+    HG_DRAW_CHECKERBOARD = 1 << 16,  // every second pixel of a row is shaded, in turn
 };
 
 struct hg_draw_request {
@@ -137,6 +138,8 @@ struct hg_draw {
 
 // Size of the picture that is drawn, px.
 VkExtent2D hg_draw_size(const struct hg_draw_request *request);
+// What a picture in motion is shaded to.
+struct hg_gpu_image *hg_draw_picture(const struct hg_draw *draw);
 // The same for another request, which outlives it.
 struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request);
 bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag);

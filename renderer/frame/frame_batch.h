@@ -12,10 +12,14 @@ struct hg_batch {
     struct hg_graph *graph;
     struct hg_pass pass; // of the sample that is recorded
     uint32_t sample, slot, slots, first_shadow_set;
-    bool skips_unlit; // unlit tiles
-    bool alone;       // the sample is not added to others
+    bool alone; // the sample is not added to others
     uint32_t visibility, depth, atlas, gathered, probe_light, behind, accumulated, picture, counts;
-    uint32_t deformed, cache, progress, unlit_tiles, late_draws;
+    uint32_t deformed, cache, progress, late_draws;
+    uint32_t shaded_depth; // of the pixels that are shaded
+    struct {
+        bool skips;
+        uint32_t tiles;
+    } unlit; // tiles
     struct {
         uint32_t looked_up, surfaces; // probe light before reflections, what it is of
         uint32_t mirrored;            // of planar mirrors

@@ -35,6 +35,8 @@
 #define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
 #define HG_VIEW_MIRRORS_NONE   1 // as enum hg_view_mirrors
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
+#define HG_VIEW_TEMPORAL_AUTO         1
+#define HG_VIEW_TEMPORAL_CHECKERBOARD 2
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 

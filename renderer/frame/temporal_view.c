@@ -169,19 +169,42 @@ void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *
         return; // a picture without history
     if (!continues(view))
         t->moment = 0; // the next picture is the first of its own motion
-    request->drawn = drawn_size(request->settings, wanted_scale(view));
+    const bool halves = request->settings->temporal == HG_VIEW_TEMPORAL_CHECKERBOARD;
+    if (!halves)
+        request->drawn = drawn_size(request->settings, wanted_scale(view));
+    request->flags |= halves && !hg_geometry_blends(geometry) ? HG_DRAW_CHECKERBOARD : 0;
     t->posed = find_posed(view, request);
     request->moment = t->moment % (1u << 20) + 1;
-    jitter(request->moment - 1, request->settings->seed, request->jitter_px);
+    // Both halves of a checkerboard have the same places, else thin features are seen in one of
+    // them.
+    const uint32_t place = request->moment - 1;
+    const bool pairs = (request->flags & HG_DRAW_CHECKERBOARD) != 0;
+    jitter(pairs ? place / 2 : place, request->settings->seed, request->jitter_px);
     request->flags |= HG_DRAW_MOTION;
     request->flags |= t->places.moved_count > 1 || t->places.deformed ? HG_DRAW_MOTION_IDS : 0;
     request->flags |= t->posed.extent.width > 0 ? HG_DRAW_MOTION_POSED : 0;
+}
+
+static enum hg_status make_checkered(const struct hg_draw *draw, struct hg_error *err)
+{
+    const VkExtent2D size = hg_draw_size(draw->request);
+    const struct hg_gpu_image_params params = {.format = VK_FORMAT_R8G8B8A8_UNORM,
+        .width = (size.width + 1) / 2,
+        .height = size.height,
+        .attachment = true,
+        .name = "checkered"};
+    struct hg_gpu_image *image = &draw->targets->checkered;
+    return image->handle == VK_NULL_HANDLE
+               ? hg_gpu_image_create(draw->context->gpu, &params, image, err)
+               : HG_OK;
 }
 
 enum hg_status hg_temporal_view_targets(
     struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_view_targets *t = &view->motion.temporal.targets;
+    if (hg_draw_is(draw, HG_DRAW_CHECKERBOARD))
+        return make_checkered(draw, err);
     if (draw->request->drawn.width == 0)
         return HG_OK;
     draw->targets = t;
@@ -321,6 +344,8 @@ static void fill_picture(struct hg_view_state *view, const struct hg_draw *draw,
         .height = now.height,
         .jitter_px = {now.jitter_px[0], now.jitter_px[1]},
         .rgba = view->buffers.readback.mapped,
+        .checkerboard = hg_draw_is(draw, HG_DRAW_CHECKERBOARD),
+        .first = draw->request->moment & 1,
         .depth = (const float *)(const void *)back,
         .matrix_of_draw = places->draws,
         .draw_count = places->draw_count,
@@ -341,6 +366,7 @@ static enum hg_temporal_show shown(const struct hg_view_settings *s)
 {
     return s->debug == HG_DEBUG_VIEW_MOTION    ? HG_TEMPORAL_MOTION
            : s->debug == HG_DEBUG_VIEW_HISTORY ? HG_TEMPORAL_HISTORY
+           : s->debug == HG_DEBUG_VIEW_SCALE   ? HG_TEMPORAL_SCALE
                                                : HG_TEMPORAL_PICTURE;
 }
 

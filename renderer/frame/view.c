@@ -27,6 +27,7 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->targets.behind);
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->targets.pixels[i]);
+    hg_gpu_image_destroy(gpu, &view->targets.checkered);
     hg_tiled_accumulation_finish(gpu, &view->accumulation);
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.heads);
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.nodes);
@@ -281,7 +282,7 @@ static void note_quality(struct hg_view_state *view)
             known += is ? stage_ms : 0.0f;
         }
     ms[HG_QUALITY_REST] = fmaxf((float)((double)stats->step_ns * 1e-6) - known, 0.0f);
-    const bool scales = s->temporal != HG_VIEW_TEMPORAL_NONE && !(s->scale > 0.0f);
+    const bool scales = s->temporal == HG_VIEW_TEMPORAL_AUTO && !(s->scale > 0.0f);
     hg_quality_note(&view->motion.quality, ms, s->target_ms, scales);
 }
 
@@ -321,7 +322,7 @@ static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
     const bool coarse = needs_cascades(draw->lighting);
     const uint32_t debug = r->settings->debug;
     const bool legend = debug == HG_DEBUG_VIEW_MOTION || debug == HG_DEBUG_VIEW_HISTORY ||
-                        debug == HG_DEBUG_VIEW_REFLECTIONS;
+                        debug == HG_DEBUG_VIEW_SCALE || debug == HG_DEBUG_VIEW_REFLECTIONS;
     const bool direct = !hg_draw_is(draw, HG_DRAW_ACCUMULATE) &&
                         (legend || (debug == 0 && (coarse || r->samples > 1)));
     return r->flags | (coarse ? HG_DRAW_COARSE_SHADOWS : 0) | (direct ? HG_DRAW_DIRECT : 0);
@@ -344,7 +345,7 @@ static enum hg_status run_shown(
         return status;
     }
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
-        hg_view_record_copy(draw, cmd, 0);
+        hg_view_record_copy(draw, cmd);
     hg_page_cache_end(pages, cmd);
     status = hg_gpu_submit_and_wait(draw->context->gpu, cmd, err);
     if (status != HG_OK)

@@ -149,6 +149,7 @@ enum hg_status hg_shade_record(
         pass->features2 |= HG_FEATURE2_PROBE_LIGHT;
     if (shade->mirrored != NULL)
         pass->features2 |= HG_FEATURE2_MIRRORS;
+    pass->features2 |= shade->checkerboard ? HG_FEATURE2_CHECKERBOARD : 0;
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
         status = make_all(pass, &style, unlit, err);

@@ -198,6 +198,8 @@ void main()
         color = vec3(0.2158605); // 128 of 255
     else if (hg_view == HG_DEBUG_VIEW_HISTORY)
         color = vec3(0.0);
+    else if (hg_view == HG_DEBUG_VIEW_SCALE)
+        color = vec3(0.0, 1.0, 0.0);
     else if (hg_view == HG_DEBUG_VIEW_OVERDRAW)
         color = overdraw_color(texelFetch(hg_counts, pixel, 0).r);
     else if (id.x != 0u)

@@ -48,6 +48,8 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 #define HG_FRAME_SUN_DISC       2u
 // Ambient occlusion by the depth of the picture, in the light of probes (lib/gtao.glsl).
 #define HG_FRAME_OCCLUSION      4u
+// Every second pixel of a row is shaded, into a picture half as wide (checkerboard.h).
+#define HG_FRAME_CHECKERBOARD   0x100u
 
 #define HG_FRAME_TONEMAP_ACES        0
 #define HG_FRAME_TONEMAP_AGX         1

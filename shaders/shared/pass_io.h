@@ -14,7 +14,7 @@
     X(3, NEAREST_2D, mirrored)
 // visibility_alpha*.frag, for the nearest layer.
 #define HG_ALPHA_MASK_IO(X) X(0, NEAREST_2D, opaque_depth)
-// unlit_tiles_cells.comp
+// unlit_tiles_cells.comp, checkerboard.frag
 #define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
 #define HG_PROBE_LIGHT_IO(X)                                                                       \
     X(0, NEAREST_U2D, visibility)                                                                  \
