@@ -18,6 +18,7 @@ struct hg_bench_settings {  // zero of each field = default
     uint32_t path_count;
     uint32_t gi;       // enum hg_view_gi; of realtime, temporal
     uint32_t temporal; // enum hg_view_temporal; of realtime
+    uint32_t shadow_maps; // enum hg_view_shadow_maps; of realtime, temporal
     uint32_t samples;  // of the references of temporal, 64, and of gi, 128
     uint32_t lamps;    // of the night of gi, 8; added to the scene of realtime, 0
     enum {
@@ -32,10 +33,11 @@ struct hg_bench_settings {  // zero of each field = default
 };
 
 // Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
-// object: frames_ms, lights (count, listed: in the lists of clusters, shadowed, unshadowed),
-// frame_ms (median), at_rest (nothing was streamed or baked meanwhile), passes[] (name, ms: medians
-// over the frames in which they ran, frames), triangles_total, triangles_drawn, memory. HG_E_INVAL;
-// errors of hg_view_step.
+// object: frames_ms, lights (count, listed: in the lists of clusters, shadowed, unshadowed), pages
+// (of virtual shadow maps, means of the frames: asked, hits, drawn, held), frame_ms (median),
+// at_rest (nothing was streamed or baked meanwhile), passes[] (name, ms: medians over the frames in
+// which they ran, frames), triangles_total, triangles_drawn, memory. HG_E_INVAL; errors of
+// hg_view_step.
 enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 

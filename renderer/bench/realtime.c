@@ -36,6 +36,7 @@ struct run {
     struct pass_times passes[MAX_PASSES];
     uint32_t pass_count;
     uint64_t triangles_drawn, triangles_total;
+    struct hg_shadow_page_stats pages; // sums of the frames
 };
 
 static int compare_floats(const void *a, const void *b)
@@ -101,6 +102,12 @@ static bool note_frame(
     run->frame_ms[run->measured++] = (float)((double)ns * 1e-6);
     run->triangles_drawn = info->triangles_drawn;
     run->triangles_total = info->triangles_total;
+    struct hg_lighting_stats lights;
+    hg_lighting_stats(run->view->state.lighting, &lights);
+    run->pages.asked += lights.pages.asked;
+    run->pages.hits += lights.pages.hits;
+    run->pages.drawn += lights.pages.drawn;
+    run->pages.held += lights.pages.held;
     for (uint32_t i = 0; i < info->stage_count; i++) {
         struct pass_times *pass = find_pass(run, info->stages[i].name);
         if (pass == NULL || pass->count == run->frames)
@@ -180,6 +187,10 @@ static enum hg_status write_report(struct run *run, char **text)
     hg_lighting_stats(run->view->state.lighting, &lights);
     hg_json_put(&w, "],\"lights\":{\"count\":%u,\"listed\":%u,\"shadowed\":%u,\"unshadowed\":%u}",
         lights.lights, lights.lights_in_lists, lights.shadowed_lights, lights.unshadowed_lights);
+    const double frames = run->measured;
+    hg_json_put(&w, ",\"pages\":{\"asked\":%.1f,\"hits\":%.1f,\"drawn\":%.1f,\"held\":%.1f}",
+        run->pages.asked / frames, run->pages.hits / frames, run->pages.drawn / frames,
+        run->pages.held / frames);
     hg_json_put(&w, ",\"frame_ms\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s,\"passes\":[",
         median(run->frame_ms, run->measured), cpu_ms, run->busy ? "false" : "true");
     for (uint32_t i = 0; i < run->pass_count; i++) {
@@ -245,7 +256,8 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
         .height = b->height,
         .samples = 2, // the picture in motion is not the settled one
         .gi = (enum hg_view_gi)b->gi,
-        .temporal = (enum hg_view_temporal)b->temporal};
+        .temporal = (enum hg_view_temporal)b->temporal,
+        .shadow_maps = (enum hg_view_shadow_maps)b->shadow_maps};
     enum hg_status status = add_lamps(scene, b->lamps, err);
     if (status == HG_OK)
         status = hg_view_create(run->renderer, scene, &run->view, err);
