@@ -167,9 +167,14 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
     hg_lighting_stats(s->lighting, &l);
     hg_json_put(w,
         ",\"light\":{\"lights\":%u,\"shadowed\":%u,\"unshadowed\":%u,\"shadow_maps\":%u,"
-        "\"shadow_maps_drawn\":%u,\"clusters\":%u}",
+        "\"shadow_maps_drawn\":%u,\"shadow_maps_unseen\":%u,\"clusters\":%u,",
         l.lights, l.shadowed_lights, l.unshadowed_lights, l.shadow_maps, s->stats.stale_shadows,
-        l.clusters);
+        l.shadow_maps_unseen, l.clusters);
+    const struct hg_shadow_page_stats *p = &l.pages;
+    hg_json_put(w,
+        "\"shadow_pages\":{\"room\":%u,\"held\":%u,\"asked\":%u,\"hits\":%u,\"drawn\":%u,"
+        "\"evicted\":%u}}",
+        p->room, p->held, p->asked, p->hits, p->drawn, p->evicted);
 }
 
 static void put_gi(struct hg_writer *w, const struct hg_view_state *s)

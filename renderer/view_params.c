@@ -22,7 +22,8 @@ static_assert((int)HG_EXPOSURE_CAMERA == HGP_COUNT_exposure_mode - 1, "");
 static_assert((int)HG_AO_NONE == HGP_COUNT_ao - 1, "");
 static_assert((int)HG_MIRRORS_NONE == HGP_COUNT_mirrors - 1, "");
 static_assert((int)HG_TEMPORAL_CHECKERBOARD == HGP_COUNT_temporal - 1, "");
-static_assert((int)HG_DEBUG_SCALE == HGP_COUNT_debug_view - 1, "");
+static_assert((int)HG_SHADOW_MAPS_VIRTUAL == HGP_COUNT_shadow_maps - 1, "");
+static_assert((int)HG_DEBUG_SHADOW_PAGES == HGP_COUNT_debug_view - 1, "");
 static_assert((int)HG_VIEW_TRACE_KHR == HGP_COUNT_trace_backend - 1, "");
 static_assert((int)HG_DENOISE_ANIMATION == HGP_COUNT_denoise - 1, "");
 static_assert((int)HG_FILTER_GAUSSIAN == HGP_COUNT_filter - 1, "");
@@ -223,6 +224,7 @@ enum hg_status hg_view_set_params(
     s.temporal = (uint32_t)p.temporal;
     s.ao = (uint32_t)p.ao;
     s.mirrors = (uint32_t)p.mirrors;
+    s.shadow_maps = (uint32_t)p.shadow_maps;
     s.samples = p.samples;
     s.seed = p.seed;
     s.debug = (uint32_t)p.debug_view;

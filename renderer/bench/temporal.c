@@ -94,6 +94,7 @@ static enum hg_status make_view(
         .gi = (enum hg_view_gi)run->bench->gi,
         .reflections = (enum hg_view_reflections)run->bench->reflections,
         .temporal = mode->temporal,
+        .shadow_maps = (enum hg_view_shadow_maps)run->bench->shadow_maps,
         .scale = mode->scale};
     const enum hg_status status = hg_view_create(run->renderer, run->scene, out, err);
     return status == HG_OK ? hg_view_set_params(*out, &params, err) : status;

@@ -37,6 +37,8 @@
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 #define HG_VIEW_TEMPORAL_AUTO         1
 #define HG_VIEW_TEMPORAL_CHECKERBOARD 2
+#define HG_VIEW_SHADOWS_AUTO    0 // as enum hg_view_shadow_maps
+#define HG_VIEW_SHADOWS_VIRTUAL 2
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
@@ -60,6 +62,7 @@ struct hg_view_settings {
     uint32_t ao;          // enum hg_view_ao
     uint32_t mirrors;     // enum hg_view_mirrors
     uint32_t temporal; // enum hg_view_temporal
+    uint32_t shadow_maps; // enum hg_view_shadow_maps
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1
     uint32_t seed;

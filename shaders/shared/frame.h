@@ -79,6 +79,6 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_probes) probes; // HG_FEATURE2_PROBES
     HG_VEC4 mirrors[HG_MIRROR_PLANES]; // HG_FEATURE2_MIRRORS: dot(xyz, p) = w; zero: no plane
 };
-HG_SHARED_SIZE(hg_gpu_frame, 1136);
+HG_SHARED_SIZE(hg_gpu_frame, 1176);
 
 #endif
