@@ -581,6 +581,17 @@ enum hg_status hg_journal_play(
     return HG_OK;
 }
 
+bool hg_journal_uses_ids(const struct hg_journal *j, uint32_t first, uint32_t count)
+{
+    for (size_t i = 0; i < j->bucket_count; i++)
+        for (const struct object *it = j->buckets[i]; it; it = it->next) {
+            uint64_t id = it->id >> 32 ? it->id >> 32 : it->id;
+            if (id >= first && id - first < count)
+                return true;
+        }
+    return false;
+}
+
 struct hg_journal_stats hg_journal_get_stats(const struct hg_journal *j)
 {
     return (struct hg_journal_stats){j->entries, j->bytes};
