@@ -390,6 +390,10 @@ export const messages = {
             { name: "width", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "height", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "angular_diameter_rad", kind: "f32", least: 0, most: 3, since: 1, optional: true },
+            { name: "lumens", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "profile", kind: "bytes", max: 4194304, since: 1, optional: true },
+            { name: "profile_absolute", kind: "bool", since: 1, optional: true },
+            { name: "texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // make or change a camera object

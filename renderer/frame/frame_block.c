@@ -233,7 +233,8 @@ static uint32_t features_of(const struct hg_draw *draw, uint32_t tables, bool st
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
-    const bool one_sun = l->light_count == 1 && stats.local_lights == 0 && stats.sized_lights == 0;
+    const bool one_sun = l->light_count == 1 && stats.local_lights == 0 &&
+                         stats.sized_lights == 0 && stats.tabled_lights == 0;
     features |= !one_sun ? HG_FEATURE_NO_SUN : 0;
     features |= !hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
@@ -285,6 +286,7 @@ static struct hg_pass make_pass(
     hg_lighting_stats(draw->lighting, &lights);
     pass.features2 |= lights.sized_lights > 0 ? HG_FEATURE2_SIZED : 0;
     pass.features2 |= hg_lighting_has_pages(draw->lighting) ? HG_FEATURE2_SHADOW_PAGES : 0;
+    pass.features2 |= lights.tabled_lights > 0 ? HG_FEATURE2_LIGHT_TABLES : 0;
     pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;

@@ -389,7 +389,8 @@ static bool finds_unlit(struct hg_draw *draw, const struct hg_pass *pass)
     const enum hg_override wish = draw->context->overrides.unlit_tiles;
     const uint32_t lights = draw->frame->lighting.light_count;
     if (wish == HG_OVERRIDE_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
-        pass->area.extent.width > 0 || hg_lighting_has_pages(draw->lighting))
+        pass->area.extent.width > 0 || hg_lighting_has_pages(draw->lighting) ||
+        draw->gathered != NULL) // rays see what maps do not
         return false;
     if (wish == HG_OVERRIDE_ON)
         return true;

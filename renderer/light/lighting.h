@@ -120,6 +120,7 @@ void hg_lighting_note_drawn(struct hg_lighting *lighting);
 struct hg_lighting_sources {
     const struct hg_gpu_light *lights; // [count], those of kind DIRECTIONAL first
     const bool *casts;                 // [count]
+    const uint32_t *tables;            // that their profiles and images are in
     uint32_t count, directional_count;
     uint32_t env_kind;  // HG_ENV_KIND_*
     float env_color[3]; // as of hg_gpu_lighting
@@ -146,6 +147,7 @@ struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
     uint32_t local_lights;      // all but directional ones
     uint32_t sized_lights;      // that have a size
+    uint32_t tabled_lights;     // that have a profile or an image
     uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
     uint32_t shadow_maps, shadow_maps_stale;
     uint32_t shadow_maps_partly;        // of them, drawn again where casters moved alone

@@ -29,7 +29,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
 {
     if (style->unlit) {
         features &= ~LIGHT_FEATURES;
-        features2 &= ~HG_FEATURE2_SIZED;
+        features2 &= ~(HG_FEATURE2_SIZED | HG_FEATURE2_LIGHT_TABLES);
     }
     if (style->variant != LAYER &&
         style->variant != LAYERS) // what lets light through is drawn as a layer

@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
+#include "renderer/scene/light_table.h"
 
 // jansson takes what is given to *_new and drops it itself on failure; a NULL anywhere shows up as
 // a failed set, which `ok` collects.
@@ -204,6 +205,14 @@ static json_t *describe_light(struct describer *d, const struct hg_light *light)
         put(d, object, "height", real((double)light->height));
     if (light->kind == HG_LIGHT_DIRECTIONAL && light->angular_diameter_rad > 0)
         put(d, object, "angular_diameter_rad", real((double)light->angular_diameter_rad));
+    if (light->lumens > 0)
+        put(d, object, "lumens", real((double)light->lumens));
+    if (light->profile) {
+        put(d, object, "profile_peak_candela", real((double)light->profile->peak_cd));
+        put(d, object, "profile_absolute", json_boolean(light->absolute));
+    }
+    if (light->texture)
+        put(d, object, "texture", json_integer((json_int_t)(light->texture->head.id & 0xffffffff)));
     return object;
 }
 

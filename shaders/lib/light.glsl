@@ -343,13 +343,15 @@ float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
 
 // --- lights --------------------------------------------------------------------------------------
 
+#include "lib/light_table.glsl"
+
 // Illuminance at a point on a plane facing the light (lux per unit of its colour), and where it is.
 // Distance and cone after KHR_lights_punctual, "Range Property" and "Inner and Outer Cone Angles".
 vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 {
     if (!HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL) {
         l = -light.direction_ws;
-        return light.color;
+        return light.color * hg_light_tint(light, pos_ws);
     }
     vec3 d = light.position_ws - pos_ws;
     float d2 = max(dot(d, d), 1e-8);
@@ -365,7 +367,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
         float cone = clamp(c * light.spot_scale + light.spot_offset, 0.0, 1.0);
         e *= cone * cone;
     }
-    return light.color * e;
+    return light.color * e * hg_light_tint(light, pos_ws);
 }
 
 // Radiance of the surface of a light that has a size, as a point receives it. Cone and range go by the
@@ -373,7 +375,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 vec3 hg_light_radiance(hg_gpu_light light, vec3 pos_ws)
 {
     if (light.kind == HG_LIGHT_KIND_DIRECTIONAL)
-        return light.color * light.radiance;
+        return light.color * hg_light_tint(light, pos_ws) * light.radiance;
     vec3 d = light.position_ws - pos_ws, l;
     float d2 = max(dot(d, d), 1e-8);
     return hg_light_illuminance(light, pos_ws, l) * (d2 * light.radiance);
@@ -390,8 +392,10 @@ float hg_light_lobe(hg_gpu_light light, vec3 l)
     return light.kind == HG_LIGHT_KIND_TUBE ? sqrt(max(1.0 - along * along, 0.0)) : 1.0;
 }
 
-// The light of lights with a size was gathered for the surface that is shaded.
+// The light of lamps with a size was gathered for the surface that is shaded, and rays told which share of
+// that of directional lights arrives.
 bool hg_light_gathered = false;
+float hg_light_sun_seen = 1.0;
 
 #ifdef HG_LIB_BSDF_GLSL
 hg_bsdf hg_light_bsdf; // what light falls on, where materials have lobes; set by the pass
@@ -430,6 +434,15 @@ vec3 hg_light_side(hg_brdf b, vec3 n_geometric, vec3 l)
     return n_geometric;
 }
 
+// Lit share of a point by a light that has a shadow map, where gathering paths have not told.
+float hg_light_lit(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool sky_sun)
+{
+    bool directional = !HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL;
+    if (HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered && directional)
+        return hg_light_sun_seen;
+    return hg_shadow(light, pos_ws, n_geometric, l, sky_sun);
+}
+
 // The same from a light with a size, whose middle is at l. A shadow map shows what its middle sees.
 vec3 hg_light_sized(hg_brdf b, hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
 {
@@ -448,7 +461,7 @@ vec3 hg_light_sized(hg_brdf b, hg_gpu_light light, vec3 pos_ws, vec3 n_geometric
     if (dot(n_geometric, mean) <= 0.0)
         return vec3(0.0);
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= hg_shadow(light, pos_ws, n_geometric, l, false);
+        sum *= hg_light_lit(light, pos_ws, n_geometric, l, false);
     return sum * radiance;
 }
 
@@ -459,15 +472,16 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
+    bool lamp = light.kind != HG_LIGHT_KIND_DIRECTIONAL;
     if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0)
-        return hg_light_gathered ? vec3(0.0) : hg_light_sized(b, light, pos_ws, n_geometric, l);
+        return hg_light_gathered && lamp ? vec3(0.0) : hg_light_sized(b, light, pos_ws, n_geometric, l);
     if (!hg_light_reaches(b, l) || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
     bool first = index == 0u; // the sky's sun, if there is one
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l, first) : 0.0;
+        sum *= dot(n_geometric, l) > 0.0 ? hg_light_lit(light, pos_ws, n_geometric, l, first) : 0.0;
     return sum;
 }
 
@@ -478,7 +492,9 @@ vec3 hg_light_sun(hg_brdf b, vec3 pos_ws, vec3 n_geometric)
     vec3 sum = hg_sun.color * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && hg_sun.shadow != HG_SHADOW_NONE)
-        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow_of_sun(pos_ws, n_geometric, l) : 0.0;
+        sum *= dot(n_geometric, l) <= 0.0                         ? 0.0
+            : HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered ? hg_light_sun_seen
+                                                                 : hg_shadow_of_sun(pos_ws, n_geometric, l);
     return sum;
 }
 #endif

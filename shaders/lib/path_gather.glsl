@@ -7,12 +7,12 @@
 
 // Of a gathering path: light that real-time pictures draw themselves at the first surface, or that the
 // field of probes holds where the path ends.
-// Lights with a size are not among what is drawn, nor does the field hold them.
+// Lamps with a size are not among what is drawn, nor does the field hold them. Directional lights are
+// chosen apart (HG_PATH_SUNS_APART).
 bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
 {
     bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
-    bool sun = e.distance >= HG_EMITTER_FAR && hg_emitter_is_sky_sun(e.direction);
-    return ends ? !lamp : bounce == 0u && lamp && (sun || e.delta);
+    return ends ? !lamp : bounce == 0u && lamp && e.delta;
 }
 
 // What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and

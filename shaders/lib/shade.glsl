@@ -185,8 +185,7 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     // Light from behind is not gathered apart: probes know both sides.
     bool thin = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
     if (HG_HAS2(HG_FEATURE2_GATHERED) && !thin) {
-        hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.base.n);
-        hg_light_gathered = true;
+        hg_gathered_look(gl_FragCoord.xy, v.depth, b.base.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.base.n);
@@ -245,8 +244,7 @@ vec4 surface(uvec2 id, out float depth)
 #endif
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
     if (HG_HAS2(HG_FEATURE2_GATHERED)) {
-        hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.n);
-        hg_light_gathered = true;
+        hg_gathered_look(gl_FragCoord.xy, v.depth, b.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(gl_FragCoord.xy, v.depth, b.n);

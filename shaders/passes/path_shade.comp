@@ -44,7 +44,8 @@ hg_gpu_light light_at(uint index)
         if (before.direction_ws != light.direction_ws)
             light.direction_ws =
                 normalize(HG_PATH_BETWEEN(before.direction_ws, light.direction_ws));
-        if (HG_PATH_CAN(HG_EMITTER_KIND_SIZED) && before.axis_ws != light.axis_ws)
+        bool turns = HG_PATH_CAN(HG_EMITTER_KIND_SIZED) || HG_HAS2(HG_FEATURE2_LIGHT_TABLES);
+        if (turns && before.axis_ws != light.axis_ws)
             light.axis_ws = normalize(HG_PATH_BETWEEN(before.axis_ws, light.axis_ws));
     }
     return light;
@@ -402,6 +403,17 @@ float catch_light(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, bool s
     return light;
 }
 
+// Whether the first surface of a gathering path sees a directional light, by a ray to a point of it; true when
+// there is one.
+bool ask_sun(path p, hg_vertex v, hg_surface s, vec3 side, vec3 u)
+{
+    hg_emitter_sample e = hg_emitter_pick_apart(v.position_ws, side, u);
+    e.radiance = e.mask != 0u ? e.radiance : vec3(0.0); // it casts no shadows
+    float light = catch_light(p, v, s, e, true);
+    hg_path_add_sun(HG_PATH_GUIDE_OPEN_SUN, p.slot, light);
+    return light > 0.0;
+}
+
 // A shadow catcher in front of the background, which shows as far as light arrives: rays to lights
 // tell, as they do for a white surface.
 uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, vec3 u)
@@ -548,7 +560,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     status |= asks ? HG_PATH_SHADOW : 0u;
     if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u && asks)
         hg_gather_asked(p, light.e);
-    if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
+    if (HG_PATH_CAN(HG_PATH_SUNS_APART) && HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u) {
+        status |= ask_sun(p, v, s, side, ua.xyz) ? HG_PATH_SUN : 0u;
+    } else if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
         light.e = hg_emitter_pick_apart(v.position_ws, side, ua.xyz);
         light.light = reflected(b, s, light.e, 1u, ends, light.f);
         if (HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_leaves_out(light.e, p.bounce, ends))
@@ -558,6 +572,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     }
     if (ends) {
         hg_gather_end(p, b, v, s, ua.yzw);
+        p.bounce++; // of the light that its shadow rays bring
         return status;
     }
     vec3 direction = p.ray.direction_ws;

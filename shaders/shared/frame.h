@@ -75,6 +75,6 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_blend_lists) blend;
     HG_STRUCT(hg_gpu_probes) probes; // HG_FEATURE2_PROBES
 };
-HG_SHARED_SIZE(hg_gpu_frame, 1136);
+HG_SHARED_SIZE(hg_gpu_frame, 1144);
 
 #endif

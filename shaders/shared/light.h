@@ -4,6 +4,7 @@
 #ifndef HG_SHADERS_SHARED_LIGHT_H
 #define HG_SHADERS_SHARED_LIGHT_H
 
+#include "shared/light_table.h"
 #include "shared/types.h"
 
 #define HG_LIGHT_KIND_DIRECTIONAL 0
@@ -140,8 +141,11 @@ struct hg_gpu_light {
     float radiance;       // 1 / m^2, or 1 / sr; 0: it has no size
     float bound;          // metres from position_ws that hold all of it; DIRECTIONAL: cosine of the half angle
     float shadow_fade;    // share of the light that ignores its shadow maps
+    HG_UINT profile;      // first word of its photometric profile in the tables; HG_LIGHT_NO_TABLE
+    HG_UINT image;        // likewise of its image. DIRECTIONAL: half_width and half_height are those of the
+                          // image, around position_ws
 };
-HG_SHARED_SIZE(hg_gpu_light, 100);
+HG_SHARED_SIZE(hg_gpu_light, 108);
 
 // One square projection in the shadow atlas. With q = (right, up, forward) . (p - origin):
 //   orthographic: xy = q.xy * scale, depth = 1 - q.z * depth_scale
@@ -203,6 +207,7 @@ struct hg_gpu_lighting {
     HG_PTR(hg_light_list_ref) cluster_lights; // light numbers, ascending in each list
     HG_PTR(hg_light_vec4_ref) irradiance;    // [(HG_IRRADIANCE_SIZE + 2)^2] W/m^2 per unit, rgb
     HG_PTR(hg_light_list_ref) dfg;           // [HG_DFG_WORDS] of 2 x 16 bits: renderer/light/albedo/dfg.h
+    HG_PTR(hg_light_list_ref) tables;        // of profiles and images of lights: shared/light_table.h
     HG_UINT light_count, global_count;
     HG_UINT clustered; // 0: all lights are looped over
     HG_UINT cluster_x, cluster_y, cluster_z;
@@ -220,6 +225,6 @@ struct hg_gpu_lighting {
     float shadow_slack_m, shadow_slack_per_m;
     HG_STRUCT(hg_gpu_shadow_pages) pages; // HG_FEATURE2_SHADOW_PAGES
 };
-HG_SHARED_SIZE(hg_gpu_lighting, 208);
+HG_SHARED_SIZE(hg_gpu_lighting, 216);
 
 #endif

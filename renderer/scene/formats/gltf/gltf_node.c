@@ -163,13 +163,18 @@ static enum hg_status read_node(
         node->mesh = g->asset->meshes[mesh];
     if (camera >= 0 && camera < g->asset->camera_count)
         node->camera = g->asset->cameras[camera];
-    if (light >= 0 && light < g->asset->light_count) {
+    enum hg_status status = HG_OK;
+    if (light >= 0 && light < g->punctual_count) {
         node->light = g->asset->lights[light];
         hg_gltf_read_light_size(g, at, node->light);
+        status = hg_gltf_read_light_tables(g, at, node->light);
     }
+    if (!status)
+        status = hg_gltf_read_ies_light(g, at, node);
     struct hg_gltf_at visibility = hg_gltf_extension(at, "KHR_node_visibility", &extensions);
     node->visible = hg_gltf_bool(&visibility, "visible", true);
-    enum hg_status status = read_weights(g, at, node);
+    if (!status)
+        status = read_weights(g, at, node);
     return status ? status : read_instances(g, at, node);
 }
 
