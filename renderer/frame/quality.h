@@ -1,4 +1,4 @@
-// quality.h - quality governor: chooses scale, probe rays and LOD error of pictures in motion for a
+// quality.h - quality governor: chooses scale, rays and LOD error of pictures in motion for a
 // target frame time.
 // Floor 4. Pure; one object per view, zeroed = no frame seen yet.
 //
@@ -17,7 +17,7 @@
 
 struct hg_quality_choice {
     float scale;  // of the sides of the drawn picture, 0.5 .. 1
-    float rays;   // share of probe rays, 0.25 .. 1
+    float rays;   // share of rays, of probes and reflections, 0.25 .. 1
     float factor; // on the view's projected error, 1 .. HG_QUALITY_MOST
 };
 

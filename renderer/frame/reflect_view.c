@@ -82,6 +82,7 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (r->world.trace == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
+    r->share = hg_quality_choose(&view->motion.quality, view->settings.target_ms).rays;
     // Without a cache all that rays meet is shaded.
     r->caches =
         view->settings.reflections == HG_VIEW_REFLECTIONS_CACHE && sync_cache(view) == HG_OK;
@@ -146,6 +147,7 @@ static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
         .world = r->world,
         .cache = r->caches ? draw->scene_gpu->radiance : NULL,
         .continues = r->settings == draw->settings_revision,
+        .share = r->share,
         .samples = draw->context->overrides.reflect_samples,
         .dense = draw->context->overrides.reflect_dense};
     hg_geometry_origin(draw->scene_gpu->geometry, picture.origin);
@@ -176,8 +178,14 @@ static enum hg_status record(const struct hg_graph_run *run, void *user, struct 
         return status;
     hg_view_stats_add_device(draw->stats, run->gpu);
     const uint64_t begin = hg_clock_now_ns();
+    struct hg_reflect_stats stats;
     status = reflect(f, err);
-    hg_view_stats_add_stage(draw->stats, "reflections", hg_clock_now_ns() - begin);
+    hg_reflect_stats(draw->reflections->reflect, &stats);
+    hg_view_stats_add_stage(draw->stats, "reflection rays", stats.ray_ns);
+    hg_view_stats_add_stage(draw->stats, "reflections", hg_clock_now_ns() - begin - stats.ray_ns);
+    const uint32_t *words = back->mapped;
+    if (status == HG_OK)
+        status = hg_batch_look_into_mirrors(f, words, words + light_bytes / 4, err);
     return status == HG_OK ? hg_gpu_resume(run->gpu, run->cmd, err) : status;
 }
 

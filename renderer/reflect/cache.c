@@ -11,19 +11,18 @@
 #define MOST_LIKELY  0.1f  // that another sample falls on the same texel
 #define FACING_LEAST 0.5f  // cosine between the normals of both
 #define TRIES        3     // nearest probes that are looked at
-#define CAPTURED_FAR 1e30f // nothing was met there
 
 #define ASKED    0x80000000u // in texel.state
+#define FILLED   0x40000000u
 #define LIT_MASK 0xffu
 #define LIT_MOST 255u
 
 struct texel {
-    float depth; // along the axis of the face, metres; 0: not captured
-    float normal[3];
+    float position[3], normal[3];
     float radiance[3];
     uint32_t albedo[2]; // halves would do; 16 bits each, of 0..1
     float emission[3];
-    uint32_t state; // how often it was lit by the present light, ASKED
+    uint32_t state; // how often it was lit by the present light, ASKED, FILLED
     uint32_t light; // number of the light that lit it; 0: never
 };
 
@@ -163,16 +162,6 @@ static uint32_t texel_of(const float d[3], int face, float deep, uint32_t side)
     return ((uint32_t)face * side + y) * side + x;
 }
 
-// Through the middle of a texel, 1 deep.
-static void direction_of(uint32_t texel, uint32_t side, float out[3])
-{
-    const uint32_t face = texel / (side * side), y = texel / side % side, x = texel % side;
-    const int axis = (int)face / 2;
-    out[axis] = (face & 1) != 0 ? -1.0f : 1.0f;
-    out[(axis + 1) % 3] = ((float)x + 0.5f) * 2 / (float)side - 1;
-    out[(axis + 2) % 3] = ((float)y + 0.5f) * 2 / (float)side - 1;
-}
-
 static struct texel *at(const struct hg_radiance_cache *cache, struct hg_cache_place place)
 {
     return &cache->probes[place.probe].texels[place.texel];
@@ -216,10 +205,11 @@ static enum hg_cache_answer look(const struct hg_radiance_cache *cache, uint32_t
         return HG_CACHE_NOTHING;
     *place = (struct hg_cache_place){probe, texel_of(d, face, deep, cache->key.side)};
     const struct texel *t = at(cache, *place);
-    if (t->depth == 0)
+    if ((t->state & FILLED) == 0)
         return HG_CACHE_EMPTY;
-    const float slant = hg_length3(d) / deep;
-    const bool other = fabsf(deep - t->depth) * slant >= DEPTH_BETA * deep / side ||
+    const float slant = hg_length3(d) / deep, axis = face & 1 ? -1.0f : 1.0f;
+    const float depth = axis * (t->position[face / 2] - cache->probes[probe].position[face / 2]);
+    const bool other = fabsf(deep - depth) * slant >= DEPTH_BETA * deep / side ||
                        hg_dot3(q->normal, t->normal) < FACING_LEAST;
     if (other) // what was there when the light was another one may have moved
         return t->light != cache->light && t->light != 0 ? HG_CACHE_EMPTY : HG_CACHE_NOTHING;
@@ -248,10 +238,10 @@ enum hg_cache_answer hg_radiance_cache_find(const struct hg_radiance_cache *cach
         return answer;
     }
     *place = empty;
-    return has_empty && !query->captured ? HG_CACHE_EMPTY : HG_CACHE_NOTHING;
+    return has_empty && !query->filled ? HG_CACHE_EMPTY : HG_CACHE_NOTHING;
 }
 
-// --- capture and light ---------------------------------------------------------------------------
+// --- surfaces and light --------------------------------------------------------------------------
 
 bool hg_radiance_cache_ask(struct hg_radiance_cache *cache, struct hg_cache_place place)
 {
@@ -261,45 +251,29 @@ bool hg_radiance_cache_ask(struct hg_radiance_cache *cache, struct hg_cache_plac
     return first;
 }
 
-void hg_radiance_cache_ray(
-    const struct hg_radiance_cache *cache, struct hg_cache_place place, struct hg_gpu_ray *out)
-{
-    const float *p = cache->probes[place.probe].position;
-    float d[3];
-    direction_of(place.texel, cache->key.side, d);
-    *out = (struct hg_gpu_ray){.origin_ws = {p[0], p[1], p[2]},
-        .direction_ws = {d[0], d[1], d[2]},
-        .t_max = FLT_MAX,
-        .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
-}
-
 static uint32_t pack2(float a, float b)
 {
     return (uint32_t)(hg_clampf(a, 0, 1) * 65535) | (uint32_t)(hg_clampf(b, 0, 1) * 65535) << 16;
 }
 
-void hg_radiance_cache_capture(struct hg_radiance_cache *cache, struct hg_cache_place place,
-    float distance, const struct hg_gi_surface *surface)
+void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_place place,
+    const struct hg_cache_surface *surface)
 {
     struct texel *t = at(cache, place);
-    *t = (struct texel){.depth = CAPTURED_FAR};
-    cache->stats.captured++;
-    if (!surface)
-        return;
-    t->depth = fmaxf(distance, 1e-6f); // the ray is 1 deep
+    *t = (struct texel){.state = FILLED};
+    hg_copy3(surface->position, t->position);
     hg_copy3(surface->normal, t->normal);
-    t->albedo[0] = pack2(surface->material->albedo[0], surface->material->albedo[1]);
-    t->albedo[1] = pack2(surface->material->albedo[2], 0);
-    hg_copy3(surface->material->emission, t->emission);
+    t->albedo[0] = pack2(surface->albedo[0], surface->albedo[1]);
+    t->albedo[1] = pack2(surface->albedo[2], 0);
+    hg_copy3(surface->emission, t->emission);
+    cache->stats.captured++;
 }
 
 void hg_radiance_cache_surface(const struct hg_radiance_cache *cache, struct hg_cache_place place,
     struct hg_cache_surface *out)
 {
     const struct texel *t = at(cache, place);
-    float d[3];
-    direction_of(place.texel, cache->key.side, d);
-    hg_mad3(cache->probes[place.probe].position, d, t->depth, out->position);
+    hg_copy3(t->position, out->position);
     hg_copy3(t->normal, out->normal);
     out->albedo[0] = (float)(t->albedo[0] & 0xffff) / 65535;
     out->albedo[1] = (float)(t->albedo[0] >> 16) / 65535;
@@ -315,7 +289,7 @@ void hg_radiance_cache_light(
     const float share = 1 / (float)(lit + 1);
     for (int c = 0; c < 3; c++)
         t->radiance[c] += (radiance[c] - t->radiance[c]) * share;
-    t->state = lit < LIT_MOST ? lit + 1 : lit; // and its request is done
+    t->state = FILLED | (lit < LIT_MOST ? lit + 1 : lit); // and its request is done
     t->light = cache->light;
     cache->stats.lit++;
 }

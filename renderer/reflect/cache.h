@@ -1,16 +1,16 @@
 // cache.h - a radiance cache of a scene: cube maps with a G-buffer, lit where rays ask.
 // Floor 2 (reflect). Thread: the render thread; lookups from any.
 //
-// A texel holds the surface that its probe sees there, and the radiance that this sends back.
-// It is captured by a ray and lit when a reflection first asks for it, and lit again when the light
-// is another one. Probes are not prefiltered. Two tests keep a texel from what it does not show:
-// whether it is as fine as the lobe asks for, and whether its surface is the one that was hit.
-// Source: Hirvonen et al. 2019, "Accurate Real-Time Specular Reflections with Radiance Caching".
+// A texel holds a surface that lies there from its probe, and the radiance that this sends back.
+// It is the one that the first reflection met who asks for the texel, is lit then, and lit again
+// when the light is another one. Probes are not prefiltered. Two tests keep a texel from what it
+// does not show: whether it is as fine as the lobe asks for, and whether its surface is the one
+// that was hit. Source: Hirvonen et al. 2019, "Accurate Real-Time Specular Reflections with
+// Radiance Caching".
 #ifndef HG_RENDERER_REFLECT_CACHE_H
 #define HG_RENDERER_REFLECT_CACHE_H
 
 #include "renderer/gi/field.h"
-#include "renderer/gi/surfaces.h"
 #include "renderer/reflect/lobe.h"
 
 #define HG_CACHE_MOST_PROBES 16
@@ -41,8 +41,8 @@ struct hg_cache_place {
 };
 enum hg_cache_answer {
     HG_CACHE_NOTHING, // no probe has it
-    HG_CACHE_EMPTY,   // nothing was captured there yet, or it was another surface
-    HG_CACHE_UNLIT,   // captured, and never lit
+    HG_CACHE_EMPTY,   // nobody has asked for it yet, or it shows what has moved
+    HG_CACHE_UNLIT,   // shows the surface, and was never lit
     HG_CACHE_STALE,   // lit by the light of before, or too seldom
     HG_CACHE_FOUND,
 };
@@ -51,7 +51,7 @@ struct hg_cache_query {
     float position[3], normal[3];
     float roughness, length; // of the surface that mirrors; of the ray
     struct hg_lobe_sample sample;
-    bool captured; // do not ask for places that are to be captured first
+    bool filled; // places that are empty do not count
 };
 // radiance: of STALE and FOUND. place: of all but NOTHING.
 enum hg_cache_answer hg_radiance_cache_find(const struct hg_radiance_cache *cache,
@@ -59,15 +59,13 @@ enum hg_cache_answer hg_radiance_cache_find(const struct hg_radiance_cache *cach
 
 // True for the first who asks for a place since it was captured or lit last.
 bool hg_radiance_cache_ask(struct hg_radiance_cache *cache, struct hg_cache_place place);
-// The ray that captures a place, and what it met: NULL surface: nothing.
-void hg_radiance_cache_ray(
-    const struct hg_radiance_cache *cache, struct hg_cache_place place, struct hg_gpu_ray *out);
-void hg_radiance_cache_capture(struct hg_radiance_cache *cache, struct hg_cache_place place,
-    float distance, const struct hg_gi_surface *surface);
-// The surface of a place that was captured.
+// A place without light from now on shows this surface.
 struct hg_cache_surface {
     float position[3], normal[3], albedo[3], emission[3];
 };
+void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_place place,
+    const struct hg_cache_surface *surface);
+// What a place shows.
 void hg_radiance_cache_surface(const struct hg_radiance_cache *cache, struct hg_cache_place place,
     struct hg_cache_surface *out);
 void hg_radiance_cache_light(

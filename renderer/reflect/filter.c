@@ -1,9 +1,6 @@
 // filter.c - see filter.h.
 #include "renderer/reflect/filter.h"
 
-#include "shaders/shared/gi.h"
-
-#define APART        0.01f // distances from a plane, of the depth, at which surfaces are others
 #define NEAR_PX      10.0f // of roughness: how wide neighbours count fully,
 #define FAR_PX       70.0f // and not at all
 #define FAR_METRES   10.0f // of roughness: difference between the lengths of rays
@@ -12,6 +9,7 @@
 #define CALM_LEAST   3     // if there are so many rays among them,
 #define CALM_MOST    2.0f  // how much brighter than their mean a ray may be
 #define MOST_HISTORY 0.92f
+#define ROUGH_HISTORY 0.95f // where few texels send a ray in a picture
 #define SMOOTH       0.1f // roughness below which history counts less: there is little noise
 #define CLIP         1.5f // standard deviations of neighbours that history may be off
 #define MOST_BENT    4.0f // of a mirror image's size, near the pole of the lens
@@ -26,13 +24,13 @@ struct spatial {
 };
 
 // wide: what distance on the screen leaves of it.
-static float weight_of(
-    const struct hg_reflect_texel *p, const struct hg_reflect_texel *q, float wide)
+static float weight_of(const struct hg_reflect_image *image, const struct hg_reflect_texel *p,
+    const struct hg_reflect_texel *q, float wide)
 {
     const float same =
-        q->mirrors ? hg_reflect_same(p, q->position, q->normal, q->roughness, APART) : 0;
-    if (same <= 0)
-        return 0;
+        q->mirrors ? hg_reflect_same(p, q->position, q->normal, q->roughness, HG_REFLECT_APART) : 0;
+    if (same <= 0 || image->rough)
+        return same * wide;
     const float far = FAR_METRES * p->roughness + 1e-3f, off = fabsf(p->length - q->length);
     return same * wide * (0.1f + 0.9f * hg_reflect_fall(0, far, off));
 }
@@ -44,7 +42,7 @@ static void filter_texel(const struct spatial *s, int x, int y)
     const size_t i = (size_t)y * s->image->columns + (size_t)x;
     const struct hg_reflect_texel *p = &s->image->texels[i];
     s->to[i] = s->from[i];
-    const float nearest_px = (float)(s->step * HG_PROBE_LIGHT_PX);
+    const float nearest_px = (float)(s->step * (int)s->image->px);
     if (!p->mirrors || nearest_px >= FAR_PX * p->roughness)
         return;
     const float near = NEAR_PX * p->roughness, far = FAR_PX * p->roughness;
@@ -58,7 +56,8 @@ static void filter_texel(const struct spatial *s, int x, int y)
             if ((dx == 0 && dy == 0) || qx < 0 || qy < 0 || qx >= columns || qy >= rows)
                 continue;
             const size_t k = (size_t)qy * s->image->columns + (size_t)qx;
-            const float w = weight_of(p, &s->image->texels[k], wide[(dx != 0) + (dy != 0)]);
+            const float w =
+                weight_of(s->image, p, &s->image->texels[k], wide[(dx != 0) + (dy != 0)]);
             sum += s->from[k] * w;
             total += w;
         }
@@ -79,14 +78,15 @@ static float light_of(const hg_reflect_sums *s)
 }
 
 // A ray of a rough lobe that met something far brighter than those of its neighbours would be a
-// spot as wide as the filters, and another one in the next picture.
+// spot as wide as the filters, and another one in the next picture. So would one of few that sees
+// the environment; as it sees all of it or nothing, its own belongs to the mean there.
 static void calm_texel(const struct spatial *s, int x, int y)
 {
     const int columns = (int)s->image->columns, rows = (int)s->image->rows;
     const size_t i = (size_t)y * s->image->columns + (size_t)x;
     const struct hg_reflect_texel *p = &s->image->texels[i];
     const float own = light_of(&s->from[i]), weight = s->from[i][HG_REFLECT_WEIGHT];
-    float light = 0, weights = 0;
+    hg_reflect_sums sum = {0};
     int count = 0;
     s->to[i] = s->from[i];
     if (!p->mirrors || !(weight > 0) || p->roughness < CALM_FROM)
@@ -99,15 +99,17 @@ static void calm_texel(const struct spatial *s, int x, int y)
             const struct hg_reflect_texel *q = &s->image->texels[k];
             if (!q->mirrors || q->roughness < CALM_FROM || !(s->from[k][HG_REFLECT_WEIGHT] > 0))
                 continue;
-            light += light_of(&s->from[k]);
-            weights += s->from[k][HG_REFLECT_WEIGHT];
+            sum += s->from[k];
             count++;
         }
-    const float most = CALM_MOST * light * weight;
-    if (count < CALM_LEAST || own * weights <= most)
+    if (count < CALM_LEAST)
         return;
-    for (int c = HG_REFLECT_RED; c <= HG_REFLECT_BLUE; c++)
-        s->to[i][c] *= most / (own * weights);
+    const float most = CALM_MOST * light_of(&sum) * weight / sum[HG_REFLECT_WEIGHT];
+    for (int c = HG_REFLECT_RED; c <= HG_REFLECT_BLUE && own > most; c++)
+        s->to[i][c] *= most / own;
+    sum += s->from[i];
+    const float most_open = CALM_MOST * sum[HG_REFLECT_OPEN] * weight / sum[HG_REFLECT_WEIGHT];
+    s->to[i][HG_REFLECT_OPEN] = fminf(s->to[i][HG_REFLECT_OPEN], most_open);
 }
 
 static void calm_row(void *user, size_t y)
@@ -188,7 +190,8 @@ static float curvature_at(const struct hg_reflect_image *image, uint32_t x, uint
 }
 
 // Texel of the picture before where a point was; false: it was not in it.
-static bool find_before(const struct hg_reflect_history *h, const float p[3], float out[2])
+static bool find_before(
+    const struct hg_reflect_history *h, uint32_t texel_px, const float p[3], float out[2])
 {
     const struct hg_gpu_camera *c = &h->camera;
     const float *m = c->view_proj.m, *last = c->proj.m + 12;
@@ -201,7 +204,7 @@ static bool find_before(const struct hg_reflect_history *h, const float p[3], fl
     const float size[2] = {(float)h->width, (float)h->height};
     for (int a = 0; a < 2; a++) {
         const float px = (clip[a] / clip[3] * 0.5f + 0.5f) * size[a];
-        out[a] = (px - 2.5f) / HG_PROBE_LIGHT_PX; // texels are of their block's middle pixel
+        out[a] = (px - 0.5f) / (float)texel_px - 0.5f; // a texel is of the pixel in its middle
     }
     return out[0] > -1 && out[1] > -1 && out[0] < (float)h->columns && out[1] < (float)h->rows;
 }
@@ -222,7 +225,7 @@ static float read_before(const struct hg_reflect_history *h, const struct hg_ref
         if (!q->mirrors || h->sums[k][HG_REFLECT_WEIGHT] <= 0)
             continue;
         const float w = ((i & 1) != 0 ? f[0] : 1 - f[0]) * (i >> 1 != 0 ? f[1] : 1 - f[1]) *
-                        hg_reflect_same(p, q->position, q->normal, q->roughness, APART);
+                        hg_reflect_same(p, q->position, q->normal, q->roughness, HG_REFLECT_APART);
         *out += h->sums[k] * w;
         total += w;
     }
@@ -232,13 +235,13 @@ static float read_before(const struct hg_reflect_history *h, const struct hg_ref
 }
 
 // History within what the neighbours of now allow (Salvi 2016, "An Excursion in Temporal
-// Supersampling": variance clipping).
+// Supersampling": variance clipping), by the ratios, weighted as sums are.
 static void clip_to_neighbours(
     const struct temporal *t, uint32_t x, uint32_t y, hg_reflect_sums *history)
 {
     hg_reflect_sums sum = {0}, square = {0};
     const struct hg_reflect_texel *p = &t->image->texels[(size_t)y * t->image->columns + x];
-    float count = 0;
+    int count = 0;
     for (int dy = -1; dy <= 1; dy++)
         for (int dx = -1; dx <= 1; dx++) {
             const int qx = (int)x + dx, qy = (int)y + dy;
@@ -250,16 +253,18 @@ static void clip_to_neighbours(
                 hg_dot3(p->normal, q->normal) < 0.8f)
                 continue;
             sum += t->from[k];
-            square += t->from[k] * t->from[k];
+            square += t->from[k] * t->from[k] / t->from[k][HG_REFLECT_WEIGHT];
             count++;
         }
     if (count < 2)
         return;
-    sum /= count;
-    for (int c = 0; c <= HG_REFLECT_WEIGHT; c++) {
-        const float deviation = sqrtf(fmaxf(square[c] / count - sum[c] * sum[c], 0));
+    const float weight = (*history)[HG_REFLECT_WEIGHT];
+    square /= sum[HG_REFLECT_WEIGHT];
+    sum /= sum[HG_REFLECT_WEIGHT];
+    for (int c = 0; c < HG_REFLECT_WEIGHT; c++) {
+        const float deviation = sqrtf(fmaxf(square[c] - sum[c] * sum[c], 0));
         const float room = CLIP * deviation + 0.05f * fabsf(sum[c]);
-        (*history)[c] = hg_clampf((*history)[c], sum[c] - room, sum[c] + room);
+        (*history)[c] = weight * hg_clampf((*history)[c] / weight, sum[c] - room, sum[c] + room);
     }
 }
 
@@ -272,8 +277,10 @@ static void blend_texel(const struct temporal *t, uint32_t x, uint32_t y)
     t->to[i] = t->from[i];
     if (!p->mirrors)
         return;
-    hg_reflect_image_position(p, curvature_at(t->image, x, y), image);
-    if (!find_before(t->before, image, at))
+    hg_copy3(p->position, image);
+    if (!t->image->rough)
+        hg_reflect_image_position(p, curvature_at(t->image, x, y), image);
+    if (!find_before(t->before, t->image->px, image, at))
         return;
     float share = read_before(t->before, p, at, &history);
     if (!(share > 0))
@@ -283,7 +290,8 @@ static void blend_texel(const struct temporal *t, uint32_t x, uint32_t y)
         return;
     }
     clip_to_neighbours(t, x, y, &history);
-    share *= MOST_HISTORY * (1 - hg_reflect_fall(0, SMOOTH, p->roughness));
+    share *= t->image->rough ? ROUGH_HISTORY
+                             : MOST_HISTORY * (1 - hg_reflect_fall(0, SMOOTH, p->roughness));
     t->to[i] = t->from[i] * (1 - share) + history * share;
 }
 

@@ -12,6 +12,8 @@
 
 struct hg_reflect_image {
     uint32_t columns, rows;
+    uint32_t px; // of the picture along a side of a texel
+    bool rough;  // all that mirrors is: rays say little about where the mirror image is
     const struct hg_reflect_texel *texels; // [rows][columns]
     struct hg_jobs *jobs;
 };

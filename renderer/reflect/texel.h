@@ -29,6 +29,8 @@ static inline float hg_reflect_fall(float near, float far, float x)
     return 1 - t * t * (3 - 2 * t);
 }
 
+// Distances from a plane, of the depth, at which surfaces are others.
+#define HG_REFLECT_APART        0.01f
 #define HG_REFLECT_LEAST_COSINE 0.8f // between normals of one surface: the 32nd power is 8e-4
 
 // How much two texels may be of one surface: by normal, by distance from its plane, by roughness.

@@ -12,6 +12,9 @@ void found_light(path p, hg_gpu_light light, float distance, float pdf, uint can
     vec3 throughput, uvec2 media)
 {
     vec3 radiance = hg_light_radiance(light, p.ray.origin_ws) * weight_found(p, pdf, candidates);
+    if (distance < HG_EMITTER_FAR)
+        radiance *= hg_light_surface_tint(
+            light, p.ray.origin_ws + p.ray.direction_ws * distance - light.position_ws);
     if (HG_MEDIA && distance < HG_EMITTER_FAR)
         throughput *= hg_bsdf_attenuation(hg_media_attenuation(media), distance);
     uint group = hg_path.light_groups.v[light.id] & HG_PATH_GROUP_MASK;

@@ -5,7 +5,8 @@
 // The words of a grid: [count] places, [count][IRRADIANCE_TEXELS] irradiance as RGB9E5,
 // [count][MOMENT_TEXELS] mean and variance as halves, in units of `spacing` and its square,
 // [count][IRRADIANCE_TEXELS][2] irradiance from surfaces alone as RGB9E5, and the share of the
-// cosine-weighted directions that see the environment as float.
+// cosine-weighted directions that see the environment as float,
+// [count][IRRADIANCE_TEXELS] irradiance without what emitters send straight, as RGB9E5.
 //
 // Gathered light, RGBA32UI at the size of the picture, of the first opaque surface about each pixel's
 // middle: light that scatters (irradiance over pi) and mean radiance under the specular lobe, both

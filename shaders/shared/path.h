@@ -204,7 +204,8 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 
 // With HG_PATH_GATHERS paths leave the first opaque surface, bring what real-time pictures do not draw
 // themselves (all but directional lights, and lamps without a size), and end in the field of irradiance probes
-// (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away, in spacings of the probes there.
+// (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away, in spacings of the probes there,
+// or after max_bounces.
 struct hg_gpu_path_gather {
     float reach;    // spacings
 };

@@ -104,7 +104,7 @@ static struct hg_refbuf *in_motion(
     struct rig *rig, enum hg_view_reflections reflections, struct hg_view **kept)
 {
     const struct hg_view_params params = {
-        .samples = 2, .gi = HG_GI_PROBES, .reflections = reflections};
+        .samples = 2, .gi = HG_GI_PROBES, .reflections = reflections, .mirrors = HG_MIRRORS_NONE};
     struct hg_error err = {0};
     struct hg_frame_info info;
     struct hg_view *view = open_view(rig, &params);
@@ -233,8 +233,9 @@ static void test_off_and_rest(void **state)
         hg_refbuf_unref(settled_ones[i]);
 }
 
-// The mask says where reflections come from: of the walls, which are rough, one texel of four sends
-// a ray, of the floor each; they have light from the cache or are shaded, none of them late.
+// The mask says where reflections come from: of the walls, which are rough, one texel of sixteen
+// sends a ray, of the floor each; they have light from the cache or are shaded, none of them late.
+// At a quarter of the quality a quarter of them send.
 static void test_mask(void **state)
 {
     struct rig *rig = *state;
@@ -243,7 +244,7 @@ static void test_mask(void **state)
     struct hg_error err = {0};
     struct hg_frame_info info;
     hall(rig, 0.25f);
-    const struct hg_view_params params = {.debug_view = HG_DEBUG_REFLECTIONS};
+    const struct hg_view_params params = {.debug_view = HG_DEBUG_REFLECTIONS, .target_ms = 1e5f};
     struct hg_view *view = open_view(rig, &params);
     for (int i = 0; i < PICTURES; i++) {
         look(view, 0.01f * (float)(PICTURES - 1 - i));
@@ -264,11 +265,19 @@ static void test_mask(void **state)
         counts[1], counts[2], stats.counts[HG_REFLECT_LATE], stats.texels);
     assert_int_equal(counts[0] + counts[1] + counts[2] + counts[3], WIDTH * HEIGHT);
     const double rough_share = counts[0] / (double)(WIDTH * HEIGHT);
-    assert_true(rough_share > 0.4 && rough_share < 0.75); // three quarters of the walls
+    assert_true(rough_share > 0.4 && rough_share < 0.75);
     assert_true(counts[1] > 0 && counts[2] > 0);
     assert_int_equal(stats.counts[HG_REFLECT_LATE], 0);
     assert_int_equal(stats.texels, WIDTH * HEIGHT / 16);
     assert_int_equal(counts[1], 16 * stats.counts[HG_REFLECT_CACHED]);
+    const uint32_t rays = stats.texels - stats.counts[HG_REFLECT_ROUGH];
+    view->state.motion.quality.now = (struct hg_quality_choice){1, 0.25f, 1};
+    look(view, 0.01f);
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    hg_reflect_stats(view->state.motion.reflections.reflect, &stats);
+    const uint32_t fewer = stats.texels - stats.counts[HG_REFLECT_ROUGH];
+    print_message("%u rays, %u at a quarter of the quality\n", rays, fewer);
+    assert_true(fewer > rays / 5 && fewer < rays / 3);
     hg_refbuf_unref(pixels);
     hg_view_destroy(view);
 }

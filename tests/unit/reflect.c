@@ -154,20 +154,15 @@ static struct hg_cache_query on_wall(float at, float y, float z, float roughness
         .sample = {.half_cosine = 0.98f, .half_view = 0.9f}};
 }
 
-// Captures a place as what its ray meets: the wall x = at.
-static void capture(struct fixture *f, struct hg_cache_place place, float at)
+// A place from now on shows the wall that was hit.
+static void fill(struct fixture *f, struct hg_cache_place place, const struct hg_cache_query *hit)
 {
-    const struct hg_gi_material red = {.albedo = {0.5f, 0.25f, 0.125f}, .emission = {0, 0, 2}};
-    const struct hg_gi_surface wall = {.normal = {-1, 0, 0}, .material = &red};
-    struct hg_cache_surface got;
-    struct hg_gpu_ray ray;
-    hg_radiance_cache_ray(f->cache, place, &ray);
-    const float t = (at - ray.origin_ws.x) / ray.direction_ws.x;
-    hg_radiance_cache_capture(f->cache, place, t, t > 0 ? &wall : NULL);
-    if (!(t > 0))
-        return;
+    struct hg_cache_surface wall = {.albedo = {0.5f, 0.25f, 0.125f}, .emission = {0, 0, 2}}, got;
+    hg_copy3(hit->position, wall.position);
+    hg_copy3(hit->normal, wall.normal);
+    hg_radiance_cache_fill(f->cache, place, &wall);
     hg_radiance_cache_surface(f->cache, place, &got);
-    assert_true(fabsf(got.position[0] - at) < 1e-3f);
+    assert_memory_equal(got.position, hit->position, sizeof got.position);
     assert_true(fabsf(got.albedo[0] - 0.5f) < 1e-4f && fabsf(got.albedo[2] - 0.125f) < 1e-4f);
     assert_true(got.emission[2] == 2);
 }
@@ -188,8 +183,9 @@ static void test_cache(void **state)
         float got[3];
         enum hg_cache_answer answer = hg_radiance_cache_find(f.cache, &q, &place, got);
         if (answer == HG_CACHE_EMPTY) {
-            capture(&f, place, 2);
+            fill(&f, place, &q);
             answer = hg_radiance_cache_find(f.cache, &q, &place, got);
+            assert_int_equal(answer, HG_CACHE_UNLIT); // what filled it is found again
         }
         if (answer == HG_CACHE_UNLIT) {
             assert_true(hg_radiance_cache_ask(f.cache, place));
@@ -202,12 +198,12 @@ static void test_cache(void **state)
             assert_true(got[0] == 1 && got[1] == 2 && got[2] == 3);
         // Something in front of the wall, as of now.
         q.position[0] = 0.4f;
-        q.captured = true;
+        q.filled = true;
         behind += hg_radiance_cache_find(f.cache, &q, &place, got) >= HG_CACHE_UNLIT;
         // What faces another way is another surface.
         q = on_wall(2, q.position[1], q.position[2], q.roughness);
         q.normal[0] = 1;
-        q.captured = true;
+        q.filled = true;
         assert_true(hg_radiance_cache_find(f.cache, &q, &place, got) < HG_CACHE_UNLIT);
         // Mirrors ask for more than there is, but near a probe.
         q = on_wall(2, q.position[1], q.position[2], 0);
@@ -231,11 +227,10 @@ static void test_cache_light(void **state)
     struct hg_cache_query q;
     struct hg_cache_place place;
     float got[3];
-    do { // a texel whose middle shows the wall as well
-        q = on_wall(2, 2 * chance() - 1, 2 * chance() - 1, 0.5f);
-        if (hg_radiance_cache_find(f.cache, &q, &place, got) == HG_CACHE_EMPTY)
-            capture(&f, place, 2);
-    } while (hg_radiance_cache_find(f.cache, &q, &place, got) != HG_CACHE_UNLIT);
+    q = on_wall(2, 0.3f, 0.4f, 0.5f);
+    assert_int_equal(hg_radiance_cache_find(f.cache, &q, &place, got), HG_CACHE_EMPTY);
+    fill(&f, place, &q);
+    assert_int_equal(hg_radiance_cache_find(f.cache, &q, &place, got), HG_CACHE_UNLIT);
     hg_radiance_cache_light(f.cache, place, (const float[3]){1, 1, 1});
     f.key.light = 2;
     f.key.lit_enough = 2;
@@ -289,7 +284,7 @@ static void test_spatial(void **state)
     static hg_reflect_sums planes[2][SIDE * SIDE];
     hg_reflect_sums *sums = planes[0], *spare = planes[1];
     struct hg_jobs *jobs = hg_jobs_create(1);
-    const struct hg_reflect_image image = {SIDE, SIDE, texels, jobs};
+    const struct hg_reflect_image image = {SIDE, SIDE, 4, false, texels, jobs};
     for (int edge = 0; edge < 2; edge++) {
         double before = 0, after = 0;
         make_texels(texels, edge == 1);
@@ -310,6 +305,34 @@ static void test_spatial(void **state)
                 "variance %.4f, filtered %.4f\n", before / (SIDE * SIDE), after / (SIDE * SIDE));
             assert_true(after < 0.1 * before);
         }
+    }
+    hg_jobs_destroy(jobs);
+}
+
+// Of many rays one that is far brighter, and one that alone sees the environment.
+static void test_single_rays(void **state)
+{
+    (void)state;
+    static struct hg_reflect_texel texels[SIDE * SIDE];
+    static hg_reflect_sums planes[2][SIDE * SIDE];
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    const struct hg_reflect_image image = {SIDE, SIDE, 4, false, texels, jobs};
+    const int middle = SIDE / 2 * SIDE + SIDE / 2;
+    for (int half = 0; half < 2; half++) { // of the rays see it
+        hg_reflect_sums *sums = planes[0], *spare = planes[1];
+        double light = 0, open = 0;
+        make_texels(texels, false);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            sums[i] = (hg_reflect_sums){1, 1, 1, half && (i & 1), 1};
+        sums[middle] = (hg_reflect_sums){1000, 1000, 1000, 1, 1};
+        hg_reflect_filter_spatial(&image, &sums, &spare);
+        for (int i = 0; i < SIDE * SIDE; i++) {
+            light = fmax(light, (double)sums[i][HG_REFLECT_RED]);
+            open += (double)sums[i][HG_REFLECT_OPEN] / (SIDE * SIDE);
+        }
+        print_message("brightest %.3f, open in the mean %.4f\n", light, open);
+        assert_true(light < 1.5);
+        assert_true(half ? fabs(open - 0.5) < 0.02 : open < 0.2 / (SIDE * SIDE));
     }
     hg_jobs_destroy(jobs);
 }
@@ -341,6 +364,7 @@ int main(void)
         cmocka_unit_test(test_cache),
         cmocka_unit_test(test_cache_light),
         cmocka_unit_test(test_spatial),
+        cmocka_unit_test(test_single_rays),
         cmocka_unit_test(test_image),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
