@@ -280,8 +280,7 @@ static void test_many_tables(void **state)
         if (i == 1)
             node->light->profile = hg_light_table_ref(l.light->profile);
         else
-            assert_int_equal(
-                hg_light_profile_create(factors, 4, 1, &node->light->profile), HG_OK);
+            assert_int_equal(hg_light_profile_create(factors, 4, 1, &node->light->profile), HG_OK);
     }
     const double origin[3] = {0};
     hg_scene_update(l.scene);
