@@ -503,6 +503,7 @@ export const messages = {
             { name: "iso", kind: "f32", least: 0.1, most: 1e+07, since: 1, optional: true },
             { name: "sensor_mm", kind: "f32", least: 0.01, most: 1e+04, since: 1, optional: true },
             { name: "ao", kind: "enum", values: "ao", since: 1, optional: true },
+            { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view

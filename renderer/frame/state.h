@@ -31,7 +31,7 @@
 #define HG_FRAME_SLOT_BYTES    (HG_FRAME_BLOCK_BYTES + HG_FRAME_HISTORY_BYTES)
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
-#define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
+#define HG_VIEW_AO_NONE               1 // as enum hg_view_ao
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 #define HG_VIEW_TEMPORAL_AUTO         1
 #define HG_VIEW_TEMPORAL_CHECKERBOARD 2
@@ -56,7 +56,7 @@ struct hg_view_settings {
     uint32_t gi;       // HG_VIEW_GI_*
     uint32_t reflections; // HG_VIEW_REFLECTIONS_*
     uint32_t ao;          // enum hg_view_ao
-    uint32_t temporal; // enum hg_view_temporal
+    uint32_t temporal;    // enum hg_view_temporal
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1
     uint32_t seed;
@@ -64,6 +64,7 @@ struct hg_view_settings {
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
     float scale;     // of the sides of pictures in motion; 0 = as target_ms needs
+    float sharpen;   // strength, of pictures in motion, 0 .. 1
     uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
 };
