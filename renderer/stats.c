@@ -167,9 +167,14 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
     hg_lighting_stats(s->lighting, &l);
     hg_json_put(w,
         ",\"light\":{\"lights\":%u,\"shadowed\":%u,\"unshadowed\":%u,\"shadow_maps\":%u,"
-        "\"shadow_maps_drawn\":%u,\"clusters\":%u}",
+        "\"shadow_maps_drawn\":%u,\"shadow_maps_unseen\":%u,\"clusters\":%u,",
         l.lights, l.shadowed_lights, l.unshadowed_lights, l.shadow_maps, s->stats.stale_shadows,
-        l.clusters);
+        l.shadow_maps_unseen, l.clusters);
+    const struct hg_shadow_page_stats *p = &l.pages;
+    hg_json_put(w,
+        "\"shadow_pages\":{\"room\":%u,\"held\":%u,\"asked\":%u,\"hits\":%u,\"drawn\":%u,"
+        "\"evicted\":%u}}",
+        p->room, p->held, p->asked, p->hits, p->drawn, p->evicted);
 }
 
 static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
@@ -220,6 +225,14 @@ static void put_reflections(struct hg_writer *w, const struct hg_view_state *s)
         r.counts[HG_REFLECT_SHADED], r.counts[HG_REFLECT_LATE], r.captured, r.lit, r.shadow_rays,
         ms(r.ns), ms(r.cpu_ns), (unsigned long long)r.bytes, c.probes, c.side,
         (unsigned long long)c.captured, (unsigned long long)c.lit, (unsigned long long)c.bytes);
+}
+
+static void put_mirrors(struct hg_writer *w, const struct hg_view_state *s)
+{
+    const struct hg_mirror_stats *m = &s->motion.mirrors.stats;
+    if (s->motion.mirrors.texels > 0)
+        hg_json_put(w, ",\"mirrors\":{\"planes\":%u,\"rays\":%u,\"ms\":%.3f,\"bytes\":%llu}",
+            m->planes, m->rays, ms(m->ns), (unsigned long long)m->bytes);
 }
 
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
@@ -349,6 +362,7 @@ enum hg_status hg_renderer_stats_json(
         put_light(&w, &view->state);
         put_gi(&w, &view->state);
         put_reflections(&w, &view->state);
+        put_mirrors(&w, &view->state);
         put_trace(&w, &view->state);
         put_motion(&w, &view->state);
         put_passes(&w, &view->state);

@@ -22,6 +22,7 @@ struct hg_bench_settings {  // zero of each field = default
     uint32_t reflections; // enum hg_view_reflections; of realtime, temporal, gi
     float target_ms;      // of realtime; 0: none
     float scale;          // percent; of realtime; 0: not set
+    uint32_t shadow_maps; // enum hg_view_shadow_maps; of realtime, temporal
     uint32_t samples;  // of the references of temporal, 64, and of gi, 128
     uint32_t lamps;    // of the night of gi, 8; added to the scene of realtime, 0
     enum {
@@ -36,11 +37,12 @@ struct hg_bench_settings {  // zero of each field = default
 };
 
 // Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
-// object: frames_ms, lights (count, listed: in the lists of clusters, shadowed, unshadowed),
-// frame_ms (median), p95_over_median, at_rest (nothing was streamed or baked meanwhile), motion
-// (means over the measured frames of what target_ms chose: scale of the sides, rays: share of the
-// probes', error: factor), passes[] (name, ms: medians over the frames in which they ran, frames),
-// triangles_total, triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
+// object: frames_ms, lights (count, listed: in the lists of clusters, shadowed, unshadowed), pages
+// (of virtual shadow maps, means of the frames: asked, hits, drawn, held), frame_ms (median),
+// p95_over_median, at_rest (nothing was streamed or baked meanwhile), motion (means over the
+// measured frames of what target_ms chose: scale of the sides, rays: share of the probes', error:
+// factor), passes[] (name, ms: medians over the frames in which they ran, frames), triangles_total,
+// triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
 enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 

@@ -38,6 +38,7 @@ struct run {
     struct pass_times passes[MAX_PASSES];
     uint32_t pass_count;
     uint64_t triangles_drawn, triangles_total;
+    struct hg_shadow_page_stats pages; // sums of the frames
 };
 
 static int compare_floats(const void *a, const void *b)
@@ -115,6 +116,12 @@ static bool note_frame(struct run *run, const struct hg_quality_choice *now,
     run->frame_ms[run->measured++] = (float)((double)ns * 1e-6);
     run->triangles_drawn = info->triangles_drawn;
     run->triangles_total = info->triangles_total;
+    struct hg_lighting_stats lights;
+    hg_lighting_stats(run->view->state.lighting, &lights);
+    run->pages.asked += lights.pages.asked;
+    run->pages.hits += lights.pages.hits;
+    run->pages.drawn += lights.pages.drawn;
+    run->pages.held += lights.pages.held;
     for (uint32_t i = 0; i < info->stage_count; i++) {
         struct pass_times *pass = find_pass(run, info->stages[i].name);
         if (pass == NULL)
@@ -200,6 +207,9 @@ static enum hg_status write_report(struct run *run, char **text)
     hg_json_put(&w, "],\"lights\":{\"count\":%u,\"listed\":%u,\"shadowed\":%u,\"unshadowed\":%u}",
         lights.lights, lights.lights_in_lists, lights.shadowed_lights, lights.unshadowed_lights);
     const double frame_ms = median(run->frame_ms, run->measured), frames = run->measured;
+    hg_json_put(&w, ",\"pages\":{\"asked\":%.1f,\"hits\":%.1f,\"drawn\":%.1f,\"held\":%.1f}",
+        run->pages.asked / frames, run->pages.hits / frames, run->pages.drawn / frames,
+        run->pages.held / frames);
     hg_json_put(&w, ",\"frame_ms\":%.3f,\"p95_over_median\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s",
         frame_ms, p95(run->frame_ms, run->measured) / frame_ms, cpu_ms,
         run->busy ? "false" : "true");
@@ -271,6 +281,7 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
         .gi = (enum hg_view_gi)b->gi,
         .reflections = (enum hg_view_reflections)b->reflections,
         .temporal = (enum hg_view_temporal)b->temporal,
+        .shadow_maps = (enum hg_view_shadow_maps)b->shadow_maps,
         .target_ms = b->target_ms,
         .scale = b->scale};
     enum hg_status status = add_lamps(scene, b->lamps, err);

@@ -95,6 +95,7 @@ static enum hg_status make_view(
         .gi = (enum hg_view_gi)run->bench->gi,
         .reflections = (enum hg_view_reflections)run->bench->reflections,
         .temporal = mode->temporal,
+        .shadow_maps = (enum hg_view_shadow_maps)run->bench->shadow_maps,
         .scale = mode->scale,
         .sharpen = mode->sharpen};
     const enum hg_status status = hg_view_create(run->renderer, run->scene, out, err);

@@ -20,6 +20,7 @@ struct hg_tiled_accumulation;
 struct hg_tiled_area;
 struct hg_temporal_view;
 struct hg_reflect_view;
+struct hg_mirror_view;
 struct hg_view_camera_state;
 struct hg_view_settings;
 
@@ -121,6 +122,7 @@ struct hg_draw {
     struct hg_frame_history *history;
     struct hg_temporal_view *temporal;
     struct hg_reflect_view *reflections;
+    struct hg_mirror_view *mirrors;
     struct hg_tiled_accumulation *accumulation;
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;

@@ -192,9 +192,7 @@ static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pas
     if (!hg_gpu_strategy(pass->gpu)->uniform_tables)
         return;
     struct hg_page_cache_stats textures;
-    uint32_t shadows;
     hg_page_cache_stats(hg_textures_cache(draw->scene_gpu->textures), &textures);
-    hg_lighting_shadow_maps(draw->lighting, &shadows);
     const struct hg_gpu_geometry *g = &f->geometry;
     const struct hg_gpu_lighting *l = &f->lighting;
     const uint32_t pitch = HG_IRRADIANCE_SIZE + 2;
@@ -206,7 +204,8 @@ static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pas
         pass, HG_BIND_MATERIALS, g->materials, g->material_count, sizeof(struct hg_gpu_material));
     bind_table(pass, HG_BIND_PAGE_TABLE, f->textures.table, textures.table_bytes, 1);
     bind_table(pass, HG_BIND_LIGHTS, l->lights, l->light_count, sizeof(struct hg_gpu_light));
-    bind_table(pass, HG_BIND_SHADOWS, l->shadows, shadows, sizeof(struct hg_gpu_shadow));
+    bind_table(pass, HG_BIND_SHADOWS, l->shadows,
+        (uint32_t)hg_lighting_shadow_table_bytes(draw->lighting), 1);
     bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_BLOCK_WORDS, 4);
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
     struct hg_gpu_uniform first;
@@ -288,6 +287,7 @@ static struct hg_pass make_pass(
     hg_lighting_stats(draw->lighting, &lights);
     pass.features2 |= lights.sized_lights > 0 ? HG_FEATURE2_SIZED : 0;
     pass.features2 |= lights.tabled_lights > 0 ? HG_FEATURE2_LIGHT_TABLES : 0;
+    pass.features2 |= hg_lighting_has_pages(draw->lighting) ? HG_FEATURE2_SHADOW_PAGES : 0;
     pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;

@@ -195,6 +195,8 @@ static void declare_probe_light(struct hg_batch *f)
                    {f->probe_light, HG_GRAPH_COLOR, 0}, {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
     if (reflects)
         hg_batch_declare_reflections(f);
+    if (reflects)
+        hg_batch_declare_mirrors(f);
 }
 
 // --- the scene behind glass ----------------------------------------------------------------------
@@ -210,6 +212,7 @@ static enum hg_status record_behind(
         .target = hg_graph_run_image(run, f->behind),
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
         .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
+        .mirrored = hg_batch_mirrored(run),
         .clear = true,
         .alone = true};
     return hg_shade_record(&f->pass, &shade, err);
@@ -223,7 +226,7 @@ static void declare_behind(struct hg_batch *f)
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
                    {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
@@ -297,7 +300,8 @@ static enum hg_status record_shading(
         .unlit = f->unlit.skips,
         .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL,
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
-        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL};
+        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
+        .mirrored = hg_batch_mirrored(run)};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
@@ -311,6 +315,7 @@ static void declare_shading(struct hg_batch *f, bool keep)
                    {f->shaded_depth, HG_GRAPH_DEPTH_TEST, 0}, {f->blend.color, HG_GRAPH_SAMPLE, 0},
                    {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
                    {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
+                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0},
                    {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
@@ -416,7 +421,8 @@ static bool finds_unlit(struct hg_draw *draw, const struct hg_pass *pass)
     const enum hg_override wish = draw->context->overrides.unlit_tiles;
     const uint32_t lights = draw->frame->lighting.light_count;
     if (wish == HG_OVERRIDE_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
-        pass->area.extent.width > 0)
+        pass->area.extent.width > 0 || hg_lighting_has_pages(draw->lighting) ||
+        draw->gathered != NULL) // rays see what maps do not
         return false;
     if (wish == HG_OVERRIDE_ON)
         return true;

@@ -389,6 +389,9 @@ static enum hg_status resolve(
     if (matrices == NULL)
         return no_memory(err);
     fill_picture(view, draw, matrices, &picture);
+    float *depth = view->buffers.motion.mapped;
+    hg_mirror_view_move(
+        draw, depth, picture.ids ? (uint32_t *)(void *)(depth + pixels_of(draw)) : NULL);
     enum hg_status status =
         view->context->overrides.keeps_motion ? keep_motion(t, &picture) : HG_OK;
     if (status == HG_OK)
@@ -411,6 +414,13 @@ static enum hg_status keep_poses(struct hg_view_state *view, struct hg_error *er
     hg_pose_snapshot_free(t->pose);
     t->pose = NULL;
     return status;
+}
+
+// The newest picture's depth.
+static struct hg_shadow_depth depth_of(const struct hg_draw *draw)
+{
+    const VkExtent2D size = hg_frame_size(draw);
+    return (struct hg_shadow_depth){draw->buffers->motion.mapped, size.width, size.height};
 }
 
 enum hg_status hg_temporal_view_resolve(
@@ -442,5 +452,21 @@ enum hg_status hg_temporal_view_resolve(
     t->moment = draw->request->moment;
     t->drawn = hg_draw_size(draw->request);
     hg_view_stats_add_stage(draw->stats, "temporal", hg_clock_now_ns() - start);
+    const struct hg_shadow_depth depth = depth_of(draw);
+    hg_lighting_see(view->lighting, &draw->frame->camera, &depth);
     return status;
+}
+
+void hg_temporal_view_show_pages(struct hg_view_state *view, const struct hg_draw *draw)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const struct hg_shadow_depth depth = depth_of(draw);
+    uint8_t *pixels = view->buffers.readback.mapped;
+    if (!hg_draw_is(draw, HG_DRAW_MOTION) || !hg_lighting_has_pages(view->lighting))
+        return;
+    for (uint32_t y = 0; y < s->height; y++)
+        for (uint32_t x = 0; x < s->width; x++, pixels += 4) {
+            const uint32_t px[2] = {x * depth.width / s->width, y * depth.height / s->height};
+            hg_lighting_page_color(view->lighting, &draw->frame->camera, &depth, px, pixels);
+        }
 }

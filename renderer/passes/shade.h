@@ -32,6 +32,10 @@ struct hg_shade {
     struct hg_gpu_image *behind; // of layers: that picture
     // Light on opaque surfaces (shaders/shared/gi.h): gathered, else of the probes; NULL = none.
     struct hg_gpu_image *gathered, *probe_light;
+    struct hg_gpu_image *mirrored; // with probe light: of planar mirrors (shaders/shared/mirror.h)
+    // Pixels whose depth is HG_UNLIT_TILES_DEPTH are left out: with `clear` they are zero, else the
+    // target keeps what it has.
+    bool masked;
 };
 
 enum hg_status hg_shade_record(

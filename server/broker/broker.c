@@ -119,7 +119,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .events = &hg_recovery_events,
         .owner = &b->sessions};
     b->admission = (struct hg_admission){
-        .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions};
+        .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions, .audit = &b->audit};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
         .slots = {.options = &b->options},
@@ -130,6 +130,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .store = b->store,
         .conns = &b->conns,
         .pool = &b->pool,
+        .audit = &b->audit,
         .scenes = {.pool = &b->pool, .store = b->store}};
     if (hg_worker_pool_init(&b->pool, &like))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
@@ -246,10 +247,12 @@ static void reload(struct hg_broker *b)
         hg_client_dispatch_check_tokens(&b->conns);
         apply_log(&b->options);
         hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
+        hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
         hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
             differ ? "; a restart is needed for: " : "", differ ? names : "");
         warn_exposed(b);
     }
+    hg_audit_write(&b->audit, "reload", NULL, status, status ? err.reason : NULL);
     hg_notify_send("READY=1");
 }
 
@@ -422,6 +425,9 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     char path[4096];
     enum hg_status status = hg_loop_init(&b->loop, err);
     if (!status)
+        status = hg_audit_open(&b->audit, b->options.audit, err);
+    hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
+    if (!status)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
@@ -446,6 +452,8 @@ static void stop(struct hg_broker *b)
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
     hg_upload_store_destroy(b->store);
+    hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);
+    hg_audit_close(&b->audit);
     hg_tokens_finish(&b->tokens);
     hg_loop_close(&b->loop, &b->signals);
     hg_loop_finish(&b->loop);
@@ -480,6 +488,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         b->sessions.started_ns = b->loop.now_ns;
         b->watchdog_ns = hg_notify_watchdog_ns();
         warn_exposed(b);
+        hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);

@@ -5,7 +5,8 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   loop options auth notify list peer_log upload_store    the system's side; contents
+//   json
+//   loop options audit auth notify list peer_log upload_store    the system's side; contents
 //   transport                                    bytes of a peer
 //   packet listener peer_table                   whole messages; where clients come in, and from
 //   slots                                        who gets a connection
@@ -13,6 +14,7 @@
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
+//   session_audit
 //   session_view session_upload
 //   session_request session_rules session_list    to the worker; what is refused; who is there
 //   session                                      begin and end, the client's messages
@@ -31,6 +33,7 @@ struct hg_broker {
     int argc;
     char *const *argv; // for reloads
     struct hg_tokens tokens;
+    struct hg_audit audit;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;

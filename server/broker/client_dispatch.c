@@ -5,6 +5,7 @@
 #include <time.h>
 
 #include "server/broker/session.h"
+#include "server/broker/session_audit.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_view.h"
 
@@ -50,6 +51,17 @@ static enum hg_status check_session(
     return HG_OK;
 }
 
+// Of somebody without a session.
+static void audit_refusal(
+    const struct hg_conn *conn, const char *name, enum hg_status status, const char *reason)
+{
+    const struct hg_admission *a = conn->table->owner;
+    hg_audit_write(a->audit, "login",
+        &(struct hg_audit_actor){
+            .session = conn->number, .name = name, .peer = conn->peer.name, .client = conn->client},
+        status, reason);
+}
+
 // token NULL: the daemon's own user.
 static bool open_session(struct hg_conn *conn, const struct hg_token *token)
 {
@@ -58,6 +70,7 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
     enum hgp_role role = token ? token->role : HGP_role_ADMIN;
     const char *name = token ? token->name : "local";
     if (check_session(conn, token, &err)) {
+        audit_refusal(conn, name, err.status, err.reason);
         hg_conn_close(conn, &err, "session");
         return false;
     }
@@ -72,6 +85,7 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
         conn->session->scope = token->scope;
     hg_conn_set_open(
         conn, token && token->scope.max_rate ? token->scope.max_rate : a->options->max_rate);
+    hg_session_audit(conn->session, "login", HG_OK, NULL);
     hg_info(SESSION, "session %llu open: %s, role %s, client %s, from %s",
         (unsigned long long)conn->number, name, hgp_enum_name("role", role), conn->client,
         conn->peer.name);
@@ -134,6 +148,7 @@ static void refuse_token(struct hg_conn *conn)
     if (hg_peer_log_may(&conn->table->log, now_ns))
         hg_warn(AUTH, "wrong token from %s (client %s), %llu wrong ones in all", conn->peer.name,
             conn->client, (unsigned long long)conn->table->slots.peers.failures);
+    audit_refusal(conn, NULL, HG_E_AUTH, "the token is not known, or has expired");
     refuse(conn, HG_E_AUTH, "auth", "the token is not known, or has expired");
 }
 
@@ -184,6 +199,7 @@ void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
         struct hg_error err = {0};
         hg_error_set(&err, HG_E_AUTH, "session", NULL,
             "its token was revoked, has expired, or has another role or tenant now");
+        hg_session_audit(it->session, "revoke", HG_E_AUTH, err.reason);
         hg_session_request_fail_all(it->session, &err);
         hg_conn_close(it, &err, "the token is no longer valid");
     }
@@ -331,8 +347,10 @@ static void end_session(struct hg_conn *conn)
 {
     struct hg_session *session = conn->session;
     conn->session = NULL;
-    if (session)
-        hg_session_end(session);
+    if (!session)
+        return;
+    hg_session_audit(session, "logout", HG_OK, NULL);
+    hg_session_end(session);
 }
 
 const struct hg_conn_events hg_client_dispatch_events = {

@@ -11,6 +11,7 @@ struct hg_admission {
     const struct hg_options *options;
     const struct hg_tokens *tokens;
     struct hg_session_table *sessions;
+    struct hg_audit *audit;
 };
 
 // Ends the sessions whose token is no longer there, has expired, or has another role now.

@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "server/broker/list.h"
+#include "server/broker/session_audit.h"
 #include "server/broker/session_list.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_rules.h"
@@ -52,6 +53,9 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
             "objects of this scene have ids of %u sessions, and no ids are left",
             (unsigned)HG_SCENE_RANGES);
     }
+    char name[129];
+    snprintf(name, sizeof name, "%.*s", (int)m->name.size, m->name.size ? m->name.data : "");
+    hg_session_audit(s, "scene_open", err.status, name);
     if (err.status) {
         hg_conn_fail(s->conn, request, &err);
         return;
@@ -153,6 +157,7 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
         hg_session_upload(s, request, &m->upload);
         return;
     case HGP_T_sessions_query:
+        hg_session_audit(s, "sessions_query", HG_OK, NULL);
         hg_session_list(s, request);
         return;
     default:

@@ -2,6 +2,7 @@
 
 #include "base/log.h"
 #include "server/broker/session.h"
+#include "server/broker/session_audit.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
@@ -160,6 +161,7 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
         hg_session_upload_verified(s, request);
     if (failed && m->error.code == HG_E_HASH)
         forget_uploads(s, request->packet);
+    hg_session_audit_answer(s, request->packet, failed ? (enum hg_status)m->error.code : HG_OK);
     if (failed)
         note_refused(s, request);
     else

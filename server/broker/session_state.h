@@ -3,6 +3,7 @@
 #ifndef HG_BROKER_SESSION_STATE_H
 #define HG_BROKER_SESSION_STATE_H
 
+#include "server/broker/audit.h"
 #include "server/broker/auth.h"
 #include "server/broker/conn.h"
 #include "server/broker/scene.h"
@@ -85,6 +86,7 @@ struct hg_session_table {
     struct hg_upload_store *store;
     const struct hg_conn_table *conns;
     struct hg_worker_pool *pool;
+    struct hg_audit *audit;
     struct hg_scene_table scenes;
     struct hg_session *first;
     uint32_t count, last_number;

@@ -1,6 +1,10 @@
 #include "server/broker/session_upload.h"
 
+#include <stdio.h>
 #include <string.h>
+
+#include "base/sha256.h"
+#include "server/broker/session_audit.h"
 
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
@@ -97,6 +101,15 @@ static void refuse(
     hg_conn_fail(s->conn, request, err);
 }
 
+static void tell_audit(
+    const struct hg_session *s, const struct hgp_upload *m, enum hg_status status)
+{
+    char hex[HG_SHA256_HEX], detail[120];
+    hg_sha256_hex(m->hash, hex);
+    snprintf(detail, sizeof detail, "sha256:%s, %llu bytes", hex, (unsigned long long)m->total);
+    hg_session_audit(s, "upload", status, detail);
+}
+
 void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_upload *m)
 {
     struct hg_error err = {0};
@@ -113,6 +126,8 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         done = m->offset + m->data.size >= m->total;
     else
         status = take_piece(s, m, &done, &err);
+    if (status || done)
+        tell_audit(s, m, status);
     if (status)
         refuse(s, request, m, &err);
     else if (done && request)

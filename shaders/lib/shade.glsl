@@ -42,6 +42,7 @@ HG_SHADE_IO(HG_IO_DECLARE)
 
 #include "lib/gathered.glsl"
 #include "lib/probe_light.glsl"
+#include "lib/mirrors.glsl"
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
@@ -195,12 +196,13 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     // Light from behind is not gathered apart: probes know both sides.
     bool thin = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
     if (HG_HAS2(HG_FEATURE2_GATHERED) && !thin) {
-        hg_gathered_look(ivec2(hg_at), v.depth, b.base.n);
-        hg_light_gathered = true;
+        hg_gathered_look(hg_at, v.depth, b.base.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(hg_at, v.depth, b.base.n);
         occlude(s, b.base.n_dot_v, b.base.alpha);
+        if (HG_HAS2(HG_FEATURE2_MIRRORS))
+            hg_mirrors_look(hg_at, v.position_ws, v.depth, b.base.n, b.base.roughness);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         vec3 xi = hg_random3(uvec2(hg_at), 15u);
         vec3 r = reflect(-view, b.base.n);
@@ -255,12 +257,13 @@ vec4 surface(uvec2 id, out float depth)
 #endif
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
     if (HG_HAS2(HG_FEATURE2_GATHERED)) {
-        hg_gathered_look(ivec2(hg_at), v.depth, b.n);
-        hg_light_gathered = true;
+        hg_gathered_look(hg_at, v.depth, b.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(hg_at, v.depth, b.n);
         occlude(s, b.n_dot_v, b.alpha);
+        if (HG_HAS2(HG_FEATURE2_MIRRORS))
+            hg_mirrors_look(hg_at, v.position_ws, v.depth, b.n, b.roughness);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
             hg_random3(uvec2(hg_at), 15u));

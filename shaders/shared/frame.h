@@ -9,6 +9,7 @@
 #include "shared/geometry.h"
 #include "shared/gi.h"
 #include "shared/light.h"
+#include "shared/mirror.h"
 #include "shared/texture.h"
 #include "shared/types.h"
 
@@ -76,7 +77,8 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_geometry) geometry;
     HG_STRUCT(hg_gpu_blend_lists) blend;
     HG_STRUCT(hg_gpu_probes) probes; // HG_FEATURE2_PROBES
+    HG_VEC4 mirrors[HG_MIRROR_PLANES]; // HG_FEATURE2_MIRRORS: dot(xyz, p) = w; zero: no plane
 };
-HG_SHARED_SIZE(hg_gpu_frame, 1104);
+HG_SHARED_SIZE(hg_gpu_frame, 1176);
 
 #endif

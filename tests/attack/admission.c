@@ -284,6 +284,50 @@ static void scopes_name_scenes(void **state)
     daemon_finish(&d);
 }
 
+// Counts lines of the audit log that have both texts.
+static int count_lines(struct daemon *d, const char *name, const char *one, const char *other)
+{
+    char *log = daemon_read(d, name), *rest = log;
+    int count = 0;
+    for (char *line; (line = strsep(&rest, "\n"));)
+        count += strstr(line, one) && strstr(line, other);
+    free(log);
+    return count;
+}
+
+static void everything_is_audited(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    char path[TEST_FOLDER_MAX + 8];
+    daemon_init_tokens(&d);
+    snprintf(path, sizeof path, "%s/audit", d.folder);
+    daemon_option(&d, "audit", path);
+    daemon_start(&d);
+    for (int i = 0; i < 5; i++)
+        turned_away(&p, &d, "wrong-token", HG_E_AUTH, "not known");
+    enter(&p, &d, "edit-token-1");
+    peer_scene(&p, "hall \"1\"");
+    peer_call(&p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p.first_id, .path = hgp_str_make("demo:")},
+        HGP_T_asset_loaded);
+    peer_refused(&p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p.first_id + 1, .path = hgp_str_make("fail")},
+        HG_E_FORMAT);
+    peer_close(&p);
+    peer_open(&p, &d);
+    peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    assert_int_equal(count_lines(&d, "audit", "\"login\"", "\"result\":\"auth\""), 5);
+    assert_int_equal(count_lines(&d, "audit", "\"name\":\"bert\"", "\"login\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"scene_open\"", "hall \\\"1\\\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"ok\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"format\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"sessions_query\"", "\"ADMIN\""), 1);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 // Ranges of ids come back: a scene cannot be made unjoinable by opening it.
 static void ids_come_back(void **state)
 {
@@ -325,6 +369,7 @@ int main(void)
         cmocka_unit_test(revoked_tokens_end_their_sessions),
         cmocka_unit_test(tokens_expire),
         cmocka_unit_test(scopes_name_scenes),
+        cmocka_unit_test(everything_is_audited),
         cmocka_unit_test(ids_come_back),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -14,6 +14,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/sha256.h"
+#include "server/broker/audit.h"
 #include "server/broker/auth.h"
 #include "server/broker/listener.h"
 #include "server/broker/options.h"
@@ -287,6 +288,42 @@ static void slow_queues_are_found(void **state)
     hg_outq_finish(&q);
 }
 
+static void audit_logs_are_rotated(void **state)
+{
+    (void)state;
+    struct hg_audit audit;
+    struct hg_error err;
+    char path[200], old[220];
+    struct stat st;
+    snprintf(path, sizeof path, "%s", path_of("audit"));
+    assert_int_equal(hg_audit_open(&audit, path, &err), HG_OK);
+    hg_audit_set_limits(&audit, 300, 2);
+    for (int i = 0; i < 40; i++)
+        hg_audit_write(&audit, "test", &(struct hg_audit_actor){.session = 7, .name = "a\"b"},
+            i % 2 ? HG_E_AUTH : HG_OK, "text");
+    hg_audit_close(&audit);
+    for (int i = 0; i < 3; i++) {
+        snprintf(old, sizeof old, i ? "%s.%d" : "%s", path, i);
+        assert_int_equal(stat(old, &st), 0);
+        assert_true(st.st_size > 0 && st.st_size < 300 + 200); // a line more at most
+        assert_int_equal(st.st_mode & 0777, 0600);
+    }
+    snprintf(old, sizeof old, "%s.3", path);
+    assert_int_equal(stat(old, &st), -1);
+    // A later run goes on at the end.
+    assert_int_equal(hg_audit_open(&audit, path, &err), HG_OK);
+    uint64_t before = audit.bytes;
+    assert_int_equal(stat(path, &st), 0);
+    assert_int_equal(before, st.st_size);
+    hg_audit_write(&audit, "more", NULL, HG_OK, NULL);
+    assert_true(audit.bytes > before);
+    hg_audit_close(&audit);
+    assert_int_equal(hg_audit_open(&audit, "/nonexistent/audit", &err), HG_E_NOTFOUND);
+    assert_int_equal(hg_audit_open(&audit, NULL, &err), HG_OK); // nothing is written
+    hg_audit_write(&audit, "test", NULL, HG_OK, NULL);
+    hg_audit_close(&audit);
+}
+
 static void addresses_are_checked(void **state)
 {
     (void)state;
@@ -516,6 +553,7 @@ int main(void)
         cmocka_unit_test(tokens_have_scopes),
         cmocka_unit_test(peers_are_counted),
         cmocka_unit_test(slow_queues_are_found),
+        cmocka_unit_test(audit_logs_are_rotated),
         cmocka_unit_test(addresses_are_checked),
         cmocka_unit_test(store_evicts_what_nobody_uses),
         cmocka_unit_test(owners_have_quotas),
