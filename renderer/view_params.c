@@ -228,6 +228,7 @@ static enum hg_status apply_params(
     s.error_px = p.error_px;
     s.target_ms = p.target_ms;
     s.scale = p.scale * 0.01f;
+    s.sharpen = p.sharpen;
     s.mode = p.debug_view == HG_DEBUG_OFF ? (uint32_t)p.mode : HG_VIEW_MODE_REALTIME;
     if (s.mode == HG_VIEW_MODE_PATH)
         fill_path(params, &s.path);
