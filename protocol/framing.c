@@ -84,6 +84,15 @@ bool hgp_framer_is_empty(const struct hgp_framer *f)
     return !f->partial && f->start == f->end;
 }
 
+void hgp_framer_rest(struct hgp_framer *f)
+{
+    if (!hgp_framer_is_empty(f))
+        return;
+    hg_free(f->chunk);
+    f->chunk = NULL;
+    f->start = f->end = 0;
+}
+
 void hgp_framer_finish(struct hgp_framer *f)
 {
     hg_free(f->chunk);

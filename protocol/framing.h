@@ -55,6 +55,9 @@ const uint8_t *hgp_framer_take(struct hgp_framer *f, size_t size);
 enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **message) HG_MUST_CHECK;
 // The stream stands between two messages: an end here cuts none.
 bool hgp_framer_is_empty(const struct hgp_framer *f);
+// Gives the memory of a stream back that stands between two messages; it is taken again when more
+// comes.
+void hgp_framer_rest(struct hgp_framer *f);
 void hgp_framer_finish(struct hgp_framer *f);
 
 #endif

@@ -91,9 +91,21 @@ enum hg_view_ao { // of pictures in motion that have light from probes
     HG_AO_AUTO,   // by their depth
     HG_AO_NONE,
 };
+enum hg_view_mirrors { // planes of pictures in motion that have reflections by rays
+    HG_MIRRORS_AUTO,   // the one or two that mirror most
+    HG_MIRRORS_NONE,
+};
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
     HG_TEMPORAL_NONE,   // one sample per pixel
-    HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before
+    HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before; the default of views of
+                        // the protocol that have light by way of surfaces
+    HG_TEMPORAL_CHECKERBOARD, // likewise, with every second pixel shaded, in turn; AUTO where
+                              // surfaces blend or transmit. Without parameter scale
+};
+enum hg_view_shadow_maps { // of a sun, in pictures in motion
+    HG_SHADOW_MAPS_AUTO,
+    HG_SHADOW_MAPS_CASCADES,
+    HG_SHADOW_MAPS_VIRTUAL, // cached pages
 };
 enum hg_exposure_mode {
     HG_EXPOSURE_FIXED, // exposure_ev
@@ -115,6 +127,8 @@ enum hg_debug_view { // as the protocol's debug_view
     HG_DEBUG_SHADOWS,
     HG_DEBUG_REFLECTIONS, // of pictures in motion, which have probes and the radiance cache unless
                           // parameter reflections is RAYS
+    HG_DEBUG_SCALE,       // of pictures in motion
+    HG_DEBUG_SHADOW_PAGES,
 };
 
 enum hg_render_mode {
@@ -209,6 +223,8 @@ enum hg_matte_kind { HG_MATTE_OBJECT, HG_MATTE_MATERIAL, HG_MATTE_ASSET };
 #define HG_VIEW_ENUM_gi             enum hg_view_gi
 #define HG_VIEW_ENUM_reflections    enum hg_view_reflections
 #define HG_VIEW_ENUM_ao             enum hg_view_ao
+#define HG_VIEW_ENUM_mirrors        enum hg_view_mirrors
+#define HG_VIEW_ENUM_shadow_maps    enum hg_view_shadow_maps
 #define HG_VIEW_ENUM_temporal       enum hg_view_temporal
 #define HG_VIEW_ENUM_debug_view     enum hg_debug_view
 #define HG_VIEW_ENUM_trace_backend  enum hg_view_trace
@@ -253,7 +269,9 @@ enum hg_status hg_view_set_params(
 enum hg_status hg_view_set_camera(
     struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
 // Camera of a scene's node at its present pose; `with`: its lens_radius, focus_distance and
-// input_seq. HG_E_NOTFOUND when the node has none; HG_E_INVAL: a lens needs a distance.
+// input_seq. What its file says of lens and sensor (hg_camera_optics) stands for a focus_distance,
+// and for parameters of the view, that are 0. HG_E_NOTFOUND when the node has none; HG_E_INVAL: a
+// lens needs a distance.
 enum hg_status hg_view_set_camera_node(struct hg_view *view, uint64_t node_id,
     const struct hg_view_camera *with, struct hg_error *err) HG_MUST_CHECK;
 

@@ -9,17 +9,24 @@
 #include "renderer/internal.h"
 #include "renderer/pathtrace/path.h"
 
-uint64_t hg_renderer_peak_rss_bytes(void)
+// Of /proc/self/status; 0 where it is not there.
+static uint64_t status_bytes(const char *wanted)
 {
-    char line[256];
-    unsigned long long kib = 0;
+    char line[256], name[32];
+    unsigned long long kib = 0, here;
     FILE *file = fopen("/proc/self/status", "re");
     if (file == NULL)
         return 0;
-    while (fgets(line, sizeof line, file) != NULL && sscanf(line, "VmHWM: %llu", &kib) != 1)
-        continue;
+    while (kib == 0 && fgets(line, sizeof line, file) != NULL)
+        if (sscanf(line, "%31[^:]: %llu", name, &here) == 2 && strcmp(name, wanted) == 0)
+            kib = here;
     fclose(file);
     return (uint64_t)kib * 1024;
+}
+
+uint64_t hg_renderer_peak_rss_bytes(void)
+{
+    return status_bytes("VmHWM");
 }
 
 static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
@@ -38,10 +45,12 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
     struct hg_spill_stats spill;
     hg_spill_stats(&spill);
     hg_json_put(w,
-        ",\"process\":{\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_peak_bytes\":%llu,"
+        ",\"process\":{\"rss_bytes\":%llu,\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_"
+        "peak_bytes\":%llu,"
         "\"spill_refused_bytes\":%llu}",
-        (unsigned long long)hg_renderer_peak_rss_bytes(), (unsigned long long)spill.bytes,
-        (unsigned long long)spill.peak_bytes, (unsigned long long)spill.refused_bytes);
+        (unsigned long long)status_bytes("VmRSS"), (unsigned long long)hg_renderer_peak_rss_bytes(),
+        (unsigned long long)spill.bytes, (unsigned long long)spill.peak_bytes,
+        (unsigned long long)spill.refused_bytes);
 }
 
 static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)
@@ -158,9 +167,14 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
     hg_lighting_stats(s->lighting, &l);
     hg_json_put(w,
         ",\"light\":{\"lights\":%u,\"shadowed\":%u,\"unshadowed\":%u,\"shadow_maps\":%u,"
-        "\"shadow_maps_drawn\":%u,\"clusters\":%u}",
+        "\"shadow_maps_drawn\":%u,\"shadow_maps_unseen\":%u,\"clusters\":%u,",
         l.lights, l.shadowed_lights, l.unshadowed_lights, l.shadow_maps, s->stats.stale_shadows,
-        l.clusters);
+        l.shadow_maps_unseen, l.clusters);
+    const struct hg_shadow_page_stats *p = &l.pages;
+    hg_json_put(w,
+        "\"shadow_pages\":{\"room\":%u,\"held\":%u,\"asked\":%u,\"hits\":%u,\"drawn\":%u,"
+        "\"evicted\":%u}}",
+        p->room, p->held, p->asked, p->hits, p->drawn, p->evicted);
 }
 
 static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
@@ -213,6 +227,14 @@ static void put_reflections(struct hg_writer *w, const struct hg_view_state *s)
         (unsigned long long)c.captured, (unsigned long long)c.lit, (unsigned long long)c.bytes);
 }
 
+static void put_mirrors(struct hg_writer *w, const struct hg_view_state *s)
+{
+    const struct hg_mirror_stats *m = &s->motion.mirrors.stats;
+    if (s->motion.mirrors.texels > 0)
+        hg_json_put(w, ",\"mirrors\":{\"planes\":%u,\"rays\":%u,\"ms\":%.3f,\"bytes\":%llu}",
+            m->planes, m->rays, ms(m->ns), (unsigned long long)m->bytes);
+}
+
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_path_stats t = {0};
@@ -247,9 +269,12 @@ static void put_motion(struct hg_writer *w, const struct hg_view_state *s)
     const float target_ms = s->settings.target_ms;
     const struct hg_quality_choice c = hg_quality_choose(&s->motion.quality, target_ms);
     const VkExtent2D drawn = s->motion.temporal.drawn;
+    const struct hg_temporal *history = s->motion.temporal.history;
     hg_json_put(w,
-        ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f}",
-        drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor);
+        ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f,"
+        "\"bytes\":%llu}",
+        drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor,
+        (unsigned long long)(history != NULL ? hg_temporal_bytes(history) : 0));
 }
 
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
@@ -337,6 +362,7 @@ enum hg_status hg_renderer_stats_json(
         put_light(&w, &view->state);
         put_gi(&w, &view->state);
         put_reflections(&w, &view->state);
+        put_mirrors(&w, &view->state);
         put_trace(&w, &view->state);
         put_motion(&w, &view->state);
         put_passes(&w, &view->state);

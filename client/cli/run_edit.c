@@ -1,9 +1,13 @@
 // run_edit.c - helio run: steps that change the scene or the view.
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/file.h"
 #include "client/cli/run.h"
+
+enum { PROFILE_BYTES = 4194304 }; // of a photometric file, light_set.profile
 
 static enum hg_status call_ok(
     struct hg_cli_run *r, enum hgp_type type, const void *message, struct hg_error *err)
@@ -147,6 +151,26 @@ static enum hg_status do_time(
     return status;
 }
 
+static enum hg_status do_light(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hgp_light_set l = s->light;
+    uint8_t *data = NULL;
+    size_t size = 0;
+    enum hg_status status = find_named(r, &named_lights, s->name, &l.light, err);
+    l.has_profile = s->path != NULL;
+    if (!status && s->path && strcmp(s->path, "none") != 0)
+        status = hg_file_read(s->path, PROFILE_BYTES, &data, &size, err);
+    if (!status) {
+        l.profile = (struct hgp_bytes){data, (uint32_t)size};
+        status = call_ok(r, HGP_T_light_set, &l, err);
+    }
+    if (status == HG_E_FORMAT && strcmp(err->what, "profile") == 0) // the server knows no file
+        snprintf(err->what, sizeof err->what, "%s", s->path);
+    hg_free(data);
+    return status;
+}
+
 // Variants, nodes, lights and materials.
 static enum hg_status do_object(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
@@ -162,11 +186,8 @@ static enum hg_status do_object(
         status = hg_cli_find_node(&r->cli, s->name, &n.node, err);
         return status ? status : call_ok(r, HGP_T_node_set, &n, err);
     }
-    if (s->kind == HG_CLI_STEP_LIGHT) {
-        struct hgp_light_set l = s->light;
-        status = find_named(r, &named_lights, s->name, &l.light, err);
-        return status ? status : call_ok(r, HGP_T_light_set, &l, err);
-    }
+    if (s->kind == HG_CLI_STEP_LIGHT)
+        return do_light(r, s, err);
     struct hgp_material_set m = s->material;
     status = find_named(r, &named_materials, s->name, &m.material, err);
     return status ? status : call_ok(r, HGP_T_material_set, &m, err);

@@ -16,7 +16,7 @@ enum hg_cli_step_kind {
     HG_CLI_STEP_VARIANT,      // name, asset
     HG_CLI_STEP_NODE,         // name, node
     HG_CLI_STEP_MATERIAL,     // name, material
-    HG_CLI_STEP_LIGHT,        // name, light
+    HG_CLI_STEP_LIGHT,        // name, light, path (of a profile, "none", or NULL)
     HG_CLI_STEP_CAMERA,       // camera
     HG_CLI_STEP_CAMERA_NODE,  // name
     HG_CLI_STEP_CAMERA_FIT,   // number = vertical field of view in degrees

@@ -133,6 +133,7 @@ static enum hg_status set_variant(struct hg_words *w, struct hg_cli_step *s, str
 struct named_fields {
     const char *thing, *missing, *known; // for messages
     const char *const *names;            // ends with NULL
+    const char *file;                    // a word that a path follows; NULL: none
 };
 
 // One of the fields and its value. *found: it was one of them.
@@ -156,8 +157,12 @@ static enum hg_status set_named(struct hg_words *w, struct hg_cli_step *s,
         return status;
     if (w->next == w->count)
         return hg_words_error(err, "%s is missing", named->missing);
-    while (!status && found && w->next < w->count)
-        status = set_field(w, named->names, fields, &found, err);
+    while (!status && found && w->next < w->count) {
+        if (named->file && hg_words_accept(w, named->file))
+            status = hg_words_take(w, named->file, &s->path, err);
+        else
+            status = set_field(w, named->names, fields, &found, err);
+    }
     return found ? status : hg_words_error(err, "'%s' is not %s", w->at[w->next], named->known);
 }
 
@@ -167,7 +172,7 @@ static enum hg_status set_node(struct hg_words *w, struct hg_cli_step *s, struct
         "next-translation", "next-rotation", "next-scale", "catches_shadows", NULL};
     static const struct named_fields named = {"node name",
         "translation, rotation, scale or visible",
-        "[next-]translation, rotation, scale, visible or catches_shadows", names};
+        "[next-]translation, rotation, scale, visible or catches_shadows", names, NULL};
     s->kind = HG_CLI_STEP_NODE;
     return set_named(w, s, &named, &(struct hg_words_fields){HGP_T_node_set, &s->node}, err);
 }
@@ -178,7 +183,7 @@ static enum hg_status set_material(struct hg_words *w, struct hg_cli_step *s, st
         "emissive_strength", "normal_scale", "alpha_cutoff", "double_sided", "unlit", "alpha_mode",
         NULL};
     static const struct named_fields named = {
-        "material name", "what to set", "a value of materials", names};
+        "material name", "what to set", "a value of materials", names, NULL};
     s->kind = HG_CLI_STEP_MATERIAL;
     return set_named(
         w, s, &named, &(struct hg_words_fields){HGP_T_material_set, &s->material}, err);
@@ -188,9 +193,9 @@ static enum hg_status set_light(struct hg_words *w, struct hg_cli_step *s, struc
 {
     static const char *const names[] = {"kind", "color", "intensity", "range", "inner_cone_rad",
         "outer_cone_rad", "casts_shadow", "radius", "width", "height", "angular_diameter_rad",
-        NULL};
+        "lumens", "profile_absolute", NULL};
     static const struct named_fields named = {
-        "light name", "what to set", "a value of lights", names};
+        "light name", "what to set", "a value of lights", names, "profile"};
     s->kind = HG_CLI_STEP_LIGHT;
     return set_named(w, s, &named, &(struct hg_words_fields){HGP_T_light_set, &s->light}, err);
 }

@@ -14,13 +14,15 @@ _helio()
     'render --quality') COMPREPLY=($(compgen -W 'draft final' -- "$cur")); return ;;
     'render --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'render --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
-    'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw motion history probes irradiance shadows reflections' -- "$cur")); return ;;
+    'render --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw motion history probes irradiance shadows reflections scale shadow-pages' -- "$cur")); return ;;
     'render --trace') COMPREPLY=($(compgen -W 'auto embree compute khr' -- "$cur")); return ;;
     'render --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
     'render --gi') COMPREPLY=($(compgen -W 'none auto rays probes' -- "$cur")); return ;;
-    'render --temporal') COMPREPLY=($(compgen -W 'none auto' -- "$cur")); return ;;
+    'render --temporal') COMPREPLY=($(compgen -W 'none auto checkerboard' -- "$cur")); return ;;
     'render --reflections') COMPREPLY=($(compgen -W 'environment auto rays cache' -- "$cur")); return ;;
     'render --ao') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;
+    'render --mirrors') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;
+    'render --shadow-maps') COMPREPLY=($(compgen -W 'auto cascades virtual' -- "$cur")); return ;;
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'info --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
@@ -31,7 +33,7 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --region --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --up --point-size --variant --strict --env --sun --env-intensity --env-rotation --exposure --ground --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
+    render) options='--output --size --region --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --up --point-size --variant --strict --env --sun --env-intensity --env-rotation --exposure --ground --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     info) options='--scene --up --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --mask --diff --timeout --log --help' ;;
     run) options='--junit --report --update-references --define --connect --token --token-file --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;

@@ -48,7 +48,9 @@ export const enums = {
     filter: { BLACKMAN_HARRIS: 0, BOX: 1, TENT: 2, GAUSSIAN: 3 },
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     ao: { AUTO: 0, NONE: 1 },
-    temporal: { NONE: 0, AUTO: 1 },
+    mirrors: { AUTO: 0, NONE: 1 },
+    shadow_maps: { AUTO: 0, CASCADES: 1, VIRTUAL: 2 },
+    temporal: { NONE: 0, AUTO: 1, CHECKERBOARD: 2 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     reflections: { ENVIRONMENT: 0, AUTO: 1, RAYS: 2, CACHE: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
@@ -61,7 +63,7 @@ export const enums = {
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
-    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12 },
+    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12, SCALE: 13, SHADOW_PAGES: 14 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 
@@ -389,6 +391,10 @@ export const messages = {
             { name: "width", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "height", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "angular_diameter_rad", kind: "f32", least: 0, most: 3, since: 1, optional: true },
+            { name: "lumens", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "profile", kind: "bytes", max: 4194304, since: 1, optional: true },
+            { name: "profile_absolute", kind: "bool", since: 1, optional: true },
+            { name: "texture", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // make or change a camera object
@@ -499,6 +505,9 @@ export const messages = {
             { name: "iso", kind: "f32", least: 0.1, most: 1e+07, since: 1, optional: true },
             { name: "sensor_mm", kind: "f32", least: 0.01, most: 1e+04, since: 1, optional: true },
             { name: "ao", kind: "enum", values: "ao", since: 1, optional: true },
+            { name: "mirrors", kind: "enum", values: "mirrors", since: 1, optional: true },
+            { name: "shadow_maps", kind: "enum", values: "shadow_maps", since: 1, optional: true },
+            { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view

@@ -14,10 +14,15 @@ struct hg_bench_settings {  // zero of each field = default
     float vfov_rad;         // 45 degrees
     uint32_t rounds;        // walks along the path that are measured; 3. Others come before, until
                             // nothing is streamed or baked any more, at most two minutes
+    double time_s;          // of flight: laps go on for so long; 0
     const struct hg_bench_pose *path; // [path_count]; none: 16 poses on a circle about the scene
     uint32_t path_count;
     uint32_t gi;       // enum hg_view_gi; of realtime, temporal
     uint32_t temporal; // enum hg_view_temporal; of realtime
+    uint32_t reflections; // enum hg_view_reflections; of realtime, temporal, gi
+    float target_ms;      // of realtime; 0: none
+    float scale;          // percent; of realtime; 0: not set
+    uint32_t shadow_maps; // enum hg_view_shadow_maps; of realtime, temporal
     uint32_t samples;  // of the references of temporal, 64, and of gi, 128
     uint32_t lamps;    // of the night of gi, 8; added to the scene of realtime, 0
     enum {
@@ -32,10 +37,12 @@ struct hg_bench_settings {  // zero of each field = default
 };
 
 // Frames in motion: one full-quality sample of each pose, drawn and read back as RGBA8. One JSON
-// object: frames_ms, lights (count, listed: in the lists of clusters, shadowed, unshadowed),
-// frame_ms (median), at_rest (nothing was streamed or baked meanwhile), passes[] (name, ms: medians
-// over the frames in which they ran, frames), triangles_total, triangles_drawn, memory. HG_E_INVAL;
-// errors of hg_view_step.
+// object: frames_ms, lights (count, listed: in the lists of clusters, shadowed, unshadowed), pages
+// (of virtual shadow maps, means of the frames: asked, hits, drawn, held), frame_ms (median),
+// p95_over_median, at_rest (nothing was streamed or baked meanwhile), motion (means over the
+// measured frames of what target_ms chose: scale of the sides, rays: share of the probes', error:
+// factor), passes[] (name, ms: medians over the frames in which they ran, frames), triangles_total,
+// triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
 enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
@@ -43,11 +50,11 @@ enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_sce
 // the poses are walked one picture each, every fifth is held against its settled picture, and so is
 // its change since the picture before, after reprojection; then a body crosses the picture. Fields
 // are those of realtime; default path: 60 poses through the longer axis of the scene at a third of
-// its height. One JSON object: poses, compared; auto, none, scale_77 and others: {flip: mean FLIP
-// to the settled picture, luma_error: mean difference of luma, 0..1, flicker: mean change of luma
-// after reprojection over that of settled pictures, ghost: mean error of luma where the body was
-// before, after_cut: FLIP of the first picture after a jump, cpu_ms of a picture, temporal_ms: of
-// it on the clock, frame_ms: median, p95_over_median}.
+// its height. One JSON object: poses, compared; auto, none, checkerboard, scale_77 and others:
+// {flip: mean FLIP to the settled picture, luma_error: mean difference of luma, 0..1, flicker: mean
+// change of luma after reprojection over that of settled pictures, ghost: mean error of luma where
+// the body was before, after_cut: FLIP of the first picture after a jump, cpu_ms of a picture,
+// temporal_ms: of it on the clock, frame_ms: median, p95_over_median}.
 enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
@@ -75,6 +82,13 @@ enum hg_status hg_bench_gi_run(struct hg_renderer *renderer, struct hg_scene *sc
 // frame_cpu_ms: of a picture; flip; texels that sent rays, and of these cached, shaded,
 // late, sky; ratio: cpu_ms of full over this}}.
 enum hg_status hg_bench_reflections_run(struct hg_renderer *renderer, struct hg_scene *scene,
+    const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
+
+// What memory comes to over many laps: there and back along the path with one sample a picture, all
+// light and reflections on, while a body moves ahead of the eye; at the far end of every third
+// lap the view comes to rest. Fields are those of temporal and target_ms; rounds: laps, at least;
+// 4; time_s. One JSON object: poses, laps[]: {frames, stats: those of `--stats` after the lap}.
+enum hg_status hg_bench_flight_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
 // Rays of three kinds through each backend, at the first pose of the path: primary (centres of all

@@ -195,6 +195,7 @@ static enum hg_status walk(struct run *run, struct light *light, int mode, struc
     struct result *result = &light->results[mode];
     params.samples = 2;
     params.gi = mode == NONE ? HG_GI_NONE : HG_GI_PROBES;
+    params.reflections = (enum hg_view_reflections)run->bench->reflections;
     params.temporal = (enum hg_view_temporal)run->bench->temporal;
     enum hg_status status = open_view(run, &params, &view, err);
     if (status == HG_OK)

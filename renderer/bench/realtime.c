@@ -20,6 +20,7 @@ struct pass_times {
     char name[32];
     float *ms; // [frames] of those in which it ran
     uint32_t count;
+    uint32_t newest; // frame that the last one is of, from 1
 };
 
 struct run {
@@ -31,11 +32,13 @@ struct run {
     uint32_t path_count, rounds, frames;
     float *frame_ms;
     float *cpu_ms; // [path_count] least of the frames of a pose
+    struct hg_quality_choice chosen; // summed over the measured frames
     uint32_t measured;
     bool busy; // in the newest walk something was missing, or baked in the background
     struct pass_times passes[MAX_PASSES];
     uint32_t pass_count;
     uint64_t triangles_drawn, triangles_total;
+    struct hg_shadow_page_stats pages; // sums of the frames
 };
 
 static int compare_floats(const void *a, const void *b)
@@ -51,6 +54,12 @@ static double median(float *values, uint32_t count)
         return 0;
     qsort(values, count, sizeof *values, compare_floats);
     return 0.5 * ((double)values[(count - 1) / 2] + (double)values[count / 2]);
+}
+
+// Of sorted values.
+static double p95(const float *values, uint32_t count)
+{
+    return count > 0 ? (double)values[(uint32_t)ceil(0.95 * count) - 1] : 0;
 }
 
 static void make_circle(struct run *run, const struct hg_scene *scene)
@@ -92,20 +101,35 @@ static struct pass_times *find_pass(struct run *run, const char *name)
     return pass;
 }
 
-static bool note_frame(
-    struct run *run, const struct hg_frame_info *info, uint64_t ns, uint64_t cpu_ns)
+// now: what the frame was drawn with.
+static bool note_frame(struct run *run, const struct hg_quality_choice *now,
+    const struct hg_frame_info *info, uint64_t ns, uint64_t cpu_ns)
 {
     float *cpu_ms = &run->cpu_ms[run->measured % run->path_count];
     const float ms = (float)((double)cpu_ns * 1e-6);
     *cpu_ms = *cpu_ms == 0.0f || ms < *cpu_ms ? ms : *cpu_ms;
+    const struct hg_view_state *state = &run->view->state;
+    const VkExtent2D drawn = state->motion.temporal.drawn;
+    run->chosen.scale += drawn.width > 0 ? (float)drawn.width / (float)state->settings.width : 1.0f;
+    run->chosen.rays += now->rays;
+    run->chosen.factor += now->factor;
     run->frame_ms[run->measured++] = (float)((double)ns * 1e-6);
     run->triangles_drawn = info->triangles_drawn;
     run->triangles_total = info->triangles_total;
+    struct hg_lighting_stats lights;
+    hg_lighting_stats(run->view->state.lighting, &lights);
+    run->pages.asked += lights.pages.asked;
+    run->pages.hits += lights.pages.hits;
+    run->pages.drawn += lights.pages.drawn;
+    run->pages.held += lights.pages.held;
     for (uint32_t i = 0; i < info->stage_count; i++) {
         struct pass_times *pass = find_pass(run, info->stages[i].name);
-        if (pass == NULL || pass->count == run->frames)
+        if (pass == NULL)
             return false;
-        pass->ms[pass->count++] = (float)((double)info->stages[i].ns * 1e-6);
+        if (pass->newest != run->measured) // else a frame has several of that name
+            pass->ms[pass->count++] = 0;
+        pass->newest = run->measured;
+        pass->ms[pass->count - 1] += (float)((double)info->stages[i].ns * 1e-6);
     }
     return true;
 }
@@ -118,6 +142,8 @@ static enum hg_status draw_frame(
     struct hg_refbuf *pixels = NULL;
     memcpy(camera.eye, pose->eye, sizeof camera.eye);
     memcpy(camera.target, pose->target, sizeof camera.target);
+    const struct hg_quality_choice now =
+        hg_quality_choose(&run->view->state.motion.quality, run->bench->target_ms);
     const uint64_t start = hg_clock_now_ns(), cpu = hg_clock_cpu_ns();
     enum hg_status status = hg_view_set_camera(run->view, &camera, err);
     if (status == HG_OK)
@@ -130,7 +156,7 @@ static enum hg_status draw_frame(
     hg_view_baking(run->view, &baking);
     run->busy |= info.missing_pages > 0 || info.missing_clusters > 0 || baking.mesh_parts > 0 ||
                  baking.texels_done < baking.texels_total;
-    if (status == HG_OK && measured && !note_frame(run, &info, end - start, cpu_end - cpu))
+    if (status == HG_OK && measured && !note_frame(run, &now, &info, end - start, cpu_end - cpu))
         status = hg_error_set(err, HG_E_NOMEM, "bench", NULL, "out of host memory");
     return status;
 }
@@ -180,8 +206,16 @@ static enum hg_status write_report(struct run *run, char **text)
     hg_lighting_stats(run->view->state.lighting, &lights);
     hg_json_put(&w, "],\"lights\":{\"count\":%u,\"listed\":%u,\"shadowed\":%u,\"unshadowed\":%u}",
         lights.lights, lights.lights_in_lists, lights.shadowed_lights, lights.unshadowed_lights);
-    hg_json_put(&w, ",\"frame_ms\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s,\"passes\":[",
-        median(run->frame_ms, run->measured), cpu_ms, run->busy ? "false" : "true");
+    const double frame_ms = median(run->frame_ms, run->measured), frames = run->measured;
+    hg_json_put(&w, ",\"pages\":{\"asked\":%.1f,\"hits\":%.1f,\"drawn\":%.1f,\"held\":%.1f}",
+        run->pages.asked / frames, run->pages.hits / frames, run->pages.drawn / frames,
+        run->pages.held / frames);
+    hg_json_put(&w, ",\"frame_ms\":%.3f,\"p95_over_median\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s",
+        frame_ms, p95(run->frame_ms, run->measured) / frame_ms, cpu_ms,
+        run->busy ? "false" : "true");
+    hg_json_put(&w, ",\"motion\":{\"scale\":%.4f,\"rays\":%.4f,\"error\":%.4f},\"passes\":[",
+        (double)run->chosen.scale / frames, (double)run->chosen.rays / frames,
+        (double)run->chosen.factor / frames);
     for (uint32_t i = 0; i < run->pass_count; i++) {
         struct pass_times *pass = &run->passes[i];
         hg_json_put(&w, "%s{\"name\":\"%s\",\"ms\":%.3f,\"frames\":%u}", i > 0 ? "," : "",
@@ -245,7 +279,11 @@ static enum hg_status prepare(struct run *run, struct hg_scene *scene, struct hg
         .height = b->height,
         .samples = 2, // the picture in motion is not the settled one
         .gi = (enum hg_view_gi)b->gi,
-        .temporal = (enum hg_view_temporal)b->temporal};
+        .reflections = (enum hg_view_reflections)b->reflections,
+        .temporal = (enum hg_view_temporal)b->temporal,
+        .shadow_maps = (enum hg_view_shadow_maps)b->shadow_maps,
+        .target_ms = b->target_ms,
+        .scale = b->scale};
     enum hg_status status = add_lamps(scene, b->lamps, err);
     if (status == HG_OK)
         status = hg_view_create(run->renderer, scene, &run->view, err);

@@ -43,6 +43,12 @@ static enum hg_status run_reflections(
     return hg_bench_run_scene(host, options, hg_bench_reflections_run, text, err);
 }
 
+static enum hg_status run_flight(
+    const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
+{
+    return hg_bench_run_scene(host, options, hg_bench_flight_run, text, err);
+}
+
 static enum hg_status run_trace(
     const struct hg_bench_host *host, const json_t *options, char **text, struct hg_error *err)
 {
@@ -59,8 +65,9 @@ static const struct {
     const char *name;
     enum hg_status (*run)(const struct hg_bench_host *, const json_t *, char **, struct hg_error *);
 } benchmarks[] = {{"realtime", run_realtime}, {"temporal", run_temporal}, {"gi", run_gi},
-    {"reflections", run_reflections}, {"vt", hg_bench_run_vt}, {"lod", hg_bench_run_lod},
-    {"points", hg_bench_run_points}, {"trace", run_trace}, {"path", run_path}};
+    {"reflections", run_reflections}, {"flight", run_flight}, {"vt", hg_bench_run_vt},
+    {"lod", hg_bench_run_lod}, {"points", hg_bench_run_points}, {"trace", run_trace},
+    {"path", run_path}};
 
 enum hg_status hg_bench_run(const struct hg_bench_host *host, const char *name,
     const json_t *options, char **text, struct hg_error *err)

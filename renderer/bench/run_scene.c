@@ -1,10 +1,10 @@
 // run_scene.c - benchmarks of one scene: their options, the scene, the report with what was loaded.
 //
-// Options of `realtime`, `temporal`, `gi`, `reflections`, `trace` and `path` (all optional): scene
-// (file; default the built-in demo), environment (file; default the demo's), width, height,
-// vfov_deg, rounds, gi, temporal (number of the value), samples, lamps, truth (0 paths, 1 rays),
-// references (folder), only ("walk", "rooms"), path (list of {eye: [x,y,z], target: [x,y,z]} in
-// metres).
+// Options of `realtime`, `temporal`, `gi`, `reflections`, `flight`, `trace` and `path` (all
+// optional): scene (file; default the built-in demo), environment (file; default the demo's),
+// width, height, vfov_deg, rounds, gi, temporal, reflections, shadow_maps (numbers of the values),
+// samples, lamps, truth (0 paths, 1 rays), references (folder), only ("walk", "rooms"), target_ms,
+// scale (percent), time_s, path (list of {eye: [x,y,z], target: [x,y,z]} in metres).
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -81,11 +81,15 @@ static enum hg_status read_gi(struct run *r, const json_t *options, struct hg_er
 static enum hg_status read_options(struct run *r, const json_t *options, struct hg_error *err)
 {
     double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0, temporal = 0, samples = 0,
-           lamps = 0, truth = 0; // 0: the benchmark's defaults
+           lamps = 0, truth = 0, reflections = HG_REFLECTIONS_AUTO, shadow_maps = 0, target_ms = 0,
+           scale = 0, time_s = 0; // 0: the benchmark's defaults
     const struct hg_bench_number numbers[] = {{"width", 1, 16384, &width},
         {"height", 1, 16384, &height}, {"vfov_deg", 1, 170, &vfov_deg},
         {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}, {"temporal", 0, 1, &temporal},
-        {"samples", 1, 65536, &samples}, {"lamps", 0, 1000000, &lamps}, {"truth", 0, 1, &truth}};
+        {"samples", 1, 65536, &samples}, {"lamps", 0, 1000000, &lamps}, {"truth", 0, 1, &truth},
+        {"reflections", 0, 3, &reflections}, {"shadow_maps", 0, 2, &shadow_maps},
+        {"target_ms", 0, 100000, &target_ms}, {"scale", 50, 100, &scale},
+        {"time_s", 0, 1e6, &time_s}};
     enum hg_status st =
         hg_bench_read_numbers(options, numbers, sizeof numbers / sizeof *numbers, err);
     if (st)
@@ -98,8 +102,13 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
         .rounds = (uint32_t)rounds,
         .gi = (uint32_t)gi,
         .temporal = (uint32_t)temporal,
+        .shadow_maps = (uint32_t)shadow_maps,
         .samples = (uint32_t)samples,
         .lamps = (uint32_t)lamps,
+        .reflections = (uint32_t)reflections,
+        .time_s = time_s,
+        .target_ms = (float)target_ms,
+        .scale = (float)scale,
         .truth = truth > 0 ? HG_BENCH_TRUTH_RAYS : HG_BENCH_TRUTH_PATHS,
         .progress = r->host->progress,
         .progress_user = r->host->progress_user};

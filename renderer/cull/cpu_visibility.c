@@ -212,16 +212,11 @@ static void copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd, uint
     uint32_t bytes, struct hg_gpu_image *image, VkRect2D area)
 {
     const uint64_t first = (uint64_t)(uint32_t)area.offset.y * h->width + (uint32_t)area.offset.x;
-    const VkBufferImageCopy region = {
-        .bufferOffset = offset + first * bytes,
-        .bufferRowLength = h->width,
-        .imageSubresource = {image->aspect, 0, 0, 1},
-        .imageOffset = {area.offset.x, area.offset.y, 0},
-        .imageExtent = {area.extent.width, area.extent.height, 1},
-    };
-    hg_gpu_image_use(cmd, image, HG_GPU_USE_COPY_WRITE);
-    vkCmdCopyBufferToImage(hg_gpu_cmd_handle(cmd), h->pixels.handle, image->handle,
-        VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
+    const struct hg_gpu_region region = {.x = (uint32_t)area.offset.x,
+        .y = (uint32_t)area.offset.y,
+        .width = area.extent.width,
+        .height = area.extent.height};
+    hg_gpu_image_write(cmd, image, &region, &h->pixels, offset + first * bytes, h->width);
 }
 
 void hg_cpu_visibility_copy(const struct hg_cpu_visibility *h, struct hg_gpu_cmd *cmd,

@@ -25,6 +25,12 @@ VkExtent2D hg_draw_size(const struct hg_draw_request *request)
     return request->drawn.width > 0 ? request->drawn : (VkExtent2D){s->width, s->height};
 }
 
+struct hg_gpu_image *hg_draw_picture(const struct hg_draw *draw)
+{
+    return hg_draw_is(draw, HG_DRAW_CHECKERBOARD) ? &draw->targets->checkered
+                                                  : &draw->targets->pixels[0];
+}
+
 struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request)
 {
     struct hg_draw other = *draw;

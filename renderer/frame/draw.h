@@ -20,6 +20,7 @@ struct hg_tiled_accumulation;
 struct hg_tiled_area;
 struct hg_temporal_view;
 struct hg_reflect_view;
+struct hg_mirror_view;
 struct hg_view_camera_state;
 struct hg_view_settings;
 
@@ -37,6 +38,7 @@ enum hg_draw_flag {
     HG_DRAW_MOTION = 1 << 7,         // depth is read back for motion vectors (temporal_view.h)
     HG_DRAW_MOTION_IDS = 1 << 8,     // and the visibility buffer: something moved by itself
     HG_DRAW_MOTION_POSED = 1 << 9,   // and where posed surfaces were
+    HG_DRAW_CHECKERBOARD = 1 << 16,  // every second pixel of a row is shaded, in turn
 };
 
 struct hg_draw_request {
@@ -120,6 +122,7 @@ struct hg_draw {
     struct hg_frame_history *history;
     struct hg_temporal_view *temporal;
     struct hg_reflect_view *reflections;
+    struct hg_mirror_view *mirrors;
     struct hg_tiled_accumulation *accumulation;
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;
@@ -135,6 +138,8 @@ struct hg_draw {
 
 // Size of the picture that is drawn, px.
 VkExtent2D hg_draw_size(const struct hg_draw_request *request);
+// What a picture in motion is shaded to.
+struct hg_gpu_image *hg_draw_picture(const struct hg_draw *draw);
 // The same for another request, which outlives it.
 struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_request *request);
 bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag);

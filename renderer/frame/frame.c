@@ -3,12 +3,25 @@
 
 #include "base/clock.h"
 #include "base/cond.h"
+#include "shaders/shared/debug.h"
 #include "shaders/shared/features.h"
 
 #define SHOW_UPLOAD_NS 4000000u // of pages, per frame of a moving picture
 #define MOST_HOSTED_PX 2000000  // of a batch that the host draws, 12 bytes each
 
 // --- sync ----------------------------------------------------------------------------------------
+
+// Pages are asked for by the depth of pictures in motion, which is read for the sake of history.
+static enum hg_shadow_paging paging_of(const struct hg_draw *draw)
+{
+    const struct hg_view_settings *s = draw->request->settings;
+    if (!hg_draw_is(draw, HG_DRAW_MOVES) || s->temporal == HG_VIEW_TEMPORAL_NONE)
+        return HG_PAGING_OFF;
+    if (s->shadow_maps == HG_VIEW_SHADOWS_VIRTUAL || s->debug == HG_DEBUG_VIEW_SHADOW_PAGES)
+        return HG_PAGING_ON;
+    return s->shadow_maps == HG_VIEW_SHADOWS_AUTO && s->gi != HG_VIEW_GI_NONE ? HG_PAGING_AUTO
+                                                                              : HG_PAGING_OFF;
+}
 
 static enum hg_status sync_lighting(struct hg_draw *draw, struct hg_error *err)
 {
@@ -17,6 +30,7 @@ static enum hg_status sync_lighting(struct hg_draw *draw, struct hg_error *err)
         .width = draw->request->settings->width,
         .height = draw->request->settings->height,
         .moves = hg_draw_is(draw, HG_DRAW_MOVES),
+        .paging = paging_of(draw),
         .shape_revision = hg_geometry_shape_revision(draw->scene_gpu->geometry)};
     look.shape_before = hg_lighting_shape_revision(draw->lighting);
     const struct hg_box *moved;

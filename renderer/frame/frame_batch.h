@@ -12,12 +12,20 @@ struct hg_batch {
     struct hg_graph *graph;
     struct hg_pass pass; // of the sample that is recorded
     uint32_t sample, slot, slots, first_shadow_set;
-    bool skips_unlit; // unlit tiles
-    bool alone;       // the sample is not added to others
+    bool alone; // the sample is not added to others
     uint32_t visibility, depth, atlas, gathered, probe_light, behind, accumulated, picture, counts;
-    uint32_t deformed, cache, progress, unlit_tiles, late_draws;
+    uint32_t deformed, cache, progress, late_draws;
+    uint32_t shaded_depth; // of the pixels that are shaded
+    struct {
+        bool skips;
+        uint32_t tiles;
+    } unlit; // tiles
     struct {
         uint32_t looked_up, surfaces; // probe light before reflections, what it is of
+        uint32_t mirrored;            // of planar mirrors
+        struct {
+            uint32_t visibility, depth, light;
+        } planes[HG_MIRROR_PLANES];
     } mirrors;
     struct {
         uint32_t visibility, color, depth, lists;
@@ -55,6 +63,18 @@ enum hg_status hg_batch_reserve_reflections(
     struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // After probe light with what mirrors: probe_light has reflections from here on.
 void hg_batch_declare_reflections(struct hg_batch *f);
+
+// --- mirror_view.c -------------------------------------------------------------------------------
+
+// After reflections were declared.
+void hg_batch_declare_mirrors(struct hg_batch *f);
+// In their pause: planes are chosen, and rays find what they mirror. What was read back: probe
+// light and what mirrors (shaders/shared/reflect.h). Without memory there are no mirrors. Device
+// errors.
+enum hg_status hg_batch_look_into_mirrors(struct hg_batch *f, const uint32_t *light,
+    const uint32_t *surfaces, struct hg_error *err) HG_MUST_CHECK;
+// What shading samples; NULL: this picture has no mirrors. The pass declares it.
+struct hg_gpu_image *hg_batch_mirrored(const struct hg_graph_run *run);
 
 // --- temporal_view.c -----------------------------------------------------------------------------
 

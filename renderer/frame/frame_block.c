@@ -118,6 +118,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     f->flags = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FRAME_COARSE_SHADOWS : 0;
     f->flags |=
         draw->gathered != NULL && hg_lighting_has_sky_sun(draw->lighting) ? HG_FRAME_SUN_DISC : 0;
+    f->flags |= hg_draw_is(draw, HG_DRAW_CHECKERBOARD) ? HG_FRAME_CHECKERBOARD : 0;
     f->flags |= s->ao != HG_VIEW_AO_NONE ? HG_FRAME_OCCLUSION : 0;
     hg_lighting_fill(draw->lighting, sample, &f->lighting);
     f->lighting.cluster_scale_x *= (float)s->width / (float)hg_draw_size(draw->request).width;
@@ -191,9 +192,7 @@ static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pas
     if (!hg_gpu_strategy(pass->gpu)->uniform_tables)
         return;
     struct hg_page_cache_stats textures;
-    uint32_t shadows;
     hg_page_cache_stats(hg_textures_cache(draw->scene_gpu->textures), &textures);
-    hg_lighting_shadow_maps(draw->lighting, &shadows);
     const struct hg_gpu_geometry *g = &f->geometry;
     const struct hg_gpu_lighting *l = &f->lighting;
     const uint32_t pitch = HG_IRRADIANCE_SIZE + 2;
@@ -205,7 +204,8 @@ static void bind_tables(struct hg_draw *draw, uint32_t slot, struct hg_pass *pas
         pass, HG_BIND_MATERIALS, g->materials, g->material_count, sizeof(struct hg_gpu_material));
     bind_table(pass, HG_BIND_PAGE_TABLE, f->textures.table, textures.table_bytes, 1);
     bind_table(pass, HG_BIND_LIGHTS, l->lights, l->light_count, sizeof(struct hg_gpu_light));
-    bind_table(pass, HG_BIND_SHADOWS, l->shadows, shadows, sizeof(struct hg_gpu_shadow));
+    bind_table(pass, HG_BIND_SHADOWS, l->shadows,
+        (uint32_t)hg_lighting_shadow_table_bytes(draw->lighting), 1);
     bind_table(pass, HG_BIND_DFG_TABLE, l->dfg, HG_DFG_BLOCK_WORDS, 4);
     bind_table(pass, HG_BIND_IRRADIANCE, l->irradiance, pitch * pitch, 16);
     struct hg_gpu_uniform first;
@@ -234,7 +234,8 @@ static uint32_t features_of(const struct hg_draw *draw, uint32_t tables, bool st
     features |= l->light_count > 0 ? HG_FEATURE_LIGHTS : 0;
     features |= l->clustered != 0 ? HG_FEATURE_CLUSTERS : 0;
     features |= stats.local_lights > 0 ? HG_FEATURE_LOCAL : 0;
-    const bool one_sun = l->light_count == 1 && stats.local_lights == 0 && stats.sized_lights == 0;
+    const bool one_sun = l->light_count == 1 && stats.local_lights == 0 &&
+                         stats.sized_lights == 0 && stats.tabled_lights == 0;
     features |= !one_sun ? HG_FEATURE_NO_SUN : 0;
     features |= !hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS) ? HG_FEATURE_REST : 0;
     features |= stats.shadow_maps > 0 ? HG_FEATURE_SHADOWS : 0;
@@ -285,6 +286,8 @@ static struct hg_pass make_pass(
     struct hg_lighting_stats lights;
     hg_lighting_stats(draw->lighting, &lights);
     pass.features2 |= lights.sized_lights > 0 ? HG_FEATURE2_SIZED : 0;
+    pass.features2 |= lights.tabled_lights > 0 ? HG_FEATURE2_LIGHT_TABLES : 0;
+    pass.features2 |= hg_lighting_has_pages(draw->lighting) ? HG_FEATURE2_SHADOW_PAGES : 0;
     pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;

@@ -5,6 +5,7 @@
 #include "base/clock.h"
 #include "renderer/math/frustum.h"
 #include "renderer/frame/frame.h"
+#include "shaders/shared/debug.h"
 
 #define MARGIN_PX 2.0f // jitter and rounding
 
@@ -122,7 +123,8 @@ static enum hg_status select_sets(
         choice.share = top->share;
         choice.shares = s->forced ? 0 : top->shares; // a coarser cut is another, and drawn whole
     }
-    return status == HG_OK && draw->request->settings->debug == 0
+    const uint32_t debug = draw->request->settings->debug;
+    return status == HG_OK && (debug == 0 || debug == HG_DEBUG_VIEW_SHADOW_PAGES)
                ? hg_shadow_select(
                      draw->scene_gpu->geometry, draw->lighting, &choice, jobs, draw->culling, err)
                : status;

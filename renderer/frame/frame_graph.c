@@ -4,6 +4,7 @@
 
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
+#include "renderer/passes/checkerboard.h"
 #include "renderer/passes/debug.h"
 #include "renderer/passes/pick.h"
 #include "renderer/passes/probe_light.h"
@@ -194,6 +195,8 @@ static void declare_probe_light(struct hg_batch *f)
                    {f->probe_light, HG_GRAPH_COLOR, 0}, {f->mirrors.surfaces, HG_GRAPH_COLOR, 0}}});
     if (reflects)
         hg_batch_declare_reflections(f);
+    if (reflects)
+        hg_batch_declare_mirrors(f);
 }
 
 // --- the scene behind glass ----------------------------------------------------------------------
@@ -209,6 +212,7 @@ static enum hg_status record_behind(
         .target = hg_graph_run_image(run, f->behind),
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
         .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
+        .mirrored = hg_batch_mirrored(run),
         .clear = true,
         .alone = true};
     return hg_shade_record(&f->pass, &shade, err);
@@ -222,7 +226,7 @@ static void declare_behind(struct hg_batch *f)
                .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
                    {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
                    {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->behind, HG_GRAPH_COLOR_KEEP, 0}}}); // of an area perhaps
 }
 
@@ -246,15 +250,39 @@ static enum hg_status mark_unlit(const struct hg_graph_run *run, void *user, str
 
 static void declare_unlit(struct hg_batch *f)
 {
-    f->unlit_tiles = hg_graph_buffer(f->graph, "unlit tiles");
+    f->unlit.tiles = hg_graph_buffer(f->graph, "unlit tiles");
     hg_batch_add(f, &(struct hg_graph_pass){.name = "unlit tiles",
                         .record = find_unlit,
                         .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                            {f->unlit_tiles, HG_GRAPH_WRITE, 0}}});
+                            {f->unlit.tiles, HG_GRAPH_WRITE, 0}}});
     hg_batch_add(f,
         &(struct hg_graph_pass){.name = "unlit marks",
             .record = mark_unlit,
-            .accesses = {{f->unlit_tiles, HG_GRAPH_READ, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
+            .accesses = {{f->unlit.tiles, HG_GRAPH_READ, 0}, {f->depth, HG_GRAPH_DEPTH_KEEP, 0}}});
+}
+
+static enum hg_status record_checkerboard(
+    const struct hg_graph_run *run, void *user, struct hg_error *err)
+{
+    struct hg_batch *f = hg_batch_of(run);
+    (void)user;
+    return hg_checkerboard_record(&f->pass, hg_graph_run_image(run, f->depth),
+        hg_graph_run_image(run, f->shaded_depth), f->draw->frame->sample_index, err);
+}
+
+static void declare_checkerboard(struct hg_batch *f)
+{
+    const VkExtent2D size = hg_draw_size(f->draw->request);
+    f->shaded_depth =
+        hg_graph_image(f->graph, &(struct hg_graph_image_params){.name = "shaded depth",
+                                     .format = HG_DEPTH_FORMAT,
+                                     .size = HG_GRAPH_ABSOLUTE,
+                                     .width = (size.width + 1) / 2,
+                                     .height = size.height});
+    hg_batch_add(
+        f, &(struct hg_graph_pass){.name = "checkerboard",
+               .record = record_checkerboard,
+               .accesses = {{f->depth, HG_GRAPH_SAMPLE, 0}, {f->shaded_depth, HG_GRAPH_DEPTH, 0}}});
 }
 
 static enum hg_status record_shading(
@@ -263,15 +291,17 @@ static enum hg_status record_shading(
     struct hg_batch *f = hg_batch_of(run);
     (void)user;
     const struct hg_shade shade = {.visibility = hg_graph_run_image(run, f->visibility),
-        .depth = hg_graph_run_image(run, f->depth),
+        .depth = hg_graph_run_image(run, f->shaded_depth),
+        .checkerboard = f->shaded_depth != f->depth,
         .target = f->accumulated > 0 ? hg_graph_run_image(run, f->accumulated) : NULL,
         .picture = f->picture > 0 ? hg_graph_run_image(run, f->picture) : NULL,
         .tonemap = f->draw->request->settings->tonemap,
         .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
-        .unlit = f->skips_unlit,
+        .unlit = f->unlit.skips,
         .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL,
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
-        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL};
+        .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
+        .mirrored = hg_batch_mirrored(run)};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
@@ -281,10 +311,12 @@ static void declare_shading(struct hg_batch *f, bool keep)
     hg_batch_add(
         f, &(struct hg_graph_pass){.name = "shading",
                .record = record_shading,
-               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0}, {f->depth, HG_GRAPH_DEPTH_TEST, 0},
-                   {f->blend.color, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                   {f->cache, HG_GRAPH_READ, 0}, {f->gathered, HG_GRAPH_SAMPLE, 0},
-                   {f->probe_light, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+               .accesses = {{f->visibility, HG_GRAPH_SAMPLE, 0},
+                   {f->shaded_depth, HG_GRAPH_DEPTH_TEST, 0}, {f->blend.color, HG_GRAPH_SAMPLE, 0},
+                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
+                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
                .keep = keep});
@@ -355,7 +387,7 @@ static enum hg_status open_graph(struct hg_batch *f, struct hg_draw *draw, struc
     const VkExtent2D size = hg_draw_size(draw->request);
     hg_graph_begin(f->graph, size.width, size.height);
     f->visibility = hg_graph_import(f->graph, "visibility", &t->visibility);
-    f->depth = hg_graph_import(f->graph, "depth", &t->depth);
+    f->depth = f->shaded_depth = hg_graph_import(f->graph, "depth", &t->depth);
     if (draw->gathered != NULL && draw->request->smaller == 0)
         f->gathered = hg_graph_import(f->graph, "gathered light", draw->gathered);
     f->progress = hg_draw_is(draw, HG_DRAW_EXACT) ? hg_graph_buffer(f->graph, "pixel progress") : 0;
@@ -389,7 +421,8 @@ static bool finds_unlit(struct hg_draw *draw, const struct hg_pass *pass)
     const enum hg_override wish = draw->context->overrides.unlit_tiles;
     const uint32_t lights = draw->frame->lighting.light_count;
     if (wish == HG_OVERRIDE_OFF || lights == 0 || lights > HG_UNLIT_TILES_MOST_LIGHTS ||
-        pass->area.extent.width > 0)
+        pass->area.extent.width > 0 || hg_lighting_has_pages(draw->lighting) ||
+        draw->gathered != NULL) // rays see what maps do not
         return false;
     if (wish == HG_OVERRIDE_ON)
         return true;
@@ -423,11 +456,13 @@ static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
     if (blend)
         hg_batch_declare_blend(f);
     hg_batch_declare_motion(f);
-    draw->unlit->told = f->skips_unlit = finds_unlit(draw, &f->pass);
-    if (f->skips_unlit)
+    draw->unlit->told = f->unlit.skips = finds_unlit(draw, &f->pass);
+    if (f->unlit.skips)
         declare_unlit(f);
+    if (hg_draw_is(draw, HG_DRAW_CHECKERBOARD))
+        declare_checkerboard(f);
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
-        f->picture = hg_graph_import(f->graph, "picture", &draw->targets->pixels[0]);
+        f->picture = hg_graph_import(f->graph, "picture", hg_draw_picture(draw));
     else
         f->accumulated = hg_graph_import(f->graph, "accumulated", &draw->targets->accumulated);
     declare_shading(f, f->pass.find);

@@ -183,6 +183,9 @@ static enum hg_status record(const struct hg_graph_run *run, void *user, struct 
     hg_reflect_stats(draw->reflections->reflect, &stats);
     hg_view_stats_add_stage(draw->stats, "reflection rays", stats.ray_ns);
     hg_view_stats_add_stage(draw->stats, "reflections", hg_clock_now_ns() - begin - stats.ray_ns);
+    const uint32_t *words = back->mapped;
+    if (status == HG_OK)
+        status = hg_batch_look_into_mirrors(f, words, words + light_bytes / 4, err);
     return status == HG_OK ? hg_gpu_resume(run->gpu, run->cmd, err) : status;
 }
 

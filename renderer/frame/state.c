@@ -22,6 +22,7 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .history = &view->history,
         .temporal = &view->motion.temporal,
         .reflections = &view->motion.reflections,
+        .mirrors = &view->motion.mirrors,
         .accumulation = &view->accumulation,
         .blend = &view->blend,
         .unlit = &view->unlit,

@@ -16,6 +16,7 @@
 #include "renderer/frame/prefetch.h"
 #include "renderer/pathtrace/path.h"
 #include "renderer/frame/history.h"
+#include "renderer/frame/mirror_view.h"
 #include "renderer/frame/quality.h"
 #include "renderer/frame/reflect_view.h"
 #include "renderer/frame/temporal_view.h"
@@ -32,7 +33,12 @@
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
 #define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
+#define HG_VIEW_MIRRORS_NONE   1 // as enum hg_view_mirrors
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
+#define HG_VIEW_TEMPORAL_AUTO         1
+#define HG_VIEW_TEMPORAL_CHECKERBOARD 2
+#define HG_VIEW_SHADOWS_AUTO    0 // as enum hg_view_shadow_maps
+#define HG_VIEW_SHADOWS_VIRTUAL 2
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
@@ -54,7 +60,9 @@ struct hg_view_settings {
     uint32_t gi;       // HG_VIEW_GI_*
     uint32_t reflections; // HG_VIEW_REFLECTIONS_*
     uint32_t ao;          // enum hg_view_ao
+    uint32_t mirrors;     // enum hg_view_mirrors
     uint32_t temporal; // enum hg_view_temporal
+    uint32_t shadow_maps; // enum hg_view_shadow_maps
     float exposure;    // linear factor
     uint32_t samples;  // per pixel until settled, >= 1
     uint32_t seed;
@@ -62,6 +70,7 @@ struct hg_view_settings {
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
     float scale;     // of the sides of pictures in motion; 0 = as target_ms needs
+    float sharpen;   // strength, of pictures in motion, 0 .. 1
     uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
 };
@@ -147,6 +156,7 @@ struct hg_view_state {
         struct hg_quality quality;
         struct hg_temporal_view temporal;
         struct hg_reflect_view reflections;
+        struct hg_mirror_view mirrors;
     } motion;
     struct hg_view_stats stats;
 

@@ -10,6 +10,7 @@ struct hg_view_targets {
     struct hg_gpu_image visibility, depth, accumulated;
     struct hg_gpu_image behind;    // the opaque scene, while transmissive draws are drawn
     struct hg_gpu_image pixels[3]; // RGBA8, RGBA16, RGBA32F; made on first read
+    struct hg_gpu_image checkered; // RGBA8, half as wide, while every second pixel is shaded
 };
 
 #endif

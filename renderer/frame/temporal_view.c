@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
 #include "renderer/passes/posed_motion.h"
+#include "renderer/temporal/sharpen.h"
 #include "shaders/shared/debug.h"
 
 #define MOST_JITTER_PX 0.49f // of a sample, so that it stays in its pixel
@@ -169,19 +170,42 @@ void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *
         return; // a picture without history
     if (!continues(view))
         t->moment = 0; // the next picture is the first of its own motion
-    request->drawn = drawn_size(request->settings, wanted_scale(view));
+    const bool halves = request->settings->temporal == HG_VIEW_TEMPORAL_CHECKERBOARD;
+    if (!halves)
+        request->drawn = drawn_size(request->settings, wanted_scale(view));
+    request->flags |= halves && !hg_geometry_blends(geometry) ? HG_DRAW_CHECKERBOARD : 0;
     t->posed = find_posed(view, request);
     request->moment = t->moment % (1u << 20) + 1;
-    jitter(request->moment - 1, request->settings->seed, request->jitter_px);
+    // Both halves of a checkerboard have the same places, else thin features are seen in one of
+    // them.
+    const uint32_t place = request->moment - 1;
+    const bool pairs = (request->flags & HG_DRAW_CHECKERBOARD) != 0;
+    jitter(pairs ? place / 2 : place, request->settings->seed, request->jitter_px);
     request->flags |= HG_DRAW_MOTION;
     request->flags |= t->places.moved_count > 1 || t->places.deformed ? HG_DRAW_MOTION_IDS : 0;
     request->flags |= t->posed.extent.width > 0 ? HG_DRAW_MOTION_POSED : 0;
+}
+
+static enum hg_status make_checkered(const struct hg_draw *draw, struct hg_error *err)
+{
+    const VkExtent2D size = hg_draw_size(draw->request);
+    const struct hg_gpu_image_params params = {.format = VK_FORMAT_R8G8B8A8_UNORM,
+        .width = (size.width + 1) / 2,
+        .height = size.height,
+        .attachment = true,
+        .name = "checkered"};
+    struct hg_gpu_image *image = &draw->targets->checkered;
+    return image->handle == VK_NULL_HANDLE
+               ? hg_gpu_image_create(draw->context->gpu, &params, image, err)
+               : HG_OK;
 }
 
 enum hg_status hg_temporal_view_targets(
     struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_view_targets *t = &view->motion.temporal.targets;
+    if (hg_draw_is(draw, HG_DRAW_CHECKERBOARD))
+        return make_checkered(draw, err);
     if (draw->request->drawn.width == 0)
         return HG_OK;
     draw->targets = t;
@@ -321,6 +345,8 @@ static void fill_picture(struct hg_view_state *view, const struct hg_draw *draw,
         .height = now.height,
         .jitter_px = {now.jitter_px[0], now.jitter_px[1]},
         .rgba = view->buffers.readback.mapped,
+        .checkerboard = hg_draw_is(draw, HG_DRAW_CHECKERBOARD),
+        .first = draw->request->moment & 1,
         .depth = (const float *)(const void *)back,
         .matrix_of_draw = places->draws,
         .draw_count = places->draw_count,
@@ -341,6 +367,7 @@ static enum hg_temporal_show shown(const struct hg_view_settings *s)
 {
     return s->debug == HG_DEBUG_VIEW_MOTION    ? HG_TEMPORAL_MOTION
            : s->debug == HG_DEBUG_VIEW_HISTORY ? HG_TEMPORAL_HISTORY
+           : s->debug == HG_DEBUG_VIEW_SCALE   ? HG_TEMPORAL_SCALE
                                                : HG_TEMPORAL_PICTURE;
 }
 
@@ -362,6 +389,9 @@ static enum hg_status resolve(
     if (matrices == NULL)
         return no_memory(err);
     fill_picture(view, draw, matrices, &picture);
+    float *depth = view->buffers.motion.mapped;
+    hg_mirror_view_move(
+        draw, depth, picture.ids ? (uint32_t *)(void *)(depth + pixels_of(draw)) : NULL);
     enum hg_status status =
         view->context->overrides.keeps_motion ? keep_motion(t, &picture) : HG_OK;
     if (status == HG_OK)
@@ -386,6 +416,13 @@ static enum hg_status keep_poses(struct hg_view_state *view, struct hg_error *er
     return status;
 }
 
+// The newest picture's depth.
+static struct hg_shadow_depth depth_of(const struct hg_draw *draw)
+{
+    const VkExtent2D size = hg_frame_size(draw);
+    return (struct hg_shadow_depth){draw->buffers->motion.mapped, size.width, size.height};
+}
+
 enum hg_status hg_temporal_view_resolve(
     struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
 {
@@ -393,12 +430,17 @@ enum hg_status hg_temporal_view_resolve(
     if (!hg_draw_is(draw, HG_DRAW_MOTION))
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    const size_t bytes = (size_t)view->settings.width * view->settings.height * 4;
+    const uint32_t size[2] = {view->settings.width, view->settings.height};
+    const float sharpen =
+        shown(&view->settings) == HG_TEMPORAL_PICTURE ? view->settings.sharpen : 0.0f;
     enum hg_status status = make_history(t, &view->settings, err);
     if (status == HG_OK)
         status = resolve(view, draw, t->pixels, err);
-    if (status == HG_OK)
-        memcpy(view->buffers.readback.mapped, t->pixels, bytes);
+    if (status == HG_OK && sharpen > 0.0f)
+        hg_temporal_sharpen(
+            view->context->jobs, t->pixels, size, sharpen, view->buffers.readback.mapped);
+    else if (status == HG_OK)
+        memcpy(view->buffers.readback.mapped, t->pixels, 4 * (size_t)size[0] * size[1]);
     if (status == HG_OK && hg_motion_table_note(&t->places, view->scene_gpu->geometry) != HG_OK)
         status = no_memory(err);
     if (status == HG_OK)
@@ -410,5 +452,21 @@ enum hg_status hg_temporal_view_resolve(
     t->moment = draw->request->moment;
     t->drawn = hg_draw_size(draw->request);
     hg_view_stats_add_stage(draw->stats, "temporal", hg_clock_now_ns() - start);
+    const struct hg_shadow_depth depth = depth_of(draw);
+    hg_lighting_see(view->lighting, &draw->frame->camera, &depth);
     return status;
+}
+
+void hg_temporal_view_show_pages(struct hg_view_state *view, const struct hg_draw *draw)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const struct hg_shadow_depth depth = depth_of(draw);
+    uint8_t *pixels = view->buffers.readback.mapped;
+    if (!hg_draw_is(draw, HG_DRAW_MOTION) || !hg_lighting_has_pages(view->lighting))
+        return;
+    for (uint32_t y = 0; y < s->height; y++)
+        for (uint32_t x = 0; x < s->width; x++, pixels += 4) {
+            const uint32_t px[2] = {x * depth.width / s->width, y * depth.height / s->height};
+            hg_lighting_page_color(view->lighting, &draw->frame->camera, &depth, px, pixels);
+        }
 }

@@ -50,5 +50,7 @@ enum hg_status hg_temporal_view_targets(
 // After the batch: `readback` has the picture. HG_E_NOMEM.
 enum hg_status hg_temporal_view_resolve(
     struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
+// Then the debug view of shadow pages in place of the picture.
+void hg_temporal_view_show_pages(struct hg_view_state *view, const struct hg_draw *draw);
 
 #endif

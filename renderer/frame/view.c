@@ -27,6 +27,7 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_image_destroy(gpu, &view->targets.behind);
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, &view->targets.pixels[i]);
+    hg_gpu_image_destroy(gpu, &view->targets.checkered);
     hg_tiled_accumulation_finish(gpu, &view->accumulation);
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.heads);
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.nodes);
@@ -119,6 +120,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_frame_history_finish(&view->history);
     hg_temporal_view_finish(gpu, &view->motion.temporal);
     hg_reflect_view_finish(gpu, &view->motion.reflections);
+    hg_mirror_view_finish(gpu, &view->motion.mirrors);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -264,7 +266,8 @@ static void note_quality(struct hg_view_state *view)
         {"host raster", HG_QUALITY_TRIANGLES}, {"skin", HG_QUALITY_TRIANGLES},
         {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
         {"probe light", HG_QUALITY_PIXELS}, {"reflections", HG_QUALITY_PIXELS},
-        {"reflection rays", HG_QUALITY_RAYS}, {"shading", HG_QUALITY_PIXELS},
+        {"reflection rays", HG_QUALITY_RAYS}, {"mirrors", HG_QUALITY_PIXELS},
+        {"shading", HG_QUALITY_PIXELS},
         {"blend visibility", HG_QUALITY_PIXELS}, {"blend sort", HG_QUALITY_PIXELS},
         {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
         {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};
@@ -279,7 +282,7 @@ static void note_quality(struct hg_view_state *view)
             known += is ? stage_ms : 0.0f;
         }
     ms[HG_QUALITY_REST] = fmaxf((float)((double)stats->step_ns * 1e-6) - known, 0.0f);
-    const bool scales = s->temporal != HG_VIEW_TEMPORAL_NONE && !(s->scale > 0.0f);
+    const bool scales = s->temporal == HG_VIEW_TEMPORAL_AUTO && !(s->scale > 0.0f);
     hg_quality_note(&view->motion.quality, ms, s->target_ms, scales);
 }
 
@@ -316,10 +319,11 @@ static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
     const bool moves = changed && r->max_samples == 1 && !hg_draw_is(draw, HG_DRAW_FINAL);
     if (!moves)
         return r->flags;
-    const bool coarse = needs_cascades(draw->lighting);
+    const bool coarse = needs_cascades(draw->lighting) || hg_lighting_has_pages(draw->lighting);
     const uint32_t debug = r->settings->debug;
     const bool legend = debug == HG_DEBUG_VIEW_MOTION || debug == HG_DEBUG_VIEW_HISTORY ||
-                        debug == HG_DEBUG_VIEW_REFLECTIONS;
+                        debug == HG_DEBUG_VIEW_SCALE || debug == HG_DEBUG_VIEW_REFLECTIONS ||
+                        debug == HG_DEBUG_VIEW_SHADOW_PAGES;
     const bool direct = !hg_draw_is(draw, HG_DRAW_ACCUMULATE) &&
                         (legend || (debug == 0 && (coarse || r->samples > 1)));
     return r->flags | (coarse ? HG_DRAW_COARSE_SHADOWS : 0) | (direct ? HG_DRAW_DIRECT : 0);
@@ -342,7 +346,7 @@ static enum hg_status run_shown(
         return status;
     }
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
-        hg_view_record_copy(draw, cmd, 0);
+        hg_view_record_copy(draw, cmd);
     hg_page_cache_end(pages, cmd);
     status = hg_gpu_submit_and_wait(draw->context->gpu, cmd, err);
     if (status != HG_OK)
@@ -355,6 +359,8 @@ static enum hg_status run_shown(
     status = hg_temporal_view_resolve(view, draw, err);
     if (status == HG_OK && draw->request->settings->debug == HG_DEBUG_VIEW_REFLECTIONS)
         hg_reflect_view_show(view, draw);
+    if (status == HG_OK && draw->request->settings->debug == HG_DEBUG_VIEW_SHADOW_PAGES)
+        hg_temporal_view_show_pages(view, draw);
     if (status == HG_OK)
         status = hg_frame_history_note(draw, err);
     return status == HG_OK ? hg_tiled_accumulation_shown(draw, err) : status;

@@ -30,9 +30,9 @@ enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buf
                            : status;
 }
 
-void hg_view_record_copy(const struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format)
+void hg_view_record_copy(const struct hg_draw *draw, struct hg_gpu_cmd *cmd)
 {
-    struct hg_gpu_image *pixels = &draw->targets->pixels[format];
+    struct hg_gpu_image *pixels = hg_draw_picture(draw);
     const struct hg_gpu_region all = {.width = pixels->width, .height = pixels->height};
     hg_gpu_image_read(cmd, pixels, &all, &draw->buffers->readback, 0);
 }

@@ -256,3 +256,9 @@ void hg_draw_tables_finish(struct hg_sync *s)
     hg_free(s->parts);
     hg_free(s->gpu_draws);
 }
+
+bool hg_geometry_blends(const struct hg_geometry *g)
+{
+    return g->draw_count > 0 &&
+           hg_draw_class_of(g->draws[g->draw_count - 1].gpu.flags) == HG_DRAW_CLASS_BLEND;
+}

@@ -3,6 +3,7 @@
 #include <float.h>
 
 #include "base/hash.h"
+#include "renderer/light/light_tint.h"
 #include "renderer/math/vec.h"
 
 #define MOST_CANDIDATES 64 // lamps that one hit weighs; of more every n-th, which count n times
@@ -140,13 +141,30 @@ static float illuminance(
     return e;
 }
 
+// What profile and image of a light leave of a colour; to: where it is lit from, unit, and how far
+// away.
+static void tint(const struct hg_lighting_sources *sources, const struct hg_gpu_light *light,
+    const struct hg_gi_receiver *r, const float to[3], float distance, float color[3])
+{
+    const float middle[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
+    float at[3], offset[3], whole[3], spot[3];
+    hg_light_tint(light, sources->tables, r->position, whole);
+    hg_mad3(r->position, to, distance < FLT_MAX ? distance : 0, at);
+    hg_sub3(at, middle, offset);
+    hg_light_surface_tint(light, sources->tables, offset, spot);
+    for (int c = 0; c < 3; c++)
+        color[c] *= whole[c] * spot[c];
+}
+
 static void ask(const struct hg_lighting_sources *sources, uint32_t light,
     const struct hg_gi_receiver *r, struct hg_gi_direct *out, uint32_t slot)
 {
     const struct hg_gpu_light *l = &sources->lights[light];
     float to[3], distance, lifted[3];
     const float e = illuminance(l, r, to, &distance);
-    const float color[3] = {l->color.x, l->color.y, l->color.z};
+    float color[3] = {l->color.x, l->color.y, l->color.z};
+    if (e > 0 && hg_light_is_tinted(l))
+        tint(sources, l, r, to, distance, color);
     for (int c = 0; c < 3; c++)
         out->light[slot][c] = color[c] * e * (float)(1 / HG_PI);
     if (!(e > 0) || !sources->casts[light])
@@ -158,10 +176,14 @@ static void ask(const struct hg_lighting_sources *sources, uint32_t light,
         .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
 }
 
-static float weight_of(const struct hg_gpu_light *light, const struct hg_gi_receiver *r)
+// What is dark by its profile or image has no weight.
+static float weight_of(const struct hg_lighting_sources *sources, const struct hg_gpu_light *light,
+    const struct hg_gi_receiver *r)
 {
-    float to[3], distance;
-    const float most = fmaxf(light->color.x, fmaxf(light->color.y, light->color.z));
+    float to[3], distance, whole[3];
+    hg_light_tint(light, sources->tables, r->position, whole);
+    const float most = fmaxf(
+        light->color.x * whole[0], fmaxf(light->color.y * whole[1], light->color.z * whole[2]));
     if (light->radiance > 0 && light->kind != HG_LIGHT_KIND_DIRECTIONAL) {
         // Whatever point is chosen may have light, so that no angle leaves it out.
         const float middle[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
@@ -182,7 +204,7 @@ static void ask_one(const struct hg_lighting_sources *sources, uint32_t first,
     float sum = 0, chosen_weight = 0, pick = r->xi;
     uint32_t chosen = UINT32_MAX;
     for (uint32_t i = first + shift; i < sources->count; i += stride) {
-        const float w = weight_of(&sources->lights[i], r);
+        const float w = weight_of(sources, &sources->lights[i], r);
         if (!(w > 0))
             continue;
         sum += w;

@@ -12,7 +12,7 @@
 #define IRRADIANCE_TEXELS HG_PROBE_IRRADIANCE_TEXELS
 #define MOMENT_SIDE       HG_PROBE_MOMENT_SIDE
 #define MOMENT_TEXELS     HG_PROBE_MOMENT_TEXELS
-#define PROBE_WORDS       (1 + 3 * IRRADIANCE_TEXELS + MOMENT_TEXELS)
+#define PROBE_WORDS       (1 + 4 * IRRADIANCE_TEXELS + MOMENT_TEXELS)
 #define INSET             0.25f // of the outermost probes from the bounds, in spacings
 #define INSIDE            0.25f // share of rays that meet backs, from which a probe sleeps
 #define CLEARANCE         0.15f // distance that probes keep from surfaces, in spacings
@@ -210,6 +210,18 @@ HG_SIMD_LOOP static void add_light(struct hg_gi_irradiance *to, const struct hg_
     }
 }
 
+// Few rays meet emitters.
+HG_SIMD_LOOP static void add_emitter(struct hg_gi_irradiance *to, const struct hg_gi_ray *ray,
+    const float directions[3][IRRADIANCE_TEXELS])
+{
+    const float *d = ray->direction;
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
+        const float c = d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
+        for (int k = 0; k < 3; k++)
+            to->emitters[k][t] += (c > 0 ? c : 0) * ray->emitted[k];
+    }
+}
+
 static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, float spacing,
     const struct hg_gi_lobes *lobes)
 {
@@ -319,8 +331,11 @@ void hg_gi_probe_gather(
     const struct hg_gi_lobes *lobes = &f->lobes;
     keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
     for (uint32_t i = 0; i < brought->count; i++) {
-        add_light(to, &brought->rays[i], (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance);
-        add_distance(&f->moments[probe], &brought->rays[i], f->spacing, lobes);
+        const struct hg_gi_ray *ray = &brought->rays[i];
+        add_light(to, ray, (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance);
+        if (ray->emitted[0] + ray->emitted[1] + ray->emitted[2] > 0)
+            add_emitter(to, ray, (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance);
+        add_distance(&f->moments[probe], ray, f->spacing, lobes);
     }
     // A ray stands for 4 pi / count steradians.
     const float scale = (float)brought->count /
@@ -500,6 +515,8 @@ static void pack_probe(void *user, size_t probe)
         f->words + (size_t)f->count * (1 + IRRADIANCE_TEXELS) + probe * MOMENT_TEXELS;
     uint32_t *reflection = f->words + (size_t)f->count * (1 + IRRADIANCE_TEXELS + MOMENT_TEXELS) +
                            probe * 2 * IRRADIANCE_TEXELS;
+    uint32_t *between = f->words + (size_t)f->count * (1 + 3 * IRRADIANCE_TEXELS + MOMENT_TEXELS) +
+                        probe * IRRADIANCE_TEXELS;
     const struct hg_gi_irradiance *from = &f->irradiance[probe];
     f->words[probe] = place_word(f, (uint32_t)probe);
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
@@ -507,6 +524,9 @@ static void pack_probe(void *user, size_t probe)
         const float sky = from->sky[t] * scale;
         irradiance[t] = hg_gi_rgb9e5(
             from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
+        between[t] = hg_gi_rgb9e5(fmaxf(from->light[0][t] - from->emitters[0][t], 0) * scale,
+            fmaxf(from->light[1][t] - from->emitters[1][t], 0) * scale,
+            fmaxf(from->light[2][t] - from->emitters[2][t], 0) * scale);
         reflection[2 * t] = hg_gi_rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
             from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);

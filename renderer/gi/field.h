@@ -16,6 +16,7 @@
 struct hg_gi_irradiance {
     float light[3][HG_PROBE_IRRADIANCE_TEXELS];    // radiance
     float surfaces[3][HG_PROBE_IRRADIANCE_TEXELS]; // of rays that hit
+    float emitters[3][HG_PROBE_IRRADIANCE_TEXELS]; // of emitters that rays met
     float sky[HG_PROBE_IRRADIANCE_TEXELS];         // 1 of rays that missed
     float weight[HG_PROBE_IRRADIANCE_TEXELS];
 };
@@ -58,6 +59,7 @@ struct hg_gi_ray {
     float direction[3]; // unit
     float distance;     // metres; FLT_MAX: it left the scene
     float light[3];
+    float emitted[3]; // of that what an emitter sent (hg_gi_material)
     bool back; // the back of a surface that has one side: what begins there lies inside of it
 };
 

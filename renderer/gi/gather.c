@@ -16,6 +16,7 @@
 #define FINEST_OF    4  // of so many samples; of more a smaller part,
 #define FINEST_MOST  3  // down to this share of it
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
+#define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
 #define STRIP        8  // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
 
@@ -24,6 +25,7 @@
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
+#define SUNLIT_REACH     1.5f  // those of shares of directional lights: their edges are sharp
 #define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
@@ -36,8 +38,9 @@
 enum { RED, GREEN, BLUE, OPEN_RED, OPEN_GREEN, OPEN_BLUE, SKY, WORTH, VARIANCE, LIGHT_PLANES };
 // Of surfaces. SLOPE_*: of depth, per px. CLOTH: 1 where sheen takes part in what scatters.
 enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, CLOTH, GUIDES };
-enum { SCATTERED, MIRRORED, KINDS };
-static const int colours[KINDS] = {WORTH, OPEN_RED}; // planes that are averaged
+// SUNLIT: the share of directional lights that is seen, in place of a colour.
+enum { SCATTERED, MIRRORED, SUNLIT, KINDS };
+static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN}; // planes that are averaged
 
 struct hg_gi_gather {
     struct hg_gi_gather_input in; // sums and halves while it is loaded
@@ -96,15 +99,12 @@ static void set_light(struct hg_gi_gather *w, int kind, size_t at)
 {
     const struct hg_gi_gather_input *in = &w->in;
     const size_t pixels = pixels_of(w);
-    const size_t lobes[KINDS][2] = {{HG_PATH_GUIDE_DIRECT, HG_PATH_GUIDE_INDIRECT},
-        {HG_PATH_GUIDE_SPECULAR, HG_PATH_GUIDE_SPECULAR}};
+    const size_t lobe = kind == SCATTERED ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_SPECULAR;
     const size_t albedo_at = kind == SCATTERED ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
     const float first = (float)in->first_half, second = (float)(in->samples - in->first_half);
     float all[3] = {0}, half[3] = {0}, albedo[3] = {0}, worth = 0, differs[3] = {0};
-    for (int i = 0; i < (kind == SCATTERED ? 2 : 1); i++) {
-        add3(in->sums, lobes[kind][i], pixels, at, all);
-        add3(in->halves, lobes[kind][i], pixels, at, half);
-    }
+    add3(in->sums, lobe, pixels, at, all);
+    add3(in->halves, lobe, pixels, at, half);
     add3(in->sums, albedo_at, pixels, at, albedo);
     float open[3] = {0}, sky[3] = {0};
     // Cloth does not weigh light by the cosine alone, as the irradiance that shading knows does.
@@ -130,6 +130,25 @@ static void set_light(struct hg_gi_gather *w, int kind, size_t at)
     w->from[kind][VARIANCE][at] = 0.25f * d * d;
 }
 
+// Share of directional lights that is seen. Nothing is known where none is faced: such pixels count
+// for no other.
+static void set_sun(struct hg_gi_gather *w, size_t at)
+{
+    const size_t open_at = HG_PATH_GUIDE_OPEN_SUN * pixels_of(w) + at;
+    const size_t seen_at = HG_PATH_GUIDE_SEEN_SUN * pixels_of(w) + at;
+    const float open = w->in.sums[open_at], seen = w->in.sums[seen_at];
+    const float half_open = w->in.halves[open_at], half_seen = w->in.halves[seen_at];
+    if (!(open > 0))
+        return;
+    const float rest = fmaxf(open - half_open, 0);
+    const float first = half_seen / fmaxf(half_open, 1e-6f * open);
+    const float second = fmaxf(seen - half_seen, 0) / fmaxf(rest, 1e-6f * open);
+    const float d = fminf(first, 1) - fminf(second, 1);
+    w->from[SUNLIT][RED][at] = fminf(seen / open, 1);
+    w->from[SUNLIT][WORTH][at] = 1;
+    w->from[SUNLIT][VARIANCE][at] = 0.25f * d * d;
+}
+
 static void load_row(void *user, size_t y)
 {
     struct hg_gi_gather *w = user;
@@ -139,8 +158,9 @@ static void load_row(void *user, size_t y)
         if (!(hits > 0)) // planes are zero
             continue;
         set_guides(w, at, hits);
-        for (int kind = 0; kind < KINDS; kind++)
-            set_light(w, kind, at);
+        set_light(w, SCATTERED, at);
+        set_light(w, MIRRORED, at);
+        set_sun(w, at);
     }
 }
 
@@ -155,27 +175,34 @@ static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool af
     return here > 0 && isfinite(least) ? least : 0;
 }
 
+// Mean of the variances around a pixel.
+static float variance_about(
+    const struct hg_gi_gather *w, int kind, size_t x, size_t y, size_t reach)
+{
+    const size_t width = w->in.width, height = w->in.height;
+    const size_t y0 = y > reach ? y - reach : 0, x0 = x > reach ? x - reach : 0;
+    float sum = 0, count = 1e-6f;
+    for (size_t v = y0; v < height && v <= y + reach; v++)
+        for (size_t u = x0; u < width && u <= x + reach; u++) {
+            sum += w->from[kind][VARIANCE][v * width + u];
+            count += w->guides[DEPTH][v * width + u] > 0 ? 1.0f : 0.0f;
+        }
+    return sum / count;
+}
+
 // Slopes, and variances that are means over 7 x 7 px, as those of single pixels are noise
-// themselves.
+// themselves; penumbrae are narrow.
 static void prepare_row(void *user, size_t y)
 {
     struct hg_gi_gather *w = user;
     const size_t width = w->in.width, height = w->in.height;
-    const size_t y0 = y > 3 ? y - 3 : 0, y1 = y + 4 < height ? y + 4 : height;
     for (size_t x = 0; x < width; x++) {
-        const size_t at = y * width + x, x0 = x > 3 ? x - 3 : 0, x1 = x + 4 < width ? x + 4 : width;
+        const size_t at = y * width + x;
         w->guides[SLOPE_X][at] = slope(w->guides[DEPTH], at, 1, x > 0, x + 1 < width);
         w->guides[SLOPE_Y][at] =
             slope(w->guides[DEPTH], at, (ptrdiff_t)width, y > 0, y + 1 < height);
-        for (int kind = 0; kind < KINDS; kind++) {
-            float sum = 0, count = 1e-6f;
-            for (size_t v = y0; v < y1; v++)
-                for (size_t u = x0; u < x1; u++) {
-                    sum += w->from[kind][VARIANCE][v * width + u];
-                    count += w->guides[DEPTH][v * width + u] > 0 ? 1.0f : 0.0f;
-                }
-            w->to[kind][VARIANCE][at] = sum / count;
-        }
+        for (int kind = 0; kind < KINDS; kind++)
+            w->to[kind][VARIANCE][at] = variance_about(w, kind, x, y, kind == SUNLIT ? 1 : 3);
     }
 }
 
@@ -218,7 +245,8 @@ HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, siz
     const ptrdiff_t to = tap->to;
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
     const float mirrored = w->kind == MIRRORED ? 1.0f : 0.0f;
-    const float looks = w->step >> BLIND > 0 ? 1.0f : 0.0f;
+    const float looks = w->kind == SUNLIT || w->step >> BLIND > 0 ? 1.0f : 0.0f;
+    const float deviations = w->kind == SUNLIT ? SUNLIT_REACH : LIGHT_REACH;
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
         const float cosine = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
@@ -231,7 +259,7 @@ HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, siz
                           DEPTH_REACH * px * z[x] + 1e-6f;
         const float lx = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
         const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
-        const float deviation = LIGHT_REACH * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
+        const float deviation = deviations * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
         const float like = approach_zero(looks * fabsf(lx - lq) / deviation);
         const float same = 1 - fabsf(cloth[x] - cloth[q]);
         float weight = kernel * n * approach_zero(apart / may) * like * same * worth[q];
@@ -360,6 +388,17 @@ static void part_row(void *user, size_t y)
     }
 }
 
+static uint32_t pack_sides(const float normal[3], float sunlit)
+{
+    const uint32_t fine = hg_pack_normal(normal);
+    uint32_t word = (uint32_t)(sqrtf(sunlit) * 255 + 0.5f) << 16;
+    for (int i = 0; i < 2; i++) {
+        const float along = (float)(int16_t)(fine >> (16 * i)) * (127.0f / 32767);
+        word |= (uint32_t)((int)rintf(along) & 0xff) << (8 * i);
+    }
+    return word;
+}
+
 static void pack_row(void *user, size_t y)
 {
     struct hg_gi_gather *w = user;
@@ -380,7 +419,7 @@ static void pack_row(void *user, size_t y)
         }
         out[0] = hg_gi_rgb9e5(irradiance[0], irradiance[1], irradiance[2]);
         out[1] = hg_gi_rgb9e5(radiance[0], radiance[1], radiance[2]);
-        out[2] = hg_pack_normal(n);
+        out[2] = pack_sides(n, w->from[SUNLIT][RED][at]);
         memcpy(&bits, &depth, sizeof bits);
         out[3] = (bits & ~HG_GATHERED_SHARE_MASK) |
                  (uint32_t)(sqrtf(s[SKY][at] * scatters) * HG_GATHERED_SHARE_MASK + 0.5f);
@@ -410,7 +449,8 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
     hg_jobs_for(jobs, height, prepare_row, w);
     for (w->kind = 0; w->kind < KINDS; w->kind++) {
         swap_planes(w, w->kind, VARIANCE);
-        for (w->step = 1; w->step <= widest; w->step *= 2) {
+        const uint32_t most = w->kind == SUNLIT ? SUNLIT_STEP : widest;
+        for (w->step = 1; w->step <= most; w->step *= 2) {
             hg_jobs_for(jobs, strips_of(w), filter_strip, w);
             for (int plane = 0; plane < LIGHT_PLANES; plane++)
                 swap_planes(w, w->kind, plane);
@@ -427,8 +467,11 @@ static size_t lay_out(
     size_t count = 0;
     for (int kind = 0; kind < KINDS; kind++)
         for (int plane = 0; plane < LIGHT_PLANES; plane++) {
-            if (plane >= colours[kind] && plane < WORTH)
+            if (plane >= colours[kind] && plane < WORTH) {
+                if (memory != NULL && kind == SUNLIT && plane <= BLUE) // luminance is the share
+                    planes[kind][plane] = planes[kind][RED];
                 continue;
+            }
             if (memory != NULL)
                 planes[kind][plane] = memory + count * pixels_of(w);
             count++;

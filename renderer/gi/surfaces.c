@@ -84,8 +84,9 @@ static struct hg_gi_material make_material(
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
         out.albedo[c] =
             m->unlit ? 0 : (color * (1 - mirrored) + mirrored) * (1 - metallic) + color * metallic;
-        out.emission[c] = m->emissive[c] * glow[c] + (m->unlit ? color : 0);
-        out.emission[c] = hg_clampf(out.emission[c], 0, 1e9f);
+        const float emissive = m->emissive[c] * glow[c];
+        out.emitted[c] = m->unlit ? 0 : hg_clampf(emissive, 0, 1e9f);
+        out.emission[c] = m->unlit ? hg_clampf(emissive + color, 0, 1e9f) : out.emitted[c];
     }
     return out;
 }

@@ -12,6 +12,7 @@ struct hg_gi_material {
     uint64_t id, revision;
     float albedo[3];   // of all light that comes back, mirrored or scattered
     float emission[3]; // radiance
+    float emitted[3];  // of that what rays to lights find: colours of unlit surfaces are no light
     bool double_sided;
 };
 

@@ -218,6 +218,7 @@ static void receive(const struct run *w, size_t i, const struct hg_gi_surface *s
     for (int a = 0; a < 3; a++)
         point.view[a] = -out->direction[a];
     hg_gi_field_irradiance(w->wave.light, &point, xi, bounced);
+    hg_copy3(surface->material->emitted, out->emitted);
     for (int c = 0; c < 3; c++) {
         out->light[c] = surface->material->emission[c] + surface->material->albedo[c] * bounced[c];
         for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)

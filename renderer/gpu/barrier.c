@@ -184,18 +184,35 @@ void hg_gpu_image_use(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image, enum h
     hg_gpu_image_use_mips(cmd, image, 0, image->mips, use);
 }
 
-void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
-    const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset)
+static VkBufferImageCopy copy_of(
+    const struct hg_gpu_image *image, const struct hg_gpu_region *region, uint64_t offset)
 {
     const bool slices = image->kind == HG_GPU_IMAGE_3D;
-    hg_gpu_image_use_mips(cmd, image, region->mip, 1, HG_GPU_USE_COPY_READ);
-    const VkBufferImageCopy copy = {
+    return (VkBufferImageCopy){
         .bufferOffset = offset,
         .imageSubresource = {image->aspect, region->mip, slices ? 0 : region->layer, 1},
         .imageOffset = {(int32_t)region->x, (int32_t)region->y,
             slices ? (int32_t)region->layer : 0},
         .imageExtent = {region->width, region->height, 1},
     };
+}
+
+void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
+    const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset)
+{
+    const VkBufferImageCopy copy = copy_of(image, region, offset);
+    hg_gpu_image_use_mips(cmd, image, region->mip, 1, HG_GPU_USE_COPY_READ);
     vkCmdCopyImageToBuffer(
         cmd->handle, image->handle, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, to->handle, 1, &copy);
+}
+
+void hg_gpu_image_write(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
+    const struct hg_gpu_region *region, const struct hg_gpu_buffer *from, uint64_t offset,
+    uint32_t row_px)
+{
+    VkBufferImageCopy copy = copy_of(image, region, offset);
+    copy.bufferRowLength = row_px;
+    hg_gpu_image_use_mips(cmd, image, region->mip, 1, HG_GPU_USE_COPY_WRITE);
+    vkCmdCopyBufferToImage(
+        cmd->handle, from->handle, image->handle, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
 }

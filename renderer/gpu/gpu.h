@@ -250,6 +250,10 @@ void hg_gpu_memory_barrier(struct hg_gpu_cmd *cmd);
 // Image or buffer to a host-readable buffer: rows tight, one mip and layer.
 void hg_gpu_image_read(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
     const struct hg_gpu_region *region, const struct hg_gpu_buffer *to, uint64_t offset);
+// Buffer to one mip and layer of an image; rows of the buffer are row_px texels apart.
+void hg_gpu_image_write(struct hg_gpu_cmd *cmd, struct hg_gpu_image *image,
+    const struct hg_gpu_region *region, const struct hg_gpu_buffer *from, uint64_t offset,
+    uint32_t row_px);
 
 // A piece of a live buffer, by address (a multiple of 256). Zeroed = a dummy, which reads as zero.
 struct hg_gpu_uniform {

@@ -102,7 +102,9 @@ static struct hg_gpu_light light_of(const struct hg_light_sum *s)
         .direction_ws = {s->axis[0], s->axis[1], s->axis[2]},
         .kind = HG_LIGHT_KIND_POINT,
         .shadow = HG_SHADOW_NONE,
-        .half_width = sqrtf(2 * s->spread_sq)};
+        .half_width = sqrtf(2 * s->spread_sq),
+        .profile = HG_LIGHT_NO_TABLE,
+        .image = HG_LIGHT_NO_TABLE};
     float solid_angle = 4 * PI;
     if (s->flat && !s->uneven) {
         const float radius = fmaxf(light.half_width, 1e-3f);
@@ -254,14 +256,21 @@ static uint64_t lamps_signature(const struct hg_gpu_light *lamps, uint32_t count
     return h | 1;
 }
 
-// Ways from the root to lamps with shadow maps.
+static bool is_alone(const struct hg_gpu_light *lamp)
+{
+    return lamp->shadow != HG_SHADOW_NONE || lamp->profile != HG_LIGHT_NO_TABLE ||
+           lamp->image != HG_LIGHT_NO_TABLE;
+}
+
+// Ways from the root to lamps with shadow maps, profiles or images, which no other light stands
+// for.
 static void mark_shadowed(
     struct hg_light_cuts *cuts, const struct hg_gpu_light *lamps, uint32_t count)
 {
     memset(cuts->shadowed, 0, cuts->node_count * sizeof *cuts->shadowed);
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t trail = cuts->trails[i];
-        if (lamps[i].shadow == HG_SHADOW_NONE || trail == HG_EMITTER_NONE)
+        if (!is_alone(&lamps[i]) || trail == HG_EMITTER_NONE)
             continue;
         uint32_t at = cuts->lamp_roots[i], child;
         cuts->shadowed[at] = true;

@@ -8,7 +8,9 @@
 #include "renderer/light/ltc/ltc_embed.h"
 #include "renderer/light/env/env_device.h"
 #include "renderer/light/env/sky.h"
+#include "renderer/light/shadow/shadow_pages.h"
 #include "renderer/light/shadow/shadow_plan.h"
+#include "renderer/light/shadow/shadow_sight.h"
 #include "renderer/math/vec.h"
 
 #define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
@@ -16,22 +18,38 @@
 // the others so many in a picture.
 #define ALWAYS_DRAWN 48
 #define MOST_FRESH   12
+// Share of a picture where texels of the sun's whole map are coarse, from which on pages come, and
+// below which they go.
+#define PAGES_FROM  0.25f
+#define PAGES_LEAST 0.1f
 
 struct hg_lighting {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     struct hg_lighting_params params;
     struct hg_env_device env;
-    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
+    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries, tables;
+    struct {
+        uint32_t *words; // what `tables` holds
+        uint64_t hash;
+    } tabled;
     struct hg_gpu_image atlas;
     struct hg_light_set set;
     struct hg_clusters cells;
     struct hg_light_cuts cuts;
     struct hg_sky_disc sun;
     struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
+    struct {
+        struct hg_shadow_pages *table; // NULL until a picture has some
+        uint32_t due;                  // maps of the plan behind `count`
+        bool pay;                      // the newest picture in motion gains by them
+    } pages;
     uint64_t drawn_shape_revision, atlas_revision;
-    uint32_t deferred; // maps that this picture does without
-    bool moves;        // as the newest view said
+    struct {
+        uint32_t deferred; // maps that this picture does without
+        uint32_t unseen;   // maps that it has no use for
+    } left_out;
+    bool moves; // as the newest view said
     bool unshadowed_told;
     struct hg_gpu_lighting block; // without what changes from sample to sample
 };
@@ -97,14 +115,17 @@ void hg_lighting_destroy(struct hg_lighting *l)
         return;
     hg_env_device_finish(&l->env, l->gpu);
     hg_gpu_image_destroy(l->gpu, &l->atlas);
-    struct hg_gpu_buffer *buffers[] = {&l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries};
+    struct hg_gpu_buffer *buffers[] = {
+        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tables};
     for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
         hg_gpu_buffer_destroy(l->gpu, buffers[i]);
+    hg_free(l->tabled.words);
     hg_light_set_finish(&l->set);
     hg_clusters_finish(&l->cells);
     hg_light_cuts_finish(&l->cuts);
     hg_shadow_plan_finish(&l->plan);
     hg_shadow_plan_finish(&l->drawn);
+    hg_free(l->pages.table);
     hg_free(l);
 }
 
@@ -132,13 +153,20 @@ static const struct hg_shadow_map *find_drawn(
     return NULL;
 }
 
+// It is known where casters moved since the atlas was drawn.
+static bool knows_moved(const struct hg_lighting *l, const struct hg_lighting_view *view)
+{
+    return l->drawn_shape_revision == view->shape_revision ||
+           (view->moved && view->shape_before == l->drawn_shape_revision);
+}
+
 // A map is kept when the atlas holds the same projection in the same place and nothing moved; where
 // casters moved, that part of it is drawn again.
 static enum hg_status mark_stale(
     struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
 {
     const bool moved = l->drawn_shape_revision != view->shape_revision;
-    bool known = !moved || (view->moved && view->shape_before == l->drawn_shape_revision);
+    bool known = knows_moved(l, view);
     if (l->plan.atlas_px && l->plan.atlas_px != l->atlas.width) {
         struct hg_gpu_image next = {0};
         enum hg_status status = create_atlas(l, l->plan.atlas_px, &next, err);
@@ -147,21 +175,76 @@ static enum hg_status mark_stale(
         hg_gpu_image_destroy(l->gpu, &l->atlas);
         l->atlas = next;
         known = false;
+        if (l->pages.table)
+            hg_shadow_pages_forget(l->pages.table);
     }
     for (uint32_t i = 0; i < l->plan.count; i++) {
         struct hg_shadow_map *map = &l->plan.maps[i];
         const struct hg_shadow_map *drawn = known ? find_drawn(l, map) : NULL;
-        map->stale = true;
-        map->partly = drawn != NULL;
-        if (!drawn)
+        map->stale = !(l->plan.paged && i == l->plan.pool);
+        map->partly = drawn != NULL && map->stale;
+        if (!drawn || !map->stale)
             continue;
         map->dirty = drawn->stale ? drawn->dirty : (struct hg_shadow_rect){0};
         for (uint32_t k = 0; k < view->moved_count && moved; k++)
             hg_shadow_map_touch(map, &view->moved[k]);
         map->stale = !is_empty(&map->dirty);
     }
-    l->drawn_shape_revision = view->shape_revision;
     return HG_OK;
+}
+
+// Which pages are held and which are drawn in this picture.
+static enum hg_status sync_pages(
+    struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
+{
+    struct hg_shadow_plan *plan = &l->plan;
+    if (plan->paged && !l->pages.table)
+        l->pages.table = hg_calloc(1, sizeof *l->pages.table);
+    if (plan->paged &&
+        (!l->pages.table || hg_grow(&plan->maps, &plan->capacity,
+                                (size_t)plan->count + HG_SHADOW_FRESH_PAGES, sizeof *plan->maps)))
+        return hg_error_set(err, HG_E_NOMEM, "shadow pages", NULL, "no memory for their table");
+    if (!l->pages.table)
+        return HG_OK;
+    const struct hg_shadow_map *pool = plan->paged ? &plan->maps[plan->pool] : NULL;
+    hg_shadow_pages_begin(
+        l->pages.table, pool ? &pool->gpu : NULL, pool ? &pool[1].gpu : NULL, view->camera);
+    const bool moved = l->drawn_shape_revision != view->shape_revision;
+    if (!knows_moved(l, view))
+        hg_shadow_pages_forget(l->pages.table);
+    else if (moved)
+        for (uint32_t k = 0; k < view->moved_count; k++)
+            hg_shadow_pages_touch(l->pages.table, &view->moved[k]);
+    l->pages.due = pool ? hg_shadow_pages_plan(l->pages.table, plan->maps + plan->count) : 0;
+    return HG_OK;
+}
+
+// Maps that nothing in the picture is shadowed by are not drawn. While a view moves and no other
+// map is due, one of them is, so that a turn does not find all of them stale.
+static void defer_unseen(struct hg_lighting *l, const struct hg_lighting_view *view)
+{
+    const struct hg_shadow_sight sight = hg_shadow_sight_make(view->camera);
+    struct hg_shadow_map *ahead = NULL;
+    uint32_t due = l->pages.due;
+    l->left_out.unseen = 0;
+    for (uint32_t i = 0; i < l->set.count; i++) {
+        struct hg_gpu_light *light = &l->set.items[i];
+        if (light->shadow == HG_SHADOW_NONE || light->kind == HG_LIGHT_KIND_DIRECTIONAL)
+            continue;
+        const bool seen = hg_shadow_sight_has_light(&sight, light);
+        for (uint32_t k = 0; k < light->shadow_count; k++) {
+            struct hg_shadow_map *map = &l->plan.maps[light->shadow + k];
+            map->deferred = !seen || !hg_shadow_sight_has_map(&sight, light, map);
+            l->left_out.unseen += map->deferred;
+            due += map->stale && !map->deferred;
+            if (map->stale && map->deferred && !ahead)
+                ahead = map;
+        }
+        if (!seen)
+            light->shadow = HG_SHADOW_NONE;
+    }
+    if (view->moves && due == 0 && ahead)
+        ahead->deferred = false;
 }
 
 // Leaves maps of lamps for later while the view moves. Lights of a plan are in the order of their
@@ -169,7 +252,7 @@ static enum hg_status mark_stale(
 static void defer_maps(struct hg_lighting *l, bool moves)
 {
     uint32_t fresh = 0;
-    l->deferred = 0;
+    l->left_out.deferred = 0;
     for (uint32_t i = 0; i < l->set.count && moves; i++) {
         struct hg_gpu_light *light = &l->set.items[i];
         if (light->shadow == HG_SHADOW_NONE || light->kind == HG_LIGHT_KIND_DIRECTIONAL ||
@@ -178,21 +261,53 @@ static void defer_maps(struct hg_lighting *l, bool moves)
         struct hg_shadow_map *maps = &l->plan.maps[light->shadow];
         uint32_t stale = 0;
         for (uint32_t k = 0; k < light->shadow_count; k++)
-            stale += maps[k].stale;
+            stale += maps[k].stale && !maps[k].deferred;
         fresh += stale;
         if (stale == 0 || fresh <= MOST_FRESH)
             continue;
         for (uint32_t k = 0; k < light->shadow_count; k++)
             maps[k].deferred = true;
-        l->deferred += light->shadow_count;
+        l->left_out.deferred += light->shadow_count;
         light->shadow = HG_SHADOW_NONE;
     }
 }
 
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *l, uint32_t *count)
 {
-    *count = l->plan.count;
+    *count = l->plan.count + l->pages.due;
     return l->plan.maps;
+}
+
+bool hg_lighting_has_pages(const struct hg_lighting *l)
+{
+    return l->plan.paged;
+}
+
+void hg_lighting_see(
+    struct hg_lighting *l, const struct hg_gpu_camera *camera, const struct hg_shadow_depth *depth)
+{
+    const struct hg_gpu_light *sun = l->set.count > 0 ? &l->set.items[0] : NULL;
+    if (l->plan.paged)
+        hg_shadow_pages_see(l->pages.table, camera, depth);
+    if (!l->moves || !sun || sun->kind != HG_LIGHT_KIND_DIRECTIONAL ||
+        sun->shadow == HG_SHADOW_NONE)
+        return;
+    const float texel = l->plan.maps[sun->shadow + sun->shadow_count - 1].gpu.texel_size;
+    const float share = hg_shadow_pages_share(texel, camera, depth);
+    l->pages.pay = share > (l->pages.pay ? PAGES_LEAST : PAGES_FROM);
+}
+
+void hg_lighting_page_color(const struct hg_lighting *l, const struct hg_gpu_camera *camera,
+    const struct hg_shadow_depth *depth, const uint32_t pixel[2], uint8_t out[4])
+{
+    if (l->plan.paged)
+        hg_shadow_pages_color(l->pages.table, camera, depth, pixel, out);
+}
+
+uint64_t hg_lighting_shadow_table_bytes(const struct hg_lighting *l)
+{
+    return l->plan.count * sizeof(struct hg_gpu_shadow) +
+           (l->plan.paged ? sizeof l->pages.table->table : 0);
 }
 
 uint64_t hg_lighting_shape_revision(const struct hg_lighting *l)
@@ -224,14 +339,37 @@ static enum hg_status put(struct hg_lighting *l, struct hg_gpu_buffer *buffer, c
 
 static enum hg_status upload_shadows(struct hg_lighting *l, struct hg_error *err)
 {
-    struct hg_gpu_shadow *shadows = hg_calloc(l->plan.count + 1, sizeof *shadows);
+    const uint64_t bytes = hg_lighting_shadow_table_bytes(l);
+    struct hg_gpu_shadow *shadows = hg_calloc(1, bytes + sizeof *shadows);
     if (!shadows)
         return hg_error_set(err, HG_E_NOMEM, "shadow maps", NULL, "no memory");
     for (uint32_t i = 0; i < l->plan.count; i++)
         shadows[i] = l->plan.maps[i].gpu;
-    enum hg_status status =
-        put(l, &l->shadows, "shadow maps", shadows, l->plan.count * sizeof *shadows, err);
+    if (l->plan.paged)
+        memcpy(shadows + l->plan.count, l->pages.table->table, sizeof l->pages.table->table);
+    enum hg_status status = put(l, &l->shadows, "shadow maps", shadows, bytes, err);
     hg_free(shadows);
+    return status;
+}
+
+// Profiles and images, when they are others than before.
+static enum hg_status upload_tables(struct hg_lighting *l, struct hg_error *err)
+{
+    const uint64_t hash = hg_light_set_table_hash(&l->set);
+    const uint64_t bytes = (uint64_t)l->set.word_count * sizeof *l->tabled.words;
+    if (hash == l->tabled.hash)
+        return HG_OK;
+    hg_free(l->tabled.words);
+    l->tabled.hash = 0;
+    l->tabled.words = hg_calloc((size_t)l->set.word_count + 1, sizeof *l->tabled.words);
+    if (!l->tabled.words)
+        return hg_error_set(err, HG_E_NOMEM, "light tables", NULL, "no memory");
+    hg_light_set_tables(&l->set, l->tabled.words);
+    if (l->set.left_out > 0)
+        hg_warn(LIGHT, "profiles or images of %u lights have no room", l->set.left_out);
+    enum hg_status status = put(l, &l->tables, "light tables", l->tabled.words, bytes, err);
+    if (!status)
+        l->tabled.hash = hash;
     return status;
 }
 
@@ -241,6 +379,8 @@ static enum hg_status upload_lists(struct hg_lighting *l, struct hg_error *err)
     const struct hg_gpu_light *lights = cut ? l->cuts.lights : l->set.items;
     const uint64_t count = cut ? l->cuts.count : l->set.count;
     enum hg_status status = put(l, &l->lights, "lights", lights, count * sizeof *lights, err);
+    if (!status)
+        status = upload_tables(l, err);
     if (!status)
         status = upload_shadows(l, err);
     if (!status && l->cells.used)
@@ -285,6 +425,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_lights = l->entries.address,
         .irradiance = l->env.irradiance.address,
         .dfg = l->dfg.address,
+        .tables = l->tables.address,
         .light_count = cut ? l->cuts.count : l->set.count,
         .global_count = cut ? l->set.directional_count : l->set.global_count,
         .clustered = l->cells.used,
@@ -297,6 +438,14 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_z_bias = l->cells.z_bias,
         .shadow_inv_size = 1 / (float)l->atlas.width};
     fill_environment(l, &view->scene->environment);
+    b->pages.shadow = HG_SHADOW_NONE;
+    if (l->plan.paged) {
+        const uint64_t maps_bytes = l->plan.count * sizeof(struct hg_gpu_shadow);
+        hg_shadow_pages_fill(l->pages.table, &b->pages);
+        b->pages.table = l->shadows.address + maps_bytes;
+        b->pages.first = (uint32_t)(maps_bytes / 4);
+        b->pages.shadow = l->plan.pool;
+    }
 }
 
 // The disc of a sky is a directional light with a shadow, as it is for paths (emitter_lights.c).
@@ -309,9 +458,16 @@ static enum hg_status add_sky_sun(struct hg_lighting *l, const struct hg_environ
 }
 
 enum hg_status hg_lighting_sync(
-    struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
+    struct hg_lighting *l, const struct hg_lighting_view *asked, struct hg_error *err)
 {
+    struct hg_lighting_view here = *asked;
+    if (here.paging == HG_PAGING_AUTO)
+        here.paging = l->pages.pay ? HG_PAGING_ON : HG_PAGING_OFF;
+    const struct hg_lighting_view *view = &here;
     const struct hg_environment *env = &view->scene->environment;
+    if (l->pages.table) // what became of those that were due
+        hg_shadow_pages_drawn(l->pages.table, l->plan.maps + l->plan.count, l->pages.due);
+    l->pages.due = 0;
     enum hg_status status = hg_light_set_collect(&l->set, view->scene, view->origin);
     const bool has_sun = l->set.directional_count > 0;
     if (!status)
@@ -331,9 +487,13 @@ enum hg_status hg_lighting_sync(
     if (status)
         return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
     status = mark_stale(l, view, err);
+    if (!status)
+        status = sync_pages(l, view, err);
     if (status)
         return status;
+    l->drawn_shape_revision = view->shape_revision;
     l->moves = view->moves;
+    defer_unseen(l, view);
     defer_maps(l, many && view->moves);
     if (l->cells.overflow)
         status = hg_light_cuts_build(&l->cuts, &l->cells, &l->set, view, l->jobs);
@@ -398,6 +558,7 @@ void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources
 {
     const struct hg_gpu_lighting *b = &l->block;
     *out = (struct hg_lighting_sources){.lights = l->set.items,
+        .tables = l->tabled.words,
         .casts = l->set.casts,
         .count = l->set.count,
         .directional_count = l->set.directional_count,
@@ -416,22 +577,29 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .shadowed_lights = l->plan.shadowed_lights,
         .unshadowed_lights = l->plan.unshadowed_lights,
         .shadow_maps = l->plan.count,
-        .shadow_maps_deferred = l->deferred,
+        .shadow_maps_deferred = l->left_out.deferred,
+        .shadow_maps_unseen = l->left_out.unseen,
         .clusters = l->cells.used ? HG_CLUSTER_COUNT : 0,
         .cluster_entries = l->cells.entry_count,
-        .hasty = l->deferred > 0 || (l->cells.overflow && l->moves),
+        .hasty = l->left_out.deferred > 0 || (l->cells.overflow && l->moves),
         .lights_in_lists = l->cells.overflow ? l->cuts.count : l->set.count,
         .environment_ns = l->env.prefilter_ns,
         .environment_cached = l->env.from_cache};
-    for (uint32_t i = 0; i < l->set.count; i++)
-        out->sized_lights += l->set.items[i].radiance > 0;
+    for (uint32_t i = 0; i < l->set.count; i++) {
+        const struct hg_gpu_light *light = &l->set.items[i];
+        out->sized_lights += light->radiance > 0;
+        out->tabled_lights +=
+            light->profile != HG_LIGHT_NO_TABLE || light->image != HG_LIGHT_NO_TABLE;
+    }
     for (uint32_t i = 0; i < l->plan.count; i++)
-        out->shadow_maps_stale += l->plan.maps[i].stale;
+        out->shadow_maps_stale += l->plan.maps[i].stale && !l->plan.maps[i].deferred;
+    if (l->plan.paged)
+        out->pages = l->pages.table->stats;
     for (uint32_t i = 0; i < l->plan.count; i++)
         out->shadow_maps_partly += l->plan.maps[i].stale && l->plan.maps[i].partly;
     out->device_bytes = l->env.specular.memory.size_bytes + l->env.radiance.memory.size_bytes +
                         l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
                         l->dfg.memory.size_bytes + l->lights.memory.size_bytes +
                         l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
-                        l->entries.memory.size_bytes;
+                        l->entries.memory.size_bytes + l->tables.memory.size_bytes;
 }

@@ -30,6 +30,12 @@ enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     struct hg_error *err) HG_MUST_CHECK;
 void hg_lighting_destroy(struct hg_lighting *lighting); // accepts NULL
 
+enum hg_shadow_paging {
+    HG_PAGING_OFF,
+    HG_PAGING_AUTO, // where much of what is seen is nearer than the texels of its whole map are for
+    HG_PAGING_ON,
+};
+
 // What a view looks at.
 struct hg_lighting_view {
     const struct hg_scene *scene;       // hg_scene_update was called
@@ -42,6 +48,7 @@ struct hg_lighting_view {
     const struct hg_box *moved;         // [moved_count] there, relative to origin; NULL: anywhere
     uint32_t moved_count;
     bool moves; // of many lamps maps may be left for later, and lists be short
+    enum hg_shadow_paging paging;       // of a sun without a size, in place of finer cascades
     bool has_bounds;                    // hg_geometry_bounds returned true
     float bounds_min[3], bounds_max[3]; // relative to origin
     bool has_ground;                    // shadows are also looked up on a plane below the scene
@@ -61,6 +68,9 @@ void hg_lighting_fill(
 // Shape revision that the newest sync was given, 0 before the first.
 uint64_t hg_lighting_shape_revision(const struct hg_lighting *lighting);
 
+// Bytes of the table of shadow maps, with that of pages.
+uint64_t hg_lighting_shadow_table_bytes(const struct hg_lighting *lighting);
+
 // Images for HG_BIND_ENV_SPECULAR, HG_BIND_ENV_RADIANCE and HG_BIND_SHADOW; never NULL.
 // HG_BIND_DFG and HG_BIND_SHADOW_CMP are not used.
 struct hg_gpu_image *hg_lighting_image_specular(struct hg_lighting *lighting);
@@ -79,12 +89,29 @@ struct hg_shadow_map {
     bool partly;         // stale: in `dirty` alone
     struct hg_shadow_rect dirty;
     bool refines;        // a finer cascade of a map that holds the whole scene
-    bool deferred;       // not drawn in this step
+    bool deferred;       // not drawn in this step: for want of time, or out of sight
 };
-// Maps of the newest plan, in the order of hg_gpu_lighting.shadows. Valid until the next sync.
+// Maps of the newest plan, in the order of hg_gpu_lighting.shadows, then pages that are due. Valid
+// until the next sync.
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);
 
 // Changes whenever maps were drawn; the pass that draws them notes that. Never 0 after it did.
+// What the view showed: surfaces there ask for the pages of the next picture. Without pages nothing
+// happens. camera: as it drew the picture, relative to the origin of the newest sync.
+struct hg_shadow_depth {
+    const float *rows; // [height][width], reversed; 0: nothing is there
+    uint32_t width, height;
+};
+void hg_lighting_see(struct hg_lighting *lighting, const struct hg_gpu_camera *camera,
+    const struct hg_shadow_depth *depth);
+// The sun of the newest sync has pages.
+bool hg_lighting_has_pages(const struct hg_lighting *lighting);
+// RGBA of what a pixel of such a picture shows: the level of its page, from the coarsest on in the
+// colours of mips, every other page darker; pale where it waits for a finer one; grey the map of
+// the whole scene.
+void hg_lighting_page_color(const struct hg_lighting *lighting, const struct hg_gpu_camera *camera,
+    const struct hg_shadow_depth *depth, const uint32_t pixel[2], uint8_t out[4]);
+
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *lighting);
 void hg_lighting_note_drawn(struct hg_lighting *lighting);
 
@@ -93,6 +120,7 @@ void hg_lighting_note_drawn(struct hg_lighting *lighting);
 struct hg_lighting_sources {
     const struct hg_gpu_light *lights; // [count], those of kind DIRECTIONAL first
     const bool *casts;                 // [count]
+    const uint32_t *tables;            // that their profiles and images are in
     uint32_t count, directional_count;
     uint32_t env_kind;  // HG_ENV_KIND_*
     float env_color[3]; // as of hg_gpu_lighting
@@ -106,20 +134,32 @@ void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_
 // The sky brings a sun, which is the first light.
 bool hg_lighting_has_sky_sun(const struct hg_lighting *lighting);
 
+struct hg_shadow_page_stats {
+    uint32_t room;  // pages that the pool has
+    uint32_t held;  // of them, with pages of this picture
+    uint32_t asked; // pages that surfaces of the picture before asked for
+    uint32_t hits;  // of them, held already
+    uint32_t drawn; // in this picture
+    uint32_t evicted;
+};
+
 struct hg_lighting_stats {
     uint32_t lights, shadowed_lights;
     uint32_t local_lights;      // all but directional ones
     uint32_t sized_lights;      // that have a size
+    uint32_t tabled_lights;     // that have a profile or an image
     uint32_t unshadowed_lights; // ask for a shadow but found no room in the atlas
     uint32_t shadow_maps, shadow_maps_stale;
     uint32_t shadow_maps_partly;        // of them, drawn again where casters moved alone
     uint32_t shadow_maps_deferred;      // left for later, their lamps have no shadow meanwhile
+    uint32_t shadow_maps_unseen;        // not drawn: nothing in sight is shadowed by them
     uint32_t clusters, cluster_entries; // 0 when all lights are looped over
     bool hasty;               // lists are shorter than at rest, or maps were left for later
     uint32_t lights_in_lists; // `lights`, or fewer that stand for all (light_cut.h)
     uint64_t environment_ns;            // of the newest prefilter, 0 = from memory
     bool environment_cached;            // it came from the disk
     uint64_t device_bytes;
+    struct hg_shadow_page_stats pages;
 };
 void hg_lighting_stats(const struct hg_lighting *lighting, struct hg_lighting_stats *out);
 

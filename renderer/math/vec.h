@@ -63,6 +63,16 @@ static inline float hg_clampf(float x, float low, float high)
     return x < low ? low : x > high ? high : x;
 }
 
+// Unit vector of octahedral coordinates in -1..1, as hg_oct_decode of shaders/lib/octahedral.glsl.
+static inline void hg_octahedral3(float x, float y, float out[3])
+{
+    const float z = 1 - fabsf(x) - fabsf(y), fold = fmaxf(-z, 0);
+    out[0] = x + (x >= 0 ? -fold : fold);
+    out[1] = y + (y >= 0 ? -fold : fold);
+    out[2] = z;
+    hg_normalize3(out);
+}
+
 // Orthonormal tangents of a unit vector.
 // Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", listing 3.
 static inline void hg_basis3(const float n[3], float t[3], float b[3])

@@ -16,6 +16,7 @@ struct style {
     enum variant variant;
     bool background, first;
     bool unlit;       // no light reaches it
+    bool masked;      // some pixels are left out
     bool flat;        // shade_flat.*, for CPU devices
     uint32_t picture; // 0, or a picture's curve + 1
 };
@@ -24,12 +25,14 @@ struct style {
     (HG_FEATURE_LIGHTS | HG_FEATURE_CLUSTERS | HG_FEATURE_LOCAL | HG_FEATURE_SHADOWS |             \
         HG_FEATURE_NO_SUN)
 
+#define OPAQUE_FEATURES (HG_FEATURE2_GATHERED | HG_FEATURE2_PROBE_LIGHT | HG_FEATURE2_MIRRORS)
+
 static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features, uint32_t features2)
 {
     if (style->unlit) {
         features &= ~LIGHT_FEATURES;
-        features2 &= ~HG_FEATURE2_SIZED;
+        features2 &= ~(HG_FEATURE2_SIZED | HG_FEATURE2_LIGHT_TABLES);
     }
     if (style->variant != LAYER &&
         style->variant != LAYERS) // what lets light through is drawn as a layer
@@ -44,9 +47,9 @@ static struct hg_gpu_pipeline_params pipeline_of(
     if (!style->background)
         features2 &= ~HG_FEATURE2_GROUND;
     else
-        features2 &= ~(HG_FEATURE2_PROBES | HG_FEATURE2_GATHERED | HG_FEATURE2_PROBE_LIGHT);
+        features2 &= ~(HG_FEATURE2_PROBES | OPAQUE_FEATURES);
     if (style->variant == LAYER || style->variant == LAYERS)
-        features2 &= ~(HG_FEATURE2_GATHERED | HG_FEATURE2_PROBE_LIGHT);
+        features2 &= ~OPAQUE_FEATURES;
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
@@ -114,7 +117,7 @@ static enum hg_status draw_opaque(struct hg_pass *pass, const struct hg_gpu_imag
     style.background = true;
     status = draw(pass, &style, err);
     style.background = false;
-    if (unlit)
+    if (unlit || style.masked)
         place(pass, target, HG_UNLIT_TILES_DEPTH);
     if (status == HG_OK)
         status = draw(pass, &style, err);
@@ -127,7 +130,8 @@ enum hg_status hg_shade_record(
 {
     const struct shade_inputs inputs = {.visibility = {.image = shade->visibility},
         .front = {.image = shade->layer ? shade->behind : shade->front},
-        .gathered = {.image = shade->gathered != NULL ? shade->gathered : shade->probe_light}};
+        .gathered = {.image = shade->gathered != NULL ? shade->gathered : shade->probe_light},
+        .mirrored = {.image = shade->mirrored}};
     const bool picture = shade->picture != NULL, unlit = shade->unlit;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
     const struct style style = {.variant = shade->lists           ? LAYERS
@@ -137,11 +141,15 @@ enum hg_status hg_shade_record(
                                                                   : OPAQUE,
         .first = picture || shade->clear || shade->layer,
         .flat = hg_gpu_strategy(pass->gpu)->flat_shading,
+        .masked = shade->masked,
         .picture = picture ? shade->tonemap + 1 : 0};
     if (shade->gathered != NULL)
         pass->features2 |= HG_FEATURE2_GATHERED;
     else if (shade->probe_light != NULL)
         pass->features2 |= HG_FEATURE2_PROBE_LIGHT;
+    if (shade->mirrored != NULL)
+        pass->features2 |= HG_FEATURE2_MIRRORS;
+    pass->features2 |= shade->checkerboard ? HG_FEATURE2_CHECKERBOARD : 0;
     enum hg_status status = hg_pass_bind(pass, &shade_io, &inputs, sizeof inputs, err);
     if (status == HG_OK && !shade->layer)
         status = make_all(pass, &style, unlit, err);
@@ -150,8 +158,8 @@ enum hg_status hg_shade_record(
     const struct hg_gpu_rendering rendering = {
         // Surfaces and background write every pixel between them.
         .colors = {{.image = target,
-            .clear = shade->layer,
-            .discard = picture || (shade->clear && !shade->layer)}},
+            .clear = shade->layer || (shade->clear && shade->masked),
+            .discard = picture || (shade->clear && !shade->layer && !shade->masked)}},
         .color_count = 1,
         .depth = {.image = shade->depth},
         .area = pass->area};

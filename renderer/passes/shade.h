@@ -14,6 +14,8 @@ struct hg_shade {
     // In place of the target, whole: RGBA8 as hg_resolve_record makes it of one sample, with the
     // exposure of the frame block and this curve (HG_FRAME_TONEMAP_*). The opaque scene only.
     struct hg_gpu_image *picture;
+    bool checkerboard; // of every second pixel of a row (checkerboard.h): picture and depth are
+                       // half as wide
     uint32_t tonemap;
     bool clear; // target starts at zero, else it is added or blended to
     bool layer; // blended surfaces alone, and nothing elsewhere; else: the opaque scene and the
@@ -30,6 +32,10 @@ struct hg_shade {
     struct hg_gpu_image *behind; // of layers: that picture
     // Light on opaque surfaces (shaders/shared/gi.h): gathered, else of the probes; NULL = none.
     struct hg_gpu_image *gathered, *probe_light;
+    struct hg_gpu_image *mirrored; // with probe light: of planar mirrors (shaders/shared/mirror.h)
+    // Pixels whose depth is HG_UNLIT_TILES_DEPTH are left out: with `clear` they are zero, else the
+    // target keeps what it has.
+    bool masked;
 };
 
 enum hg_status hg_shade_record(

@@ -93,7 +93,8 @@ static uint32_t may_of(const struct hg_path *p, const struct hg_gpu_emitters *e)
 {
     uint32_t may = p->film.channels > HG_PATH_FILM_WORDS ? HG_PATH_PLANES : 0;
     const bool others = e->node_count > 0 || e->environment_kind != HG_ENV_KIND_NONE;
-    const uint32_t apart = e->directional_count > 0 && others ? HG_PATH_SUNS_APART : 0;
+    const bool aside = others || p->request.gather.on;
+    const uint32_t apart = e->directional_count > 0 && aside ? HG_PATH_SUNS_APART : 0;
     if (!hg_gpu_strategy(p->context->gpu)->exact_pipelines)
         return HG_PATH_PLANES | HG_EMITTER_KIND_ALL | apart;
     may |= e->node_count > 0 ? HG_EMITTER_KIND_TREE : 0;

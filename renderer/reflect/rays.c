@@ -13,15 +13,6 @@
 
 // --- surfaces ------------------------------------------------------------------------------------
 
-static void decode_normal(float x, float y, float out[3])
-{
-    const float z = 1 - fabsf(x) - fabsf(y), fold = fmaxf(-z, 0);
-    out[0] = x + (x >= 0 ? -fold : fold);
-    out[1] = y + (y >= 0 ? -fold : fold);
-    out[2] = z;
-    hg_normalize3(out);
-}
-
 // What probe light says of a texel's surface.
 static void read_texel(const struct hg_reflect_work *w, size_t texel, struct hg_reflect_texel *out)
 {
@@ -61,7 +52,7 @@ void hg_reflect_place(
     const uint32_t word = w->p->mirrors[2 * texel];
     const float px = hg_clampf((float)(x * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->width - 1));
     const float py = hg_clampf((float)(y * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->height - 1));
-    decode_normal(
+    hg_octahedral3(
         (float)(int16_t)(word & 0xffff) / 32767, (float)(int16_t)(word >> 16) / 32767, t->normal);
     find_place(w->p->camera, px + 0.5f, py + 0.5f, t);
     const float facing = hg_dot3(t->normal, t->view);
@@ -124,7 +115,7 @@ static void send(const struct hg_reflect_work *w, size_t i, const uint32_t *ligh
         xi[a] = point[a] + turn[a];
         xi[a] -= floorf(xi[a]);
     }
-    decode_normal((float)(light[2] & 4095) * (2.0f / 4095) - 1,
+    hg_octahedral3((float)(light[2] & 4095) * (2.0f / 4095) - 1,
         (float)(light[2] >> 12 & 4095) * (2.0f / 4095) - 1, smooth);
     struct hg_lobe_sample s = hg_lobe_take(t->roughness, t->f0, t->normal, t->view, xi);
     const float below = hg_dot3(s.direction, smooth);

@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "base/utf8.h"
+#include "renderer/scene/light_table.h"
 #include "renderer/scene/xform.h"
 
 struct hg_asset *hg_asset_create(uint32_t number, const char *label)
@@ -262,6 +263,9 @@ void hg_object_destroy(enum hg_object_kind kind, struct hg_object *object)
         mesh_finish((struct hg_mesh *)object);
     } else if (kind == HG_OBJECT_TEXTURE) {
         hg_image_source_unref(((struct hg_texture *)object)->image);
+    } else if (kind == HG_OBJECT_LIGHT) {
+        hg_light_table_unref(((struct hg_light *)object)->profile);
+        hg_light_table_unref(((struct hg_light *)object)->image);
     }
     hg_free(object->name);
     hg_free(object);

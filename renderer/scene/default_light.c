@@ -44,7 +44,7 @@ static bool find_subject(const struct hg_node *node, struct subject *out)
 static float luminance(const struct hg_light *light)
 {
     const float *c = light->color;
-    return light->intensity * (0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2]);
+    return hg_light_peak(light) * (0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2]);
 }
 
 // A spotlight reaches a sphere that its cone touches. It shines along its -z.

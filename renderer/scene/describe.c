@@ -6,6 +6,7 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
+#include "renderer/scene/light_table.h"
 
 // jansson takes what is given to *_new and drops it itself on failure; a NULL anywhere shows up as
 // a failed set, which `ok` collects.
@@ -204,6 +205,14 @@ static json_t *describe_light(struct describer *d, const struct hg_light *light)
         put(d, object, "height", real((double)light->height));
     if (light->kind == HG_LIGHT_DIRECTIONAL && light->angular_diameter_rad > 0)
         put(d, object, "angular_diameter_rad", real((double)light->angular_diameter_rad));
+    if (light->lumens > 0)
+        put(d, object, "lumens", real((double)light->lumens));
+    if (light->profile) {
+        put(d, object, "profile_peak_candela", real((double)light->profile->peak_cd));
+        put(d, object, "profile_absolute", json_boolean(light->absolute));
+    }
+    if (light->texture)
+        put(d, object, "texture", json_integer((json_int_t)(light->texture->head.id & 0xffffffff)));
     return object;
 }
 
@@ -222,6 +231,13 @@ static json_t *describe_camera(
     put(d, object, perspective ? "vfov_deg" : "half_height",
         real(perspective ? (double)camera->vfov_rad * 57.29577951308232
                          : (double)camera->half_height));
+    const struct hg_camera_optics *o = &camera->optics;
+    const float optics[] = {o->f_number, o->shutter_s, o->iso, o->sensor_mm, o->focus_distance};
+    static const char *const names[] = {
+        "f_number", "shutter_s", "iso", "sensor_mm", "focus_distance"};
+    for (size_t i = 0; i < sizeof optics / sizeof *optics; i++)
+        if (optics[i] > 0)
+            put(d, object, names[i], real((double)optics[i]));
     return object;
 }
 

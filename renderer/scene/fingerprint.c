@@ -9,6 +9,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/sha256.h"
+#include "renderer/scene/light_table.h"
 
 enum { PIECES = 64, PIECE_BYTES = 64 << 10, WHOLE_BYTES = 64 << 20, FIRST_ENTRIES = 256 };
 
@@ -318,6 +319,14 @@ static void add_light(struct hg_sha256 *h, const struct hg_light *l)
     const float sizes[] = {l->radius, l->width, l->height, l->angular_diameter_rad};
     if (l->kind > HG_LIGHT_SPOT || l->radius > 0 || l->angular_diameter_rad > 0)
         hg_sha256_update(h, sizes, sizeof sizes);
+    const struct hg_light_table *tables[] = {l->profile, l->image};
+    for (int i = 0; i < 2; i++)
+        if (tables[i]) {
+            add_u64(h, (uint64_t)i);
+            hg_sha256_update(h, tables[i]->words, (size_t)tables[i]->word_count * 4);
+        }
+    if (l->lumens > 0 || l->profile || l->image)
+        hg_sha256_update(h, (float[]){hg_light_peak(l), l->width, l->height}, 3 * sizeof(float));
 }
 
 static enum hg_status add_node(

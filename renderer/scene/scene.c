@@ -276,6 +276,18 @@ static void forget_in_material(
         }
 }
 
+static void forget_in_lights(struct hg_scene *scene, const struct doomed *doomed)
+{
+    const struct hg_object_list *list = &scene->objects[HG_OBJECT_LIGHT];
+    for (uint32_t i = 0; i < list->count; i++) {
+        struct hg_light *light = (struct hg_light *)list->items[i];
+        if (is_doomed(doomed, light) || !is_doomed(doomed, light->texture))
+            continue;
+        if (hg_light_set_texture(light, NULL, NULL) == HG_OK)
+            hg_scene_touch(scene, &light->head);
+    }
+}
+
 // Clears what surviving objects say about doomed ones.
 static void forget(struct hg_scene *scene, const struct doomed *doomed)
 {
@@ -293,6 +305,7 @@ static void forget(struct hg_scene *scene, const struct doomed *doomed)
                 forget_in_material(scene, (struct hg_material *)object, doomed);
         }
     }
+    forget_in_lights(scene, doomed);
     struct hg_object_list *nodes = &scene->objects[HG_OBJECT_NODE];
     for (uint32_t i = 0; i < nodes->count; i++)
         if (is_doomed(doomed, nodes->items[i]) &&

@@ -159,6 +159,8 @@ struct hg_mesh_part {
     float bounds_min[3], bounds_max[3]; // of positions, morph targets at full weight included
 };
 
+struct hg_light_table; // light_table.h
+
 struct hg_mesh {
     struct hg_object head;
     struct hg_mesh_part *parts;
@@ -187,12 +189,35 @@ struct hg_light {
     float width, height; // metres along x and y; RECTANGLE: > 0; TUBE: its length is the width
     float angular_diameter_rad; // DIRECTIONAL: 0 = parallel light
     bool casts_shadow;
+    float lumens; // luminous flux, in place of intensity; 0: none. Not DIRECTIONAL
+    // Factor of the intensity by direction (POINT, SPOT), or NULL. `absolute`: intensity is a
+    // factor of the candela of its file.
+    struct hg_light_table *profile;
+    bool absolute;
+    // Factor of the colour, or NULL: projected (POINT: all around, equirectangular; SPOT: over the
+    // outer cone; DIRECTIONAL: on `width` x `height` around the node, then as the texture wraps),
+    // or on the surface (RECTANGLE, DISC). Made of `texture` (hg_light_set_texture).
+    struct hg_light_table *image;
+    struct hg_texture *texture;
 };
+
+// Lux or candela where the light is greatest, by its unit.
+float hg_light_peak(const struct hg_light *light);
+// Exchanges the texture and makes the image of it; NULL: none. On failure nothing changes.
+// HG_E_NOMEM, and what reading the image returns.
+enum hg_status hg_light_set_texture(
+    struct hg_light *light, struct hg_texture *texture, struct hg_error *err) HG_MUST_CHECK;
 
 #define HG_LIGHT_MOST_ANGLE_RAD 3.0f // largest angular diameter
 #define HG_LIGHT_MOST_SIZE_M    1e6f // largest radius, width and height
+#define HG_LIGHT_MOST_LUMENS    1e12f
 // Whether the light has the size that its kind needs; *what: the member that is not above 0.
 bool hg_light_has_size(const struct hg_light *light, const char **what);
+
+struct hg_camera_optics { // what a file says of lens and sensor; 0: nothing
+    float f_number, shutter_s, iso, sensor_mm;
+    float focus_distance; // metres along the line of sight
+};
 
 struct hg_camera {
     struct hg_object head;
@@ -200,6 +225,7 @@ struct hg_camera {
     float vfov_rad, half_height; // vertical; metres
     float aspect;                // of the file, 0 = none: the view's aspect is used
     float near, far;             // metres; far 0 = infinite
+    struct hg_camera_optics optics;
 };
 
 struct hg_skin {

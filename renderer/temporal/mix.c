@@ -46,12 +46,14 @@ static void blend(const struct hg_temporal_about *about, float *const plane[4],
     const struct hg_temporal_trust *row, uint32_t width, const struct hg_temporal_found *found)
 {
     const hg_lanes least = (hg_lanes){0} + LEAST_TRUST;
+    const float even = row->part[0], odd = row->part[1];
+    const hg_lanes part = {even, odd, even, odd, even, odd, even, odd};
     float *weight = found->weight;
     for (uint32_t i = 0; i < width; i += HG_LANES) {
         const hg_lanes off = HG_LANES_AT(plane[0], i) - HG_LANES_AT(about->mean[0], i);
         const hg_lanes away = HG_LANES_MAX(off, -off);
         const hg_lanes reach = REACH * HG_LANES_AT(about->deviation[0], i) + LEAST_REACH;
-        const hg_lanes seen = row->row * HG_LANES_AT(row->columns, i);
+        const hg_lanes seen = row->row * HG_LANES_AT(row->columns, i) * part;
         const hg_lanes trust = HG_LANES_MAX(seen, least);
         const hg_lanes kept = reach / HG_LANES_MAX(reach, away);
         const hg_lanes had = HG_LANES_AT(weight, i) * (CLIPPED + (1.0f - CLIPPED) * kept);

@@ -14,6 +14,7 @@
 struct hg_temporal_trust {
     float row;
     const float *columns; // [width]
+    float part[2];        // of it that even and odd pixels have
 };
 // to: its color, depth and weight are the row of the new history. rgba: of the picture. Found
 // colours and weights are overwritten.

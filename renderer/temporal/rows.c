@@ -9,7 +9,7 @@
 // --- one row of samples --------------------------------------------------------------------------
 
 HG_SIMD_LOOP
-static bool decode(const uint8_t *rgba, uint32_t count, float *const color[4])
+bool hg_temporal_decode(const uint8_t *rgba, uint32_t count, float *const color[4])
 {
     uint32_t all = UINT32_MAX;
     float *restrict luma = color[0], *restrict orange = color[1], *restrict green = color[2];
@@ -36,16 +36,21 @@ static void repeat_ends(float *row, uint32_t count)
     row[count] = row[count - 1];
 }
 
+void hg_temporal_line_repeat(uint32_t samples, struct hg_temporal_line *line)
+{
+    float *const motion[4] = {
+        line->motion.x, line->motion.y, line->motion.expect, line->motion.depth};
+    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++)
+        repeat_ends(line->color[c], samples);
+    for (int k = 0; k < 4; k++)
+        repeat_ends(motion[k], samples);
+}
+
 void hg_temporal_line_fill(
     const struct hg_temporal_picture *p, uint32_t y, struct hg_temporal_line *line)
 {
-    line->opaque = decode(p->rgba + 4 * (size_t)y * p->width, p->width, line->color);
-    for (int c = 0; c < HG_TEMPORAL_CHANNELS; c++)
-        repeat_ends(line->color[c], p->width);
-    float *const motion[4] = {
-        line->motion.x, line->motion.y, line->motion.expect, line->motion.depth};
-    for (int k = 0; k < 4; k++)
-        repeat_ends(motion[k], p->width);
+    line->opaque = hg_temporal_decode(p->rgba + 4 * (size_t)y * p->width, p->width, line->color);
+    hg_temporal_line_repeat(p->width, line);
 }
 
 // --- three rows ----------------------------------------------------------------------------------

@@ -28,9 +28,13 @@ struct hg_temporal_about {
     float *spare[4];
 };
 
+// Planes of texels. True: alpha is 1 everywhere.
+bool hg_temporal_decode(const uint8_t *rgba, uint32_t count, float *const color[4]);
 // Colours of a row and its repeated ends; the motion's ends as well.
 void hg_temporal_line_fill(
     const struct hg_temporal_picture *picture, uint32_t y, struct hg_temporal_line *line);
+// The latter alone.
+void hg_temporal_line_repeat(uint32_t samples, struct hg_temporal_line *line);
 
 // Of samples: lines above, in the middle and below, by weight[3]; colours are summed over columns
 // only.

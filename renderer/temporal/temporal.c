@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/temporal/checkerboard.h"
 #include "renderer/temporal/lanes.h"
 #include "renderer/temporal/mix.h"
 #include "renderer/temporal/smooth.h"
@@ -15,12 +16,14 @@
 #define MOST_AT_ONCE   64u   // bands
 #define FOUND_REACH    0.1f  // of depths of the same surface, relative
 #define MOTION_FULL_PX 16.0f // of the debug view
+#define BETWEEN        0.25f // what pixels between shaded ones count
 
 struct scratch {
     float *memory;
     _Atomic bool taken;
     struct hg_temporal_line lines[3]; // row y in y % 3
     struct hg_temporal_about samples, pixels;
+    struct hg_temporal_checkerboard checkerboard;
     uint32_t middle; // row that `samples` is about
     struct hg_temporal_found found;
 };
@@ -123,6 +126,7 @@ void hg_temporal_forget(struct hg_temporal *t)
 #define LINE_ROWS  (HG_TEMPORAL_CHANNELS + 4)
 #define ABOUT_ROWS (3 * HG_TEMPORAL_CHANNELS + 4 + 1 + 4)
 #define FOUND_ROWS (4 + 1 + 2 + 2)
+#define HALF_ROWS  (HG_TEMPORAL_CHECKERBOARD_ROWS * HG_TEMPORAL_CHANNELS)
 
 struct rows {
     float *at;
@@ -161,7 +165,8 @@ static bool scratch_init(struct scratch *s, uint32_t width)
 {
     const size_t stride = ((size_t)width + 2 * HG_TEMPORAL_ROW_PAD + 7) & ~(size_t)7;
     struct rows rows = {.stride = stride};
-    s->memory = hg_calloc(stride * (3 * LINE_ROWS + 2 * ABOUT_ROWS + FOUND_ROWS), sizeof(float));
+    s->memory = hg_calloc(
+        stride * (3 * LINE_ROWS + 2 * ABOUT_ROWS + FOUND_ROWS + HALF_ROWS), sizeof(float));
     if (s->memory == NULL)
         return false;
     rows.at = s->memory;
@@ -172,6 +177,8 @@ static bool scratch_init(struct scratch *s, uint32_t width)
     }
     take_about(&rows, &s->samples);
     take_about(&rows, &s->pixels);
+    for (int i = 0; i < HALF_ROWS; i++)
+        s->checkerboard.rows[i / HG_TEMPORAL_CHANNELS][i % HG_TEMPORAL_CHANNELS] = take(&rows);
     s->found.weight = take(&rows);
     s->found.part_x = take(&rows);
     s->found.part_y = take(&rows);
@@ -202,7 +209,10 @@ static void fill_line(const struct job *j, struct scratch *s, uint32_t y)
 {
     struct hg_temporal_line *line = &s->lines[y % 3];
     hg_temporal_motion_fill(j->picture, j->ways, y, &line->motion);
-    hg_temporal_line_fill(j->picture, y, line);
+    if (j->picture->checkerboard)
+        hg_temporal_checkerboard_fill(j->picture, y, &s->checkerboard, line);
+    else
+        hg_temporal_line_fill(j->picture, y, line);
 }
 
 // Rows of samples about that of row y of the output; *have: the last that is filled, plus 1.
@@ -270,6 +280,21 @@ static void show_history(const float *weight, uint32_t width, uint8_t *rgba)
     }
 }
 
+static void show_scale(const float *weight, const struct hg_temporal_trust *trust, float scale,
+    uint32_t width, uint8_t *rgba)
+{
+    const float red = fminf(fmaxf(4.0f * (1.0f - scale), 0.0f), 1.0f);
+    const float green = fminf(fmaxf(4.0f * scale - 2.0f, 0.0f), 1.0f);
+    for (uint32_t i = 0; i < width; i++) {
+        const float seen = trust->row * trust->columns[i] * trust->part[i & 1];
+        const float share = weight[i] > 0.0f ? seen / (weight[i] + seen) : 1.0f;
+        rgba[4 * i] = (uint8_t)(255.0f * red * share + 0.5f);
+        rgba[4 * i + 1] = (uint8_t)(255.0f * green * share + 0.5f);
+        rgba[4 * i + 2] = 0;
+        rgba[4 * i + 3] = 255;
+    }
+}
+
 static bool lacks_any(const float *weight, uint32_t width)
 {
     bool lacks = false;
@@ -310,14 +335,18 @@ static void resolve_row(const struct job *j, struct scratch *s, uint32_t y)
         memset(s->found.weight, 0, t->width * sizeof *s->found.weight);
     float *had = (float *)s->found.texel; // free by now
     memcpy(had, s->found.weight, t->width * sizeof *had);
-    const struct hg_temporal_trust trust = {t->rows.trust[y], t->columns.trust};
+    struct hg_temporal_trust trust = {t->rows.trust[y], t->columns.trust, {1.0f, 1.0f}};
+    if (j->picture->checkerboard)
+        trust.part[(y + j->picture->first + 1) & 1] = BETWEEN;
     hg_temporal_mix(about, &s->found, &trust, t->width, &to, rgba);
     repeat_border(t, to.color);
     if (j->show == HG_TEMPORAL_MOTION)
         show_motion(about, t->width, rgba);
     else if (j->show == HG_TEMPORAL_HISTORY)
         show_history(had, t->width, rgba);
-    else if (is_whole(j))
+    else if (j->show == HG_TEMPORAL_SCALE)
+        show_scale(had, &trust, (float)j->picture->height / (float)t->height, t->width, rgba);
+    else if (is_whole(j) && !j->picture->checkerboard)
         smooth_row(j, s, had, y, rgba);
 }
 

@@ -12,6 +12,8 @@
 //   there is not nearer than it should have been; clipped to the deviation (Salvi 2016, "An
 //   Excursion in Temporal Supersampling"); mixed by the weights of all samples so far.
 // Pixels without history are smoothed along edges as far as one sample shows them.
+// Of a checkerboard every second pixel of a row was shaded; those between are made of their four
+// neighbours, and count less.
 #ifndef HG_RENDERER_TEMPORAL_TEMPORAL_H
 #define HG_RENDERER_TEMPORAL_TEMPORAL_H
 
@@ -34,6 +36,8 @@ struct hg_temporal_picture {
     uint32_t width, height; // samples; at most those of the history, at least half of them
     float jitter_px[2];     // sample position less the centre of its pixel, in samples
     const uint8_t *rgba;    // [height][width][4] sRGB, straight alpha
+    bool checkerboard;      // of the whole size; rgba is [height][(width + 1) / 2][4], of row y the
+    uint32_t first;         // pixels 2 x + ((y + first) & 1)
     const float *depth;     // [height][width] reversed: 0 = infinitely far; NDC of `to_previous`
     const uint32_t *ids;    // [height][width][2] draw + 1, not used; NULL: nothing moved by itself
     const uint16_t *matrix_of_draw; // [draw_count] index into to_previous, HG_TEMPORAL_DEFORMED
@@ -61,11 +65,17 @@ struct hg_temporal_stats {
     float found;       // share of the samples looked at that had a history
 };
 
-enum hg_temporal_show { HG_TEMPORAL_PICTURE, HG_TEMPORAL_MOTION, HG_TEMPORAL_HISTORY };
+enum hg_temporal_show {
+    HG_TEMPORAL_PICTURE,
+    HG_TEMPORAL_MOTION,
+    HG_TEMPORAL_HISTORY,
+    HG_TEMPORAL_SCALE
+};
 
 // The next picture. rgba: [height][width][4] of the output, as the picture's; or a debug view of
 // it, opaque: MOTION where a pixel was a picture before (motion_color), HISTORY how much history it
-// has: black none, white all. HG_E_NOMEM: the history is empty afterwards.
+// has: black none, white all, SCALE of what share it is of the newest samples, black none, green
+// (at the whole size) to red (at half of it) all. HG_E_NOMEM: the history is empty afterwards.
 enum hg_status hg_temporal_resolve(struct hg_temporal *temporal, struct hg_jobs *jobs,
     const struct hg_temporal_picture *picture, enum hg_temporal_show show, uint8_t *rgba,
     struct hg_temporal_stats *stats) HG_MUST_CHECK;

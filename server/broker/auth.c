@@ -1,16 +1,19 @@
 #include "server/broker/auth.h"
 
+#include <errno.h>
 #include <openssl/crypto.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/sha256.h"
 #include "base/utf8.h"
 
-enum { FILE_LIMIT_BYTES = 4 << 20, TOKEN_MIN = 8, TOKEN_MAX = 256, MINUTE_S = 60 };
+enum { FILE_LIMIT_BYTES = 4 << 20 };
 
 static const char blanks[] = " \t\r";
 
@@ -27,29 +30,137 @@ static char *next_word(char **text)
     return word;
 }
 
-static enum hg_status parse_line(char *line, struct hg_token *out, struct hg_error *err)
+// ---- what a token allows ------------------------------------------------------------------------
+
+static bool parse_date(const char *text, int64_t *out)
 {
-    char *token = next_word(&line), *role = token ? next_word(&line) : NULL, *name = NULL;
+    struct tm tm = {0};
+    const char *end = strptime(text, "%Y-%m-%d", &tm);
+    if (end && *end == 'T')
+        end = strptime(end, "T%H:%M:%SZ", &tm);
+    time_t time = end && !*end ? timegm(&tm) : 0;
+    *out = time;
+    return time > 0;
+}
+
+static bool parse_count(const char *text, uint32_t *out)
+{
+    char *end;
+    errno = 0;
+    unsigned long value = strtoul(text, &end, 10);
+    *out = (uint32_t)value;
+    return text[0] >= '0' && text[0] <= '9' && !*end && !errno && value && value <= UINT32_MAX;
+}
+
+static bool parse_pattern(const char *text, char *out, size_t size)
+{
+    return *text && (size_t)snprintf(out, size, "%s", text) < size;
+}
+
+static bool parse_scope(char *word, struct hg_token *out)
+{
+    struct hg_token_scope *scope = &out->scope;
+    char *value = strchr(word, '=');
+    *value++ = 0;
+    if (strcmp(word, "tenant") == 0)
+        return parse_pattern(value, out->tenant, sizeof out->tenant);
+    if (strcmp(word, "expires") == 0)
+        return parse_date(value, &scope->expires_s);
+    if (strcmp(word, "scenes") == 0)
+        return parse_pattern(value, scope->scenes, sizeof scope->scenes);
+    if (strcmp(word, "sessions") == 0)
+        return parse_count(value, &scope->max_sessions);
+    return strcmp(word, "rate") == 0 && parse_count(value, &scope->max_rate);
+}
+
+// ---- lines --------------------------------------------------------------------------------------
+
+static int hex_digit(char c)
+{
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+}
+
+static bool parse_hash(const char *hex, uint8_t out[32])
+{
+    for (int i = 0; i < 32; i++) {
+        int high = hex_digit(hex[2 * i]), low = high < 0 ? -1 : hex_digit(hex[2 * i + 1]);
+        if (low < 0)
+            return false;
+        out[i] = (uint8_t)(high << 4 | low);
+    }
+    return !hex[64];
+}
+
+enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32])
+{
+    return hg_sha256(token.data ? token.data : "", token.size, out);
+}
+
+static enum hg_status parse_token(
+    char *word, struct hg_token *out, bool *plain, struct hg_error *err)
+{
+    static const char prefix[] = "sha256:";
+    size_t length = strlen(word);
+    *plain = strncmp(word, prefix, sizeof prefix - 1) != 0;
+    if (!*plain)
+        return parse_hash(word + sizeof prefix - 1, out->hash)
+                   ? HG_OK
+                   : hg_error_set(
+                         err, HG_E_INVAL, NULL, NULL, "expected 64 digits 0-9 a-f after 'sha256:'");
+    if (length < HG_TOKEN_MIN || length > HG_TOKEN_MAX)
+        return hg_error_set(err, HG_E_INVAL, NULL, NULL, "a token has %d to %d characters",
+            HG_TOKEN_MIN, HG_TOKEN_MAX);
+    enum hg_status status = hg_sha256(word, length, out->hash);
+    OPENSSL_cleanse(word, length);
+    return status;
+}
+
+// A token without a name is a tenant of its own.
+static void name_tenant(struct hg_token *out)
+{
+    char hex[HG_SHA256_HEX];
+    hg_sha256_hex(out->hash, hex);
+    snprintf(out->tenant, sizeof out->tenant, "token:%.16s", hex);
+}
+
+static void take_name(struct hg_token *out, const char *name)
+{
+    snprintf(out->name, sizeof out->name, "%s", name);
+    snprintf(out->tenant, sizeof out->tenant, "%s", name);
+}
+
+static enum hg_status parse_line(
+    char *line, struct hg_token *out, bool *plain, struct hg_error *err)
+{
+    char *token = next_word(&line), *role = token ? next_word(&line) : NULL, *word;
     *out = (struct hg_token){0};
     if (!token || *token == '#')
         return HG_OK;
+    enum hg_status status = parse_token(token, out, plain, err);
+    if (status)
+        return status;
     uint32_t value = 0;
-    size_t length = strlen(token);
-    if (length < TOKEN_MIN || length > TOKEN_MAX)
-        return hg_error_set(
-            err, HG_E_INVAL, NULL, NULL, "a token has %d to %d characters", TOKEN_MIN, TOKEN_MAX);
     if (!role || !hgp_enum_value("role", role, &value) || value == HGP_role_NONE)
         return hg_error_set(
             err, HG_E_INVAL, NULL, NULL, "expected 'TOKEN ROLE [NAME]', ROLE view, edit or admin");
-    name = next_word(&line);
-    if (name && next_word(&line))
-        return hg_error_set(err, HG_E_INVAL, NULL, NULL, "a name has no spaces");
+    snprintf(out->name, sizeof out->name, "%s", role);
+    name_tenant(out);
+    for (int i = 0; (word = next_word(&line)); i++) {
+        bool is_name = i == 0 && !strchr(word, '=');
+        if (is_name)
+            take_name(out, word);
+        else if (!strchr(word, '='))
+            return hg_error_set(err, HG_E_INVAL, NULL, NULL, "a name has no spaces");
+        else if (!parse_scope(word, out))
+            return hg_error_set(err, HG_E_INVAL, NULL, NULL,
+                "'%s' is none of tenant=NAME, expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, "
+                "sessions=COUNT, "
+                "rate=COUNT",
+                word);
+    }
     out->role = (enum hgp_role)value;
-    snprintf(out->name, sizeof out->name, "%s", name ? name : role);
     hg_utf8_clean(out->name); // it is sent to the client
-    enum hg_status status = hg_sha256(token, length, out->hash);
-    OPENSSL_cleanse(token, length);
-    return status;
+    return HG_OK;
 }
 
 static enum hg_status add_token(struct hg_tokens *tokens, const struct hg_token *token)
@@ -69,9 +180,12 @@ static enum hg_status parse_lines(
         next = strchr(text, '\n');
         if (next)
             *next++ = 0;
-        enum hg_status status = parse_line(text, &token, err);
-        if (!status && token.role != HGP_role_NONE)
+        bool plain = false;
+        enum hg_status status = parse_line(text, &token, &plain, err);
+        if (!status && token.role != HGP_role_NONE) {
+            out->plain += plain;
             status = add_token(out, &token);
+        }
         if (!status)
             continue;
         if (err) {
@@ -104,16 +218,14 @@ enum hg_status hg_tokens_read(const char *path, struct hg_tokens *out, struct hg
     return status;
 }
 
-const struct hg_token *hg_tokens_find(const struct hg_tokens *tokens, struct hgp_str token)
+const struct hg_token *hg_tokens_find(
+    const struct hg_tokens *tokens, const uint8_t hash[32], int64_t now_s)
 {
-    uint8_t hash[32];
     const struct hg_token *found = NULL;
-    if (hg_sha256(token.data ? token.data : "", token.size, hash))
-        return NULL;
     for (size_t i = 0; i < tokens->count; i++)
-        if (CRYPTO_memcmp(hash, tokens->items[i].hash, sizeof hash) == 0)
+        if (CRYPTO_memcmp(hash, tokens->items[i].hash, 32) == 0)
             found = &tokens->items[i];
-    return found;
+    return found && (!found->scope.expires_s || now_s < found->scope.expires_s) ? found : NULL;
 }
 
 void hg_tokens_finish(struct hg_tokens *tokens)
@@ -122,43 +234,4 @@ void hg_tokens_finish(struct hg_tokens *tokens)
         OPENSSL_cleanse(tokens->items, tokens->count * sizeof *tokens->items);
     hg_free(tokens->items);
     *tokens = (struct hg_tokens){0};
-}
-
-// ---- guessing -----------------------------------------------------------------------------------
-
-static bool in_window(const struct hg_guard_entry *entry, uint64_t now_ns)
-{
-    return entry->failures && now_ns - entry->window_ns < MINUTE_S * 1000000000ull;
-}
-
-bool hg_guard_is_blocked(
-    const struct hg_guard *guard, const char *address, uint32_t limit, uint64_t now_ns)
-{
-    for (int i = 0; i < HG_GUARD_ENTRIES; i++) {
-        const struct hg_guard_entry *entry = &guard->entries[i];
-        if (strcmp(entry->address, address) == 0)
-            return in_window(entry, now_ns) && entry->failures >= limit;
-    }
-    return false;
-}
-
-void hg_guard_count_failure(struct hg_guard *guard, const char *address, uint64_t now_ns)
-{
-    struct hg_guard_entry *entry = NULL, *oldest = &guard->entries[0];
-    for (int i = 0; i < HG_GUARD_ENTRIES && !entry; i++) {
-        if (strcmp(guard->entries[i].address, address) == 0)
-            entry = &guard->entries[i];
-        if (guard->entries[i].window_ns < oldest->window_ns)
-            oldest = &guard->entries[i];
-    }
-    if (!entry) {
-        entry = oldest;
-        *entry = (struct hg_guard_entry){0};
-        snprintf(entry->address, sizeof entry->address, "%s", address);
-    }
-    if (!in_window(entry, now_ns)) {
-        entry->failures = 0;
-        entry->window_ns = now_ns;
-    }
-    entry->failures++;
 }

@@ -1,4 +1,4 @@
-// auth.h - access tokens, and penalties for guessing them.
+// auth.h - access tokens: the file of them, what each allows.
 // Floor 6 (broker). Thread: the loop. Tokens are kept as SHA-256 only and compared in constant
 // time.
 #ifndef HG_BROKER_AUTH_H
@@ -6,40 +6,43 @@
 
 #include "protocol/hgp.h"
 
+enum { HG_TOKEN_MIN = 8, HG_TOKEN_MAX = 256 }; // characters
+
+// What a token allows besides its role.
+struct hg_token_scope {
+    int64_t expires_s;     // seconds since 1970 (UTC); 0 = never
+    uint32_t max_sessions; // open at a time; 0 = as max-sessions-per-token says
+    uint32_t max_rate;     // messages per second of a session; 0 = as max-rate says
+    char scenes[129];      // pattern (fnmatch) of the names of scenes that may be opened; "" = all
+};
+
 struct hg_token {
     uint8_t hash[32];
     enum hgp_role role;
     char name[129];
+    char tenant[129]; // whose scenes and worker it gets
+    struct hg_token_scope scope;
 };
 
 struct hg_tokens {
     struct hg_token *items;
     size_t count, capacity;
-    bool exposed; // group or others may read the file
+    bool exposed;   // group or others may read the file
+    uint32_t plain; // tokens that stand in the file as they are, not as hashes
 };
 
-// Reads `TOKEN ROLE [NAME]` lines. HG_E_INVAL: err->what = the file, err->where = "line N".
+// Reads lines of
+//   TOKEN ROLE [NAME] [tenant=NAME] [expires=DATE] [scenes=PATTERN] [sessions=COUNT] [rate=COUNT]
+// where TOKEN is `sha256:` and 64 hexadecimal digits, or the token itself; DATE is YYYY-MM-DD or
+// YYYY-MM-DDThh:mm:ssZ. HG_E_INVAL: err->what = the file, err->where = "line N".
 // HG_E_NOTFOUND, HG_E_PERM, HG_E_IO, HG_E_LIMIT, HG_E_NOMEM. *out is empty on failure.
 enum hg_status hg_tokens_read(
     const char *path, struct hg_tokens *out, struct hg_error *err) HG_MUST_CHECK;
-// NULL when unknown. Takes the same time wherever and whether the token is found.
-const struct hg_token *hg_tokens_find(const struct hg_tokens *tokens, struct hgp_str token);
+// The hash under which a token is looked for. HG_E_NOMEM.
+enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32]) HG_MUST_CHECK;
+// NULL when unknown or expired at `now_s`. Takes the same time wherever and whether it is found.
+const struct hg_token *hg_tokens_find(
+    const struct hg_tokens *tokens, const uint8_t hash[32], int64_t now_s);
 void hg_tokens_finish(struct hg_tokens *tokens);
-
-// Failures by peer address, the newest 128 addresses.
-enum { HG_GUARD_ENTRIES = 128 };
-
-struct hg_guard {
-    struct hg_guard_entry {
-        char address[64];
-        uint32_t failures;
-        uint64_t window_ns; // start of the minute that is counted
-    } entries[HG_GUARD_ENTRIES];
-};
-
-// True while the address has used up its failures of this minute.
-bool hg_guard_is_blocked(
-    const struct hg_guard *guard, const char *address, uint32_t limit, uint64_t now_ns);
-void hg_guard_count_failure(struct hg_guard *guard, const char *address, uint64_t now_ns);
 
 #endif

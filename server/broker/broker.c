@@ -18,9 +18,11 @@
 #include "server/broker/recovery.h"
 #include "server/broker/session.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_upload.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
+static const uint64_t check_tokens_ns = 1000000000;
 
 // ---- checks -------------------------------------------------------------------------------------
 
@@ -110,16 +112,17 @@ static enum hg_status open_default(struct hg_broker *b, struct hg_error *err)
 
 // All parts, from below; recovery and client_dispatch act when a link or a connection has
 // something.
-static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_error *err)
+static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
 {
     struct hg_link like = {.loop = &b->loop,
         .options = &b->options,
         .events = &hg_recovery_events,
         .owner = &b->sessions};
     b->admission = (struct hg_admission){
-        .options = &b->options, .tokens = &b->tokens, .guard = &b->guard, .sessions = &b->sessions};
+        .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions, .audit = &b->audit};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
+        .slots = {.options = &b->options},
         .events = &hg_client_dispatch_events,
         .owner = &b->admission};
     b->sessions = (struct hg_session_table){.loop = &b->loop,
@@ -127,8 +130,9 @@ static enum hg_status wire_up(struct hg_broker *b, uint32_t workers, struct hg_e
         .store = b->store,
         .conns = &b->conns,
         .pool = &b->pool,
+        .audit = &b->audit,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, workers, &like))
+    if (hg_worker_pool_init(&b->pool, &like))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
     return HG_OK;
 }
@@ -209,6 +213,10 @@ static void warn_exposed(const struct hg_broker *b)
 {
     if (b->tokens.exposed)
         hg_warn(AUTH, "the token file %s can be read by others than its owner", b->options.tokens);
+    if (b->tokens.plain)
+        hg_warn(AUTH,
+            "%u tokens stand in %s as they are; heliod --hash-token makes lines without them",
+            b->tokens.plain, b->options.tokens);
 }
 
 static void reload(struct hg_broker *b)
@@ -236,12 +244,15 @@ static void reload(struct hg_broker *b)
         size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
+        hg_client_dispatch_check_tokens(&b->conns);
         apply_log(&b->options);
         hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
+        hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
         hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
             differ ? "; a restart is needed for: " : "", differ ? names : "");
         warn_exposed(b);
     }
+    hg_audit_write(&b->audit, "reload", NULL, status, status ? err.reason : NULL);
     hg_notify_send("READY=1");
 }
 
@@ -361,6 +372,12 @@ static void tick(struct hg_broker *b)
 {
     uint64_t now_ns = b->loop.now_ns;
     hg_conn_check_times(&b->conns);
+    if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
+        b->tokens_checked_ns = now_ns;
+        hg_client_dispatch_check_tokens(&b->conns);
+    }
+    for (struct hg_session *it = b->sessions.first; it; it = it->next)
+        hg_session_upload_check_times(it, now_ns);
     hg_worker_pool_check_times(&b->pool);
     watch_accepts(b, now_ns);
     if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {
@@ -403,16 +420,19 @@ static uint64_t round_end(void *user)
 
 // ---- life ---------------------------------------------------------------------------------------
 
-static enum hg_status start(struct hg_broker *b, uint32_t workers, struct hg_error *err)
+static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
     enum hg_status status = hg_loop_init(&b->loop, err);
+    if (!status)
+        status = hg_audit_open(&b->audit, b->options.audit, err);
+    hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
     if (!status)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
     if (!status)
-        status = wire_up(b, workers, err);
+        status = wire_up(b, err);
     if (!status && !hg_link_find_program(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
@@ -429,8 +449,11 @@ static void stop(struct hg_broker *b)
     while (b->sessions.first) // those that waited for their last edits
         hg_session_destroy(b->sessions.first);
     hg_listeners_destroy(&b->loop, &b->listeners);
+    hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
     hg_upload_store_destroy(b->store);
+    hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);
+    hg_audit_close(&b->audit);
     hg_tokens_finish(&b->tokens);
     hg_loop_close(&b->loop, &b->signals);
     hg_loop_finish(&b->loop);
@@ -446,7 +469,7 @@ static void raise_file_limit(void)
     }
 }
 
-int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *const *argv)
+int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
 {
     static struct hg_broker broker; // large, one per process
     struct hg_broker *b = &broker;
@@ -460,11 +483,12 @@ int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
     raise_file_limit();
     if (!status)
-        status = start(b, workers, &err);
+        status = start(b, &err);
     if (!status) {
         b->sessions.started_ns = b->loop.now_ns;
         b->watchdog_ns = hg_notify_watchdog_ns();
         warn_exposed(b);
+        hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);

@@ -5,13 +5,16 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   loop options auth notify list peer_log upload_store    the system's side; contents
+//   json
+//   loop options audit auth notify list peer_log upload_store    the system's side; contents
 //   transport                                    bytes of a peer
-//   packet listener                              whole messages; where clients come in
+//   packet listener peer_table                   whole messages; where clients come in, and from
+//   slots                                        who gets a connection
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
+//   session_audit
 //   session_view session_upload
 //   session_request session_rules session_list    to the worker; what is refused; who is there
 //   session                                      begin and end, the client's messages
@@ -30,7 +33,7 @@ struct hg_broker {
     int argc;
     char *const *argv; // for reloads
     struct hg_tokens tokens;
-    struct hg_guard guard;
+    struct hg_audit audit;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;
@@ -38,11 +41,11 @@ struct hg_broker {
     struct hg_conn_table conns;
     struct hg_session_table sessions;
     struct hg_worker_pool pool;
-    uint64_t tick_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
+    uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };
 
-// Runs until drained, with so many workers; returns the exit code. Options are taken over.
-int hg_broker_run(struct hg_options *options, uint32_t workers, int argc, char *const *argv);
+// Runs until drained; returns the exit code. Options are taken over.
+int hg_broker_run(struct hg_options *options, int argc, char *const *argv);
 // Checks what --check-config checks: addresses, tokens, their combination.
 enum hg_status hg_broker_check(
     const struct hg_options *options, struct hg_error *err) HG_MUST_CHECK;

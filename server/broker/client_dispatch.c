@@ -1,8 +1,11 @@
 #include "server/broker/client_dispatch.h"
 
 #include <stdio.h>
+#include <string.h>
+#include <time.h>
 
 #include "server/broker/session.h"
+#include "server/broker/session_audit.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_view.h"
 
@@ -16,16 +19,59 @@ static void refuse(
     hg_conn_close(conn, &err, what);
 }
 
-static bool open_session(struct hg_conn *conn, enum hgp_role role, const char *name)
+// Sessions of the same token, whose name they have.
+static uint32_t count_sessions(const struct hg_session_table *table, const struct hg_conn *conn)
+{
+    uint32_t count = 0;
+    for (const struct hg_session *it = table->first; it; it = it->next)
+        count += it->conn && it->conn->auth.has_token &&
+                 memcmp(it->conn->auth.hash, conn->auth.hash, sizeof conn->auth.hash) == 0;
+    return count;
+}
+
+// Why no session may be opened now; HG_OK: one may.
+static enum hg_status check_session(
+    const struct hg_conn *conn, const struct hg_token *token, struct hg_error *err)
 {
     const struct hg_admission *a = conn->table->owner;
-    if (a->sessions->draining) {
-        refuse(conn, HG_E_STATE, "session", "the daemon is shutting down");
-        return false;
-    }
-    if (a->sessions->count >= a->options->max_sessions) {
-        refuse(conn, HG_E_LIMIT, "session",
-            "the daemon has as many sessions as it takes (max-sessions); try again later");
+    const struct hg_options *o = a->options;
+    bool admin = !token || token->role == HGP_role_ADMIN;
+    uint32_t kept = admin ? 0 : hg_slots_kept(o->max_sessions, o->reserved_sessions);
+    uint32_t most =
+        token && token->scope.max_sessions ? token->scope.max_sessions : o->max_sessions_per_token;
+    if (a->sessions->draining)
+        return hg_error_set(err, HG_E_STATE, "session", NULL, "the daemon is shutting down");
+    if (a->sessions->count >= o->max_sessions - kept)
+        return hg_error_set(err, HG_E_LIMIT, "session", NULL,
+            "the daemon has as many sessions as it takes (max-sessions%s); try again later",
+            kept ? ", reserved-sessions" : "");
+    if (token && count_sessions(a->sessions, conn) >= most)
+        return hg_error_set(err, HG_E_LIMIT, "session", NULL,
+            "this token has %u sessions open, as many as it may (max-sessions-per-token)", most);
+    return HG_OK;
+}
+
+// Of somebody without a session.
+static void audit_refusal(
+    const struct hg_conn *conn, const char *name, enum hg_status status, const char *reason)
+{
+    const struct hg_admission *a = conn->table->owner;
+    hg_audit_write(a->audit, "login",
+        &(struct hg_audit_actor){
+            .session = conn->number, .name = name, .peer = conn->peer.name, .client = conn->client},
+        status, reason);
+}
+
+// token NULL: the daemon's own user.
+static bool open_session(struct hg_conn *conn, const struct hg_token *token)
+{
+    const struct hg_admission *a = conn->table->owner;
+    struct hg_error err = {0};
+    enum hgp_role role = token ? token->role : HGP_role_ADMIN;
+    const char *name = token ? token->name : "local";
+    if (check_session(conn, token, &err)) {
+        audit_refusal(conn, name, err.status, err.reason);
+        hg_conn_close(conn, &err, "session");
         return false;
     }
     conn->session = hg_session_create(a->sessions, conn, role, name);
@@ -33,19 +79,17 @@ static bool open_session(struct hg_conn *conn, enum hgp_role role, const char *n
         refuse(conn, HG_E_NOMEM, "session", "no memory for a session");
         return false;
     }
-    conn->state = HG_CONN_OPEN;
-    conn->opened_ns = conn->table->loop->now_ns;
+    snprintf(
+        conn->session->tenant, sizeof conn->session->tenant, "%s", token ? token->tenant : "local");
+    if (token)
+        conn->session->scope = token->scope;
+    hg_conn_set_open(
+        conn, token && token->scope.max_rate ? token->scope.max_rate : a->options->max_rate);
+    hg_session_audit(conn->session, "login", HG_OK, NULL);
     hg_info(SESSION, "session %llu open: %s, role %s, client %s, from %s",
         (unsigned long long)conn->number, name, hgp_enum_name("role", role), conn->client,
         conn->peer.name);
     return true;
-}
-
-static bool is_blocked(const struct hg_conn *conn)
-{
-    const struct hg_admission *a = conn->table->owner;
-    return hg_guard_is_blocked(
-        a->guard, conn->peer.name, a->options->auth_failures, conn->table->loop->now_ns);
 }
 
 static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hgp_hello *m)
@@ -58,18 +102,14 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
         return;
     }
     conn->version = m->version_max < HGP_VERSION_MAX ? m->version_max : HGP_VERSION_MAX;
-    bool trusted = conn->peer.is_local && conn->peer.same_user && !a->options->require_token;
+    bool trusted = conn->slot.own && !a->options->require_token;
     if (!trusted && !a->tokens->count) {
         refuse(conn, HG_E_AUTH, "hello",
             "only the daemon's own user may connect: it has no tokens for others");
         return;
     }
-    if (!trusted && is_blocked(conn)) {
-        refuse(conn, HG_E_AUTH, "hello", "too many wrong tokens from this address; wait a minute");
-        return;
-    }
     conn->number = ++a->sessions->last_number;
-    if (trusted && !open_session(conn, HGP_role_ADMIN, "local"))
+    if (trusted && !open_session(conn, NULL))
         return;
     if (!trusted)
         conn->state = HG_CONN_AUTH;
@@ -82,26 +122,87 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
             .max_message_bytes = (uint32_t)a->options->max_message_bytes});
 }
 
-static void handle_auth(struct hg_conn *conn, uint32_t request, const struct hgp_auth *m)
+// How long a token from there waits until it is judged, right or wrong: after auth-failures wrong
+// ones within a minute 1 s, doubled with each further one up to 16 s; 1 s for all while wrong
+// tokens from everywhere are more than auth-failures-total. So guessing is slow, however many
+// connections a source may have, and whoever shares its address and knows a token still gets in.
+static uint64_t penalty_ns(const struct hg_conn *conn)
 {
     const struct hg_admission *a = conn->table->owner;
+    const uint64_t second_ns = 1000000000;
     uint64_t now_ns = conn->table->loop->now_ns;
-    bool blocked = is_blocked(conn);
-    const struct hg_token *token = hg_tokens_find(a->tokens, m->token);
-    if (!token || blocked) {
-        hg_guard_count_failure(a->guard, conn->peer.name, now_ns);
-        if (hg_peer_log_may(&conn->table->log, now_ns))
-            hg_warn(AUTH, "wrong token from %s (client %s)%s", conn->peer.name, conn->client,
-                blocked ? ", blocked" : "");
-        refuse(conn, HG_E_AUTH, "auth",
-            blocked ? "too many wrong tokens from this address; wait a minute"
-                    : "the token is not known");
+    uint32_t failures = conn->slot.source ? hg_peer_entry_failures(conn->slot.source, now_ns) : 0;
+    if (failures >= a->options->auth_failures) {
+        uint32_t doublings = failures - a->options->auth_failures;
+        return second_ns << (doublings < 4 ? doublings : 4);
+    }
+    bool flooded = hg_peer_table_all_failures(&conn->table->slots.peers, now_ns) >=
+                   a->options->auth_failures_total;
+    return flooded ? second_ns : 0;
+}
+
+static void refuse_token(struct hg_conn *conn)
+{
+    uint64_t now_ns = conn->table->loop->now_ns;
+    hg_peer_table_count_failure(&conn->table->slots.peers, conn->slot.source, now_ns);
+    if (hg_peer_log_may(&conn->table->log, now_ns))
+        hg_warn(AUTH, "wrong token from %s (client %s), %llu wrong ones in all", conn->peer.name,
+            conn->client, (unsigned long long)conn->table->slots.peers.failures);
+    audit_refusal(conn, NULL, HG_E_AUTH, "the token is not known, or has expired");
+    refuse(conn, HG_E_AUTH, "auth", "the token is not known, or has expired");
+}
+
+static void judge_token(struct hg_conn *conn)
+{
+    const struct hg_admission *a = conn->table->owner;
+    const struct hg_token *token = hg_tokens_find(a->tokens, conn->auth.hash, time(NULL));
+    if (!token) {
+        refuse_token(conn);
         return;
     }
-    enum hgp_role role = token->role;
-    if (open_session(conn, role, token->name))
-        hg_conn_send(conn, request, HGP_T_auth_ok,
-            &(struct hgp_auth_ok){.role = role, .name = hgp_str_make(conn->session->name)});
+    conn->auth.has_token = true;
+    if (open_session(conn, token))
+        hg_conn_send(conn, conn->auth.request, HGP_T_auth_ok,
+            &(struct hgp_auth_ok){.role = token->role, .name = hgp_str_make(conn->session->name)});
+}
+
+static void handle_auth(struct hg_conn *conn, uint32_t request, const struct hgp_auth *m)
+{
+    uint64_t wait_ns = penalty_ns(conn), now_ns = conn->table->loop->now_ns;
+    conn->auth.request = request;
+    if (hg_token_hash(m->token, conn->auth.hash)) {
+        refuse(conn, HG_E_NOMEM, "auth", "no memory to judge a token");
+        return;
+    }
+    if (!wait_ns) {
+        judge_token(conn);
+        return;
+    }
+    conn->auth.due_ns = now_ns + wait_ns;
+    conn->deadline_ns += wait_ns;
+}
+
+void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
+{
+    const struct hg_admission *a = conns->owner;
+    int64_t now_s = time(NULL);
+    for (struct hg_conn *it = conns->first, *next; it; it = next) {
+        next = it->next;
+        if (!it->session || !it->auth.has_token || it->state != HG_CONN_OPEN)
+            continue;
+        const struct hg_token *token = hg_tokens_find(a->tokens, it->auth.hash, now_s);
+        if (token && token->role == it->session->role &&
+            strcmp(token->tenant, it->session->tenant) == 0) {
+            it->session->scope = token->scope;
+            continue;
+        }
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_AUTH, "session", NULL,
+            "its token was revoked, has expired, or has another role or tenant now");
+        hg_session_audit(it->session, "revoke", HG_E_AUTH, err.reason);
+        hg_session_request_fail_all(it->session, &err);
+        hg_conn_close(it, &err, "the token is no longer valid");
+    }
 }
 
 // ---- the rules ----------------------------------------------------------------------------------
@@ -234,23 +335,28 @@ static bool must_wait(const struct hg_conn *conn)
            (link && link->out.bytes > conn->table->options->input_limit_bytes);
 }
 
-static void grant_frames(struct hg_conn *conn)
+static void grant_more(struct hg_conn *conn)
 {
-    if (conn->session)
-        hg_session_view_grant_all(conn->session);
+    if (!conn->session || !conn->session->scene)
+        return;
+    hg_session_request_pump(conn->session);
+    hg_session_view_grant_all(conn->session);
 }
 
 static void end_session(struct hg_conn *conn)
 {
     struct hg_session *session = conn->session;
     conn->session = NULL;
-    if (session)
-        hg_session_end(session);
+    if (!session)
+        return;
+    hg_session_audit(session, "logout", HG_OK, NULL);
+    hg_session_end(session);
 }
 
 const struct hg_conn_events hg_client_dispatch_events = {
     .message = take_message,
     .must_wait = must_wait,
-    .drained = grant_frames,
+    .due = judge_token,
+    .drained = grant_more,
     .ended = end_session,
 };

@@ -7,10 +7,19 @@
 #include "server/broker/list.h"
 
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
+// hello, auth and some pings; what is answered to them is small.
+enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
+static const uint64_t rest_ns = 2000000000;
+
+uint64_t hg_conn_output_limit(const struct hg_conn *conn)
+{
+    uint64_t limit = conn->table->options->output_limit_bytes;
+    return conn->output_share && conn->output_share < limit ? conn->output_share : limit;
+}
 
 bool hg_conn_is_slow(const struct hg_conn *conn)
 {
-    return conn->out.bytes > conn->table->options->output_limit_bytes;
+    return conn->out.bytes > hg_conn_output_limit(conn);
 }
 
 // ---- sending ------------------------------------------------------------------------------------
@@ -54,6 +63,14 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
 
 // ---- ending -------------------------------------------------------------------------------------
 
+void hg_conn_set_open(struct hg_conn *conn, double rate)
+{
+    hg_slots_opened(&conn->table->slots, &conn->slot);
+    conn->state = HG_CONN_OPEN;
+    conn->opened_ns = conn->rate.since_ns = conn->table->loop->now_ns;
+    conn->rate.per_second = conn->rate.allowance = rate;
+}
+
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
 {
     struct hg_conn_table *table = conn->table;
@@ -71,8 +88,8 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     if (conn->paused)
         table->paused_count--;
     conn->paused = false;
+    hg_slots_leave(&table->slots, &conn->slot, table->loop->now_ns);
     HG_LIST_REMOVE(table->first, conn);
-    table->count--;
     conn->next = table->dead;
     table->dead = conn;
 }
@@ -130,16 +147,17 @@ static void refuse_stream(struct hg_conn *conn, enum hg_status status)
 static bool may_take_message(struct hg_conn *conn)
 {
     uint64_t now_ns = conn->table->loop->now_ns;
-    double rate = conn->table->options->max_rate;
-    conn->allowance += (double)(now_ns - conn->allowance_ns) * 1e-9 * rate;
-    conn->allowance_ns = now_ns;
-    if (conn->allowance > rate)
-        conn->allowance = rate;
-    return conn->allowance >= 1;
+    conn->rate.allowance += (double)(now_ns - conn->rate.since_ns) * 1e-9 * conn->rate.per_second;
+    conn->rate.since_ns = now_ns;
+    if (conn->rate.allowance > conn->rate.per_second)
+        conn->rate.allowance = conn->rate.per_second;
+    return conn->rate.allowance >= 1;
 }
 
 static bool must_pause(struct hg_conn *conn)
 {
+    if (conn->state < HG_CONN_OPEN)
+        return conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
     if (conn->state != HG_CONN_OPEN)
         return false;
     return hg_conn_is_slow(conn) || conn->table->events->must_wait(conn) || !may_take_message(conn);
@@ -168,7 +186,15 @@ static bool take_message(struct hg_conn *conn)
         refuse_stream(conn, status);
     if (!packet)
         return false;
-    conn->allowance -= 1;
+    conn->rate.allowance -= 1;
+    if (conn->state < HG_CONN_OPEN && conn->rate.allowance < 0) {
+        struct hg_error err = {0};
+        hg_packet_unref(packet);
+        hg_error_set(&err, HG_E_LIMIT, "message", NULL,
+            "at most %d messages come before the session is open", MESSAGES_BEFORE_OPEN);
+        hg_conn_close(conn, &err, "too many messages");
+        return false;
+    }
     conn->table->events->message(conn, packet);
     hg_packet_unref(packet);
     return true;
@@ -216,8 +242,10 @@ static void transmit(struct hg_conn *conn)
             hg_conn_kill(conn, "done");
         return;
     }
-    if (was_slow && !hg_conn_is_slow(conn))
+    if (conn->starved || (was_slow && !hg_conn_is_slow(conn))) {
+        conn->starved = false;
         conn->table->events->drained(conn);
+    }
 }
 
 static void ready(struct hg_source *source, uint32_t events)
@@ -294,17 +322,26 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
         hg_conn_kill(conn, "takes nothing of what waits for it (peer-timeout)");
         return;
     }
+    if (!hg_outq_is_drained(&conn->out, now_ns, o->peer_timeout_ns, o->min_drain * 1024.)) {
+        hg_conn_kill(conn, "takes too little of what waits for it (min-drain)");
+        return;
+    }
+    if (conn->auth.due_ns && now_ns >= conn->auth.due_ns) {
+        conn->auth.due_ns = 0;
+        conn->table->events->due(conn);
+    }
+    if (now_ns - conn->received_ns > rest_ns)
+        hgp_framer_rest(&conn->in);
     if (conn->state == HG_CONN_OPEN)
         check_idle(conn, now_ns);
 }
 
 // ---- accepting ----------------------------------------------------------------------------------
 
-static void turn_away(struct hg_conn *conn)
+static void turn_away(struct hg_conn *conn, const char *reason)
 {
     struct hg_error err = {0};
-    hg_error_set(&err, HG_E_LIMIT, "connection", NULL,
-        "the daemon has as many connections as it takes (max-connections); try again later");
+    hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
     hg_conn_close(conn, &err, "too many connections");
     if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
         hg_conn_kill(conn, "too many connections");
@@ -325,8 +362,7 @@ static void add_conn(
         .in = {.frames = &hg_packet_frames},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,
         .received_ns = table->loop->now_ns,
-        .allowance = table->options->max_rate,
-        .allowance_ns = table->loop->now_ns,
+        .rate = {.allowance = MESSAGES_BEFORE_OPEN},
     };
     if (hg_loop_add(table->loop, &conn->source)) {
         hg_transport_close(transport);
@@ -334,11 +370,15 @@ static void add_conn(
         return;
     }
     HG_LIST_ADD(table->first, conn);
-    table->count++;
     conn->transport.class->greet(&conn->transport, table->options->peer_timeout_ns, &conn->peer);
     hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
-    if (table->count > table->options->max_connections)
-        turn_away(conn);
+    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot)) {
+        hg_conn_kill(conn, "no memory for a connection");
+        return;
+    }
+    const char *refusal = hg_slots_refusal(&table->slots, &conn->slot);
+    if (refusal)
+        turn_away(conn, refusal);
 }
 
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
@@ -361,9 +401,63 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
 
 // ---- all of them --------------------------------------------------------------------------------
 
+// Those for which much waits share output-total equally by token while more than half of it is
+// used, so that nothing more is made for those above their share; above all of it the one for which
+// most waits is closed.
+enum { MUCH_OUTPUT = 1 << 20 };
+
+static bool shares_token(const struct hg_conn *a, const struct hg_conn *b)
+{
+    return a->auth.has_token == b->auth.has_token &&
+           memcmp(a->auth.hash, b->auth.hash, sizeof a->auth.hash) == 0;
+}
+
+static uint64_t share_of(const struct hg_conn *conn, uint32_t tokens, uint64_t total)
+{
+    uint32_t sharing = 0;
+    for (const struct hg_conn *it = conn->table->first; it; it = it->next)
+        sharing += it->out.bytes > MUCH_OUTPUT && shares_token(it, conn);
+    uint64_t share = total / 2 / (tokens ? tokens : 1) / (sharing ? sharing : 1);
+    return share > MUCH_OUTPUT ? share : MUCH_OUTPUT;
+}
+
+static uint32_t count_tokens(const struct hg_conn_table *table)
+{
+    uint32_t count = 0;
+    for (const struct hg_conn *it = table->first, *other; it; it = it->next) {
+        if (it->out.bytes <= MUCH_OUTPUT)
+            continue;
+        for (other = table->first; other != it; other = other->next)
+            if (other->out.bytes > MUCH_OUTPUT && shares_token(other, it))
+                break;
+        count += other == it;
+    }
+    return count;
+}
+
+static void check_output(struct hg_conn_table *table)
+{
+    uint64_t total = 0, most = table->options->output_total_bytes;
+    struct hg_conn *largest = NULL;
+    for (struct hg_conn *it = table->first; it; it = it->next) {
+        total += it->out.bytes;
+        if (!largest || it->out.bytes > largest->out.bytes)
+            largest = it;
+    }
+    bool is_short = total > most / 2;
+    uint32_t tokens = is_short ? count_tokens(table) : 0;
+    for (struct hg_conn *it = table->first; it && (is_short || table->was_short); it = it->next)
+        it->output_share = is_short && it->out.bytes > MUCH_OUTPUT ? share_of(it, tokens, most) : 0;
+    table->was_short = is_short;
+    if (total > most)
+        hg_conn_kill(largest, "more waits for it than for any other, and for all of them more than "
+                              "output-total");
+}
+
 void hg_conn_check_times(struct hg_conn_table *table)
 {
     uint64_t now_ns = table->loop->now_ns;
+    check_output(table);
     for (struct hg_conn *it = table->first, *next; it; it = next) {
         next = it->next;
         check_time(it, now_ns);

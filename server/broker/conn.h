@@ -8,6 +8,7 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_log.h"
+#include "server/broker/slots.h"
 
 struct hg_session;
 
@@ -20,6 +21,21 @@ enum hg_conn_state {
     HG_CONN_DEAD,    // transport closed; freed at the end of the round
 };
 
+// Who the client says it is. Of the layer above.
+struct hg_conn_auth {
+    uint8_t hash[32]; // of its token
+    bool has_token;
+    uint32_t request;
+    uint64_t due_ns; // when the token is judged (hg_conn_events.due); 0 = nothing waits
+};
+
+// How fast messages are taken.
+struct hg_conn_rate {
+    double per_second; // 0 = as many as `allowance` says in all (not yet open)
+    double allowance;  // that may be accepted now
+    uint64_t since_ns; // when that was counted
+};
+
 struct hg_conn {
     struct hg_conn *prev, *next;
     struct hg_conn_table *table;
@@ -29,14 +45,17 @@ struct hg_conn {
     struct hg_outq out;
     enum hg_conn_state state;
     bool paused, peer_ended;
+    bool starved; // something waits for room in its output
     struct hg_peer peer;
+    struct hg_slot slot;
+    struct hg_conn_auth auth;
     char client[129]; // from hello
     uint16_t version;
     uint64_t number;                          // of the session
     uint64_t deadline_ns;                     // handshake, or the end of CLOSING
     uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
-    double allowance;                         // messages that may be accepted now (rate limit)
-    uint64_t allowance_ns;
+    uint64_t output_share;                    // of output-total while that is short; 0 = it is not
+    struct hg_conn_rate rate;
     struct hg_session *session; // of the layer above
 };
 
@@ -46,7 +65,10 @@ struct hg_conn_events {
     void (*message)(struct hg_conn *conn, struct hg_packet *packet);
     // Too many requests of the client are in flight: it is not read (back-pressure).
     bool (*must_wait)(const struct hg_conn *conn);
-    // The output has fallen below its limit again.
+    // auth.due_ns has come.
+    void (*due)(struct hg_conn *conn);
+    // The output has fallen below its limit again, or has become less while something waited for
+    // room in it (`starved`, which is false again).
     void (*drained)(struct hg_conn *conn);
     // It is CLOSING or DEAD; at the end of the round in which that happened.
     void (*ended)(struct hg_conn *conn);
@@ -59,14 +81,18 @@ struct hg_conn_table {
     const struct hg_conn_events *events;
     void *owner; // for `events`
     struct hg_conn *first, *dead;
-    uint32_t count, paused_count;
+    uint32_t paused_count;
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
+    bool was_short;           // of memory for output, at the last check
     bool closing;             // one began to close: `ended` comes at the end of the round
+    struct hg_slots slots;
     struct hg_peer_log log;
 };
 
 // Takes in the clients that wait at a listener.
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+// The session is open: messages are limited by `rate` a second from here on.
+void hg_conn_set_open(struct hg_conn *conn, double rate);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
 // Takes over the reference.
 void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet);
@@ -76,7 +102,9 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
 void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char *reason);
 void hg_conn_kill(struct hg_conn *conn, const char *reason); // at once
 void hg_conn_update(struct hg_conn *conn);                   // which events are wanted
-bool hg_conn_is_slow(const struct hg_conn *conn);            // its output is above the limit
+// Bytes that may wait for the client: output-limit, or less while the daemon's memory is short.
+uint64_t hg_conn_output_limit(const struct hg_conn *conn);
+bool hg_conn_is_slow(const struct hg_conn *conn); // more wait
 
 // Once in a while: handshakes, silent and stuck clients.
 void hg_conn_check_times(struct hg_conn_table *table);

@@ -4,10 +4,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/sha256.h"
 #include "server/broker/broker.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
-enum { WORKERS = 1 }; // until there is more than one tenant
 
 static int complain(const struct hg_error *err)
 {
@@ -41,6 +41,23 @@ static int device_info(const struct hg_options *options)
     return EXIT_START;
 }
 
+// The first line of standard input, so that the token stands in no list of processes.
+static int hash_token(void)
+{
+    char token[512], hex[HG_SHA256_HEX];
+    uint8_t hash[32];
+    size_t length = fgets(token, sizeof token, stdin) ? strcspn(token, "\r\n") : 0;
+    if (length < HG_TOKEN_MIN || length > HG_TOKEN_MAX ||
+        hg_token_hash((struct hgp_str){token, (uint32_t)length}, hash)) {
+        fprintf(stderr, "heliod: --hash-token: expected a token of %d to %d characters\n",
+            HG_TOKEN_MIN, HG_TOKEN_MAX);
+        return EXIT_CONFIG;
+    }
+    hg_sha256_hex(hash, hex);
+    printf("sha256:%s\n", hex);
+    return 0;
+}
+
 static int act(struct hg_options *options, int argc, char *const *argv)
 {
     switch (options->action) {
@@ -58,10 +75,12 @@ static int act(struct hg_options *options, int argc, char *const *argv)
         return 0;
     case HG_OPTIONS_CHECK:
         return check(options);
+    case HG_OPTIONS_HASH_TOKEN:
+        return hash_token();
     case HG_OPTIONS_DEVICE_INFO:
         return device_info(options);
     default:
-        return hg_broker_run(options, WORKERS, argc, argv);
+        return hg_broker_run(options, argc, argv);
     }
 }
 

@@ -9,7 +9,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 
-enum kind { TEXT, LIST, COUNT, MIB, SECONDS, BOOL };
+enum kind { TEXT, CHOICE, LIST, COUNT, MIB, SECONDS, BOOL };
 enum reload { START, LIVE };
 enum { FILE_LIMIT_BYTES = 1 << 20 };
 
@@ -23,6 +23,7 @@ struct option {
 };
 
 #define OFFSET_TEXT(member)    offsetof(struct hg_options, member)
+#define OFFSET_CHOICE(member)  offsetof(struct hg_options, member)
 #define OFFSET_LIST(member)    offsetof(struct hg_options, member)
 #define OFFSET_COUNT(member)   offsetof(struct hg_options, member)
 #define OFFSET_MIB(member)     offsetof(struct hg_options, member##_bytes)
@@ -54,6 +55,9 @@ static const struct {
     {"config", "FILE", "Read options from FILE, one 'name = value' per line; flags override it."},
     {"check-config", "", "Check flags, file and tokens, then exit: 0 = good, 2 = not."},
     {"device-info", "", "Let the worker describe the Vulkan device and its fallbacks, then exit."},
+    {"hash-token", "",
+        "Read a token from standard input, print the word that stands for it in the file of "
+        "tokens, then exit."},
     {"print-docs", "FORMAT", "Print this reference as markdown or man, then exit."},
     {"help", "", "Print this help, then exit."},
     {"version", "", "Print the version, then exit."},
@@ -133,11 +137,28 @@ static enum hg_status set_number(
     return HG_OK;
 }
 
+// The values are in the metavar, "ONE|OTHER".
+static bool is_choice(const struct option *row, const char *value)
+{
+    size_t length = strlen(value);
+    for (const char *it = row->metavar; it; it = strchr(it, '|')) {
+        it += *it == '|';
+        if (length && strncmp(it, value, length) == 0 && (!it[length] || it[length] == '|'))
+            return true;
+    }
+    return false;
+}
+
 static enum hg_status set_value(
     struct hg_options *o, const struct option *row, const char *value, struct hg_error *err)
 {
     char **text = member(o, row), *copy;
     switch (row->kind) {
+    case CHOICE:
+        if (!is_choice(row, value))
+            return hg_error_set(err, HG_E_INVAL, NULL, NULL, "%s takes %s, not '%s'", row->name,
+                row->metavar, value);
+        // fall through
     case TEXT:
         copy = *value ? hg_strdup(value) : NULL;
         if (*value && !copy)
@@ -265,7 +286,8 @@ static enum hg_status apply_extra(
         const char *name;
         enum hg_options_action action;
     } actions[] = {{"check-config", HG_OPTIONS_CHECK}, {"device-info", HG_OPTIONS_DEVICE_INFO},
-        {"help", HG_OPTIONS_HELP}, {"version", HG_OPTIONS_VERSION}};
+        {"hash-token", HG_OPTIONS_HASH_TOKEN}, {"help", HG_OPTIONS_HELP},
+        {"version", HG_OPTIONS_VERSION}};
     for (size_t i = 0; i < sizeof actions / sizeof *actions; i++)
         if (strcmp(name, actions[i].name) == 0) {
             o->action = actions[i].action;
@@ -364,7 +386,7 @@ enum hg_status hg_options_parse(
 void hg_options_finish(struct hg_options *o)
 {
     for (size_t i = 0; i < TABLE_COUNT; i++) {
-        if (table[i].name && table[i].kind == TEXT)
+        if (table[i].name && (table[i].kind == TEXT || table[i].kind == CHOICE))
             hg_free(*(char **)member(o, &table[i]));
         if (table[i].name && table[i].kind == LIST)
             clear_list(member(o, &table[i]));
@@ -380,6 +402,7 @@ static size_t value_size(enum kind kind)
 {
     switch (kind) {
     case TEXT:
+    case CHOICE:
         return sizeof(char *);
     case LIST:
         return sizeof(struct hg_text_list);
@@ -401,7 +424,7 @@ static bool same_value(
     const struct hg_options *a, const struct hg_options *b, const struct option *row)
 {
     const void *x = member(a, row), *y = member(b, row);
-    if (row->kind == TEXT)
+    if (row->kind == TEXT || row->kind == CHOICE)
         return same_text(*(char *const *)x, *(char *const *)y);
     if (row->kind != LIST)
         return memcmp(x, y, value_size(row->kind)) == 0;
@@ -512,12 +535,30 @@ static const char markdown_head[] =
 
 static const char token_text[] =
     "\n## Tokens\n\n"
-    "```\n# TOKEN  ROLE  [NAME]\nb9b0a7c2e4f14d7f  edit  ci-runner\n```\n\n"
+    "```\n# TOKEN  ROLE  [NAME]  [KEY=VALUE...]\n"
+    "sha256:9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08  edit  ci-runner\n"
+    "sha256:60303ae22b998861bce3b28f33eec1be758a213c86c93c076dbe9f558c11c752  view  guests"
+    "  expires=2027-06-30  scenes=showroom-*  sessions=20\n```\n\n"
     "`view` may open scenes and views and ask; `edit` may also change scenes; `admin` may also "
-    "list "
-    "sessions. Tokens have 8 to 256 characters without spaces. The file should be readable by "
-    "the daemon's user alone; the daemon warns when it is not. Clients on a unix socket that run "
-    "as the daemon's own user need no token (they are `admin`) unless `require-token` is set.\n";
+    "list sessions. Tokens have 8 to 256 characters without spaces; `heliod --hash-token` reads "
+    "one "
+    "and prints the word that stands for it. A token may also stand there as it is; the daemon "
+    "warns about it, and about a file that others than its user may read.\n\n"
+    "| key | |\n|---|---|\n"
+    "| `tenant=NAME` | Whose scenes and worker it gets, in place of NAME: tokens of one tenant "
+    "share "
+    "them, and this is how a token is let into another's scenes. Without a name, too, it is a "
+    "tenant "
+    "of its own. |\n"
+    "| `expires=YYYY-MM-DD[Thh:mm:ssZ]` | From then on (UTC) it is unknown, and its sessions end. "
+    "|\n"
+    "| `scenes=PATTERN` | It opens scenes whose names match only (`*`, `?`, `[...]`), and scenes "
+    "without a name, which are a session's own. |\n"
+    "| `sessions=COUNT` | Open at a time, in place of `max-sessions-per-token`. |\n"
+    "| `rate=COUNT` | Messages per second of a session, in place of `max-rate`. |\n\n"
+    "On SIGHUP the sessions of tokens that are no longer there, or have another role, end. Clients "
+    "on a unix socket that run as the daemon's own user need no token (they are `admin`) unless "
+    "`require-token` is set.\n";
 
 // Read by renderer/debug_environment.c.
 static const char environment_text[] =

@@ -16,6 +16,7 @@ struct hg_text_list {
 };
 
 #define HG_OPTION_C_TEXT(member)    char *member; // NULL = none
+#define HG_OPTION_C_CHOICE(member)  char *member;
 #define HG_OPTION_C_LIST(member)    struct hg_text_list member;
 #define HG_OPTION_C_COUNT(member)   uint32_t member;
 #define HG_OPTION_C_MIB(member)     uint64_t member##_bytes;
@@ -26,6 +27,7 @@ enum hg_options_action {
     HG_OPTIONS_RUN,
     HG_OPTIONS_CHECK,       // --check-config
     HG_OPTIONS_DEVICE_INFO, // --device-info
+    HG_OPTIONS_HASH_TOKEN,  // --hash-token
     HG_OPTIONS_HELP,
     HG_OPTIONS_VERSION,
     HG_OPTIONS_DOCS, // --print-docs

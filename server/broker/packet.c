@@ -68,7 +68,8 @@ enum hg_status hg_outq_push(
     item->packet = packet;
     if (!q->head) {
         q->tail = &q->head;
-        q->progress_ns = hg_clock_now_ns();
+        q->progress_ns = q->window_ns = hg_clock_now_ns();
+        q->window_bytes = 0;
     }
     *q->tail = item;
     q->tail = &item->next;
@@ -107,6 +108,7 @@ static void drop_head(struct hg_outq *q)
 static void advance(struct hg_outq *q, size_t sent)
 {
     q->bytes -= sent;
+    q->window_bytes += sent;
     while (q->head) {
         size_t rest = HGP_HEADER_BYTES + q->head->packet->header.length - q->head->sent;
         if (sent < rest) {
@@ -131,6 +133,16 @@ enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t)
         q->progress_ns = hg_clock_now_ns();
     }
     return HG_OK;
+}
+
+bool hg_outq_is_drained(struct hg_outq *q, uint64_t now_ns, uint64_t window_ns, double rate)
+{
+    if (!q->head || now_ns - q->window_ns < window_ns)
+        return true;
+    bool drained = (double)q->window_bytes >= rate * (double)(now_ns - q->window_ns) * 1e-9;
+    q->window_ns = now_ns;
+    q->window_bytes = 0;
+    return drained;
 }
 
 void hg_outq_finish(struct hg_outq *q)

@@ -29,6 +29,8 @@ struct hg_outq {
     struct hg_outq_item *head, **tail;
     size_t bytes;         // not yet taken by the transport
     uint64_t progress_ns; // when the transport last took something, or the queue became non-empty
+    // When the queue became non-empty, or was last judged; what was taken since then.
+    uint64_t window_ns, window_bytes;
 };
 
 // Takes over the caller's reference, also on failure. HG_E_NOMEM.
@@ -37,6 +39,9 @@ enum hg_status hg_outq_push(
 // Writes what the transport takes now, at most about a MiB. HG_OK (also when some is left),
 // HG_E_CLOSED, HG_E_IO.
 enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t) HG_MUST_CHECK;
+// False when a queue that was never empty for `window_ns` was drained at less than `rate` bytes a
+// second.
+bool hg_outq_is_drained(struct hg_outq *q, uint64_t now_ns, uint64_t window_ns, double rate);
 void hg_outq_finish(struct hg_outq *q);
 
 // ---- input --------------------------------------------------------------------------------------

@@ -174,8 +174,7 @@ static void requeue(struct hg_session *s)
     for (struct hg_request *it = s->first; it; it = next) {
         next = it->next;
         bool was_sent = it->sent && it->link_id;
-        it->sent = false;
-        it->link_id = 0;
+        hg_session_request_lost(s, it);
         it->deaths = (uint8_t)(it->deaths + was_sent);
         if (it->deaths >= HG_SESSION_TRIES) {
             give_up_request(s, it);

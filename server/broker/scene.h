@@ -9,30 +9,50 @@
 
 #define HG_SCENE_REPLAY_CHANNEL (UINT32_C(1) << 31) // | number of the scene
 
+enum {
+    HG_SCENE_ID_RANGE = 1 << 20, // object and asset ids of one session
+    HG_SCENE_RANGES = 4032,      // in a scene at a time
+};
+
 struct hg_shared_scene {
     struct hg_shared_scene *prev, *next;
     uint32_t number;
     char key[160];  // for the worker
     char name[129]; // empty: private
+    char tenant[129];
     struct hg_journal *journal;
     struct hg_link *link; // to its worker
     uint64_t revision;
-    uint32_t sessions, ranges_used;
+    uint32_t sessions;
+    uint64_t ranges[HG_SCENE_RANGES / 64]; // bit: the range of ids belongs to a session, or objects
+                                           // have ids of it
     bool in_worker;  // replayed; sessions are attached
     uint32_t deaths; // of the worker while this scene was replayed
 };
 
 struct hg_scene_table {
-    const struct hg_worker_pool *pool;
+    struct hg_worker_pool *pool;
     struct hg_upload_store *store;
     struct hg_shared_scene *first;
     uint32_t last_number;
 };
 
-// Finds or makes the scene; *existed. NULL: no memory.
-struct hg_shared_scene *hg_shared_scene_join(
-    struct hg_scene_table *table, struct hgp_str name, uint64_t session, bool *existed);
+// Which scene a session asks for.
+struct hg_scene_wish {
+    const char *tenant;
+    struct hgp_str name; // empty: one of its own
+    uint64_t session;
+};
+
+// Finds or makes a scene of the tenant (of all tenants, where they share workers); *existed.
+// HG_E_LIMIT: no worker is left for the tenant. HG_E_NOMEM.
+enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct hg_scene_wish *wish,
+    struct hg_shared_scene **out, bool *existed, struct hg_error *err) HG_MUST_CHECK;
 void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene *scene);
+// A range of ids for a session: the first of HG_SCENE_ID_RANGE. 0: none is left.
+uint32_t hg_shared_scene_claim_ids(struct hg_shared_scene *scene);
+// The session has ended: its range is free again, unless objects have ids of it.
+void hg_shared_scene_release_ids(struct hg_shared_scene *scene, uint32_t first_id);
 // On which it is replayed.
 uint32_t hg_shared_scene_channel(const struct hg_shared_scene *scene);
 

@@ -46,6 +46,7 @@ static const struct {
 } coupled[] = {
     {HGP_T_environment_set, 0x6, 0x6}, // path or hash
     {HGP_T_material_set, 0x18, 0x18},  // emissive and its strength
+    {HGP_T_light_set, 0x804, 0x804},   // intensity or lumens
 };
 
 bool hg_journal_wants(uint16_t type)
@@ -368,6 +369,7 @@ static bool drop_dead_references(
     struct hgp_node_set *node = &edit->any.node_set;
     struct hgp_material_set *material = &edit->any.material_set;
     struct hgp_asset_load *load = &edit->any.asset_load;
+    struct hgp_light_set *light = &edit->any.light_set;
     bool changed = false;
 #define DROP(message, field, kind)                                                                 \
     if (message->has_##field && !exists_at(j, HGP_T_##kind, message->field, place)) {              \
@@ -387,6 +389,9 @@ static bool drop_dead_references(
         DROP(material, normal_texture, texture_set)
         DROP(material, occlusion_texture, texture_set)
         DROP(material, emissive_texture, texture_set)
+        return changed;
+    case HGP_T_light_set:
+        DROP(light, texture, texture_set)
         return changed;
     case HGP_T_asset_load:
         DROP(load, parent, node_set)
@@ -574,6 +579,17 @@ enum hg_status hg_journal_play(
             return status;
     }
     return HG_OK;
+}
+
+bool hg_journal_uses_ids(const struct hg_journal *j, uint32_t first, uint32_t count)
+{
+    for (size_t i = 0; i < j->bucket_count; i++)
+        for (const struct object *it = j->buckets[i]; it; it = it->next) {
+            uint64_t id = it->id >> 32 ? it->id >> 32 : it->id;
+            if (id >= first && id - first < count)
+                return true;
+        }
+    return false;
 }
 
 struct hg_journal_stats hg_journal_get_stats(const struct hg_journal *j)

@@ -40,6 +40,9 @@ enum hg_status hg_journal_accept(
 enum hg_status hg_journal_play(struct hg_journal *journal,
     enum hg_status (*emit)(void *user, struct hg_packet *packet), void *user) HG_MUST_CHECK;
 
+// Some object has an id from `first` to `first + count - 1`, or belongs to an asset that has.
+bool hg_journal_uses_ids(const struct hg_journal *journal, uint32_t first, uint32_t count);
+
 struct hg_journal_stats hg_journal_get_stats(const struct hg_journal *journal);
 
 #endif

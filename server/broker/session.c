@@ -1,9 +1,11 @@
 #include "server/broker/session.h"
 
+#include <fnmatch.h>
 #include <stdio.h>
 
 #include "base/alloc.h"
 #include "server/broker/list.h"
+#include "server/broker/session_audit.h"
 #include "server/broker/session_list.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_rules.h"
@@ -20,39 +22,65 @@ static void subscribe(struct hg_session *s, const struct hgp_subscribe *m)
     view->resubscribe = false;
 }
 
+// Scenes without a name are the session's own.
+static bool may_open(const struct hg_session *s, struct hgp_str name)
+{
+    char text[129];
+    snprintf(text, sizeof text, "%.*s", (int)name.size, name.data ? name.data : "");
+    return !name.size || !s->scope.scenes[0] || fnmatch(s->scope.scenes, text, 0) == 0;
+}
+
 static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_scene_open *m)
 {
     struct hg_error err = {0};
     struct hg_session_table *table = s->table;
     bool existed = false;
+    uint32_t first_id = 0;
     struct hg_shared_scene *scene = NULL;
     if (s->scene)
         hg_error_set(&err, HG_E_STATE, "scene_open", NULL, "close the open scene first");
     else if (table->draining)
         hg_error_set(&err, HG_E_STATE, "scene_open", NULL, "the daemon is shutting down");
-    else if (!(scene = hg_shared_scene_join(&table->scenes, m->name, s->number, &existed)))
-        hg_error_set(&err, HG_E_NOMEM, "scene_open", NULL, "no memory for a scene");
-    else if (scene->ranges_used >= HG_SESSION_RANGES) {
+    else if (!may_open(s, m->name))
+        hg_error_set(&err, HG_E_PERM, "scene_open", "name",
+            "this token may open scenes named '%s' only", s->scope.scenes);
+    else if (hg_shared_scene_join(&table->scenes,
+                 &(struct hg_scene_wish){s->tenant, m->name, s->number}, &scene, &existed, &err))
+        ; // err says why
+    else if (!(first_id = hg_shared_scene_claim_ids(scene))) {
         hg_shared_scene_leave(&table->scenes, scene);
         hg_error_set(&err, HG_E_LIMIT, "scene_open", NULL,
-            "%u sessions have used this scene; no ids are left", (unsigned)HG_SESSION_RANGES);
+            "objects of this scene have ids of %u sessions, and no ids are left",
+            (unsigned)HG_SCENE_RANGES);
     }
+    char name[129];
+    snprintf(name, sizeof name, "%.*s", (int)m->name.size, m->name.size ? m->name.data : "");
+    hg_session_audit(s, "scene_open", err.status, name);
     if (err.status) {
         hg_conn_fail(s->conn, request, &err);
         return;
     }
     s->scene = scene;
-    s->first_id = 1 + scene->ranges_used++ * HG_SESSION_ID_RANGE;
+    s->first_id = first_id;
     if (scene->in_worker)
         hg_session_request_attach(s);
     hg_conn_send(s->conn, request, HGP_T_scene_opened,
         &(struct hgp_scene_opened){.revision = scene->revision,
             .existed = existed,
             .first_id = s->first_id,
-            .id_count = HG_SESSION_ID_RANGE});
+            .id_count = HG_SCENE_ID_RANGE});
 }
 
-static void leave_scene(struct hg_session *s)
+static bool has_edits(const struct hg_session *s)
+{
+    for (const struct hg_request *it = s->first; it; it = it->next)
+        if (hg_journal_wants(it->packet->header.type))
+            return true;
+    return false;
+}
+
+// Edits under way may still make objects with ids of the session.
+static void leave_scene(struct hg_session *s, bool edits_under_way)
 {
     struct hg_shared_scene *scene = s->scene;
     while (s->first)
@@ -65,6 +93,8 @@ static void leave_scene(struct hg_session *s)
     s->attached = s->batch_open = false;
     s->verified_bytes = 0;
     s->scene = NULL;
+    if (scene && !edits_under_way)
+        hg_shared_scene_release_ids(scene, s->first_id);
     if (scene)
         hg_shared_scene_leave(&s->table->scenes, scene);
 }
@@ -78,8 +108,9 @@ static void close_scene(struct hg_session *s, uint32_t request)
         return;
     }
     hg_error_set(&err, HG_E_CANCELLED, "scene_close", NULL, "the scene was closed");
+    bool edits_under_way = has_edits(s);
     hg_session_request_fail_all(s, &err);
-    leave_scene(s);
+    leave_scene(s, edits_under_way);
     if (request)
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
 }
@@ -90,7 +121,7 @@ static void add_credit(struct hg_session *s, const struct hgp_credit *m)
     if (!view->subscribed)
         return; // stopped
     view->credit += view->credit < UINT32_MAX - 1024 ? m->frames : 0;
-    hg_session_view_grant(s, view);
+    hg_session_view_grant_all(s);
 }
 
 static void relay_checked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
@@ -126,6 +157,7 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
         hg_session_upload(s, request, &m->upload);
         return;
     case HGP_T_sessions_query:
+        hg_session_audit(s, "sessions_query", HG_OK, NULL);
         hg_session_list(s, request);
         return;
     default:
@@ -161,7 +193,7 @@ struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_
 
 void hg_session_destroy(struct hg_session *s)
 {
-    leave_scene(s);
+    leave_scene(s, has_edits(s));
     HG_LIST_REMOVE(s->table->first, s);
     s->table->count--;
     hg_free(s);

@@ -2,6 +2,7 @@
 
 #include "base/log.h"
 #include "server/broker/session.h"
+#include "server/broker/session_audit.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
@@ -117,7 +118,7 @@ static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uin
     }
     view->credit--;
     hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
-    hg_session_view_grant(s, view);
+    hg_session_view_grant_all(s);
 }
 
 static void relay_answer(struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
@@ -142,6 +143,16 @@ static void relay_unasked(struct hg_session *s, struct hg_packet *packet, const 
                 .reason = m->error.reason});
 }
 
+// How much answers to queries may be.
+static void note_size(
+    struct hg_session *s, const struct hg_request *request, const struct hg_packet *packet)
+{
+    uint16_t type = request->packet->header.type;
+    if (!hg_journal_wants(type) && type != HGP_T_frame_request &&
+        packet->header.type != HGP_T_error && packet->header.length > s->answers.query_bytes)
+        s->answers.query_bytes = packet->header.length;
+}
+
 static void finish_request(struct hg_session *s, struct hg_request *request,
     struct hg_packet *packet, const union hgp_any *m)
 {
@@ -150,10 +161,12 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
         hg_session_upload_verified(s, request);
     if (failed && m->error.code == HG_E_HASH)
         forget_uploads(s, request->packet);
+    hg_session_audit_answer(s, request->packet, failed ? (enum hg_status)m->error.code : HG_OK);
     if (failed)
         note_refused(s, request);
     else
         note_accepted(s, request);
+    note_size(s, request, packet);
     if (request->client_id)
         relay_answer(s, packet, request->client_id);
     else if (failed)
@@ -168,8 +181,10 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
     note_revision(s, type, m);
     if (type == HGP_T_frame) {
         struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
-        if (view)
+        if (view) {
             renumber(view, packet, &m->frame);
+            view->frame_bytes = packet->header.length;
+        }
     }
     if (!request) {
         if (type == HGP_T_frame && !packet->header.request)

@@ -42,6 +42,51 @@ static struct hg_request *add_request(
     return request;
 }
 
+// ---- room for answers ---------------------------------------------------------------------------
+
+enum { EDIT_ANSWER_BYTES = 1024, QUERY_ANSWER_BYTES = 1 << 20 };
+
+static uint64_t frame_bytes(struct hg_session *s, const struct hg_packet *packet)
+{
+    struct hgp_frame_request m;
+    const struct hg_session_view *view = NULL;
+    if (hgp_decode(HGP_VERSION_MAX, HGP_T_frame_request,
+            hg_reader_make(packet->payload, packet->header.length), NULL, &m, NULL) == HG_OK)
+        view = hg_session_view_find(s, m.view);
+    return view ? view->frame_bytes : EDIT_ANSWER_BYTES;
+}
+
+// How large the answer may be: of edits known, of frames by their view, of queries the largest of
+// the session so far and before the first answer a mebibyte.
+static uint64_t answer_bytes(struct hg_session *s, const struct hg_packet *packet)
+{
+    uint16_t type = packet->header.type;
+    if (hg_journal_wants(type) || type == HGP_T_view_set || type == HGP_T_subscribe)
+        return EDIT_ANSWER_BYTES;
+    if (type == HGP_T_frame_request)
+        return frame_bytes(s, packet);
+    return s->answers.query_bytes ? s->answers.query_bytes : QUERY_ANSWER_BYTES;
+}
+
+static void charge(struct hg_session *s, struct hg_request *request)
+{
+    request->charge = request->client_id ? answer_bytes(s, request->packet) : 0;
+    s->answers.granted_bytes += request->charge;
+}
+
+static void give_back(struct hg_session *s, struct hg_request *request)
+{
+    s->answers.granted_bytes -= request->charge;
+    request->charge = 0;
+}
+
+void hg_session_request_lost(struct hg_session *s, struct hg_request *request)
+{
+    request->sent = false;
+    request->link_id = 0;
+    give_back(s, request);
+}
+
 // The request that ran alone is done: others may have waited for it.
 static void end_suspicion(struct hg_session *s, const struct hg_request *request)
 {
@@ -59,6 +104,7 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
     s->request_count--;
     s->frame_count -= is_frame_request(request->packet);
     s->request_bytes -= packet_bytes(request->packet);
+    give_back(s, request);
     end_suspicion(s, request);
     hg_packet_unref(request->packet);
     hg_free(request);
@@ -119,6 +165,7 @@ static void send_request(struct hg_session *s, struct hg_request *request)
     uint16_t type = request->packet->header.type;
     request->link_id = is_answered(request) ? hg_link_next_id(link) : 0;
     request->sent = true;
+    charge(s, request);
     struct hg_packet *packet = type == HGP_T_subscribe ? windowed_subscribe(s, request->packet)
                                                        : hg_packet_ref(request->packet);
     if (request->deaths) {
@@ -137,6 +184,11 @@ static bool must_wait(const struct hg_session *s, const struct hg_request *reque
            link->loop->now_ns - link->suspect.sent_ns < suspect_patience_ns;
 }
 
+static bool has_room(struct hg_session *s, const struct hg_request *request)
+{
+    return !request->client_id || hg_session_view_may_grant(s, answer_bytes(s, request->packet));
+}
+
 void hg_session_request_pump(struct hg_session *s)
 {
     struct hg_request *next;
@@ -144,7 +196,7 @@ void hg_session_request_pump(struct hg_session *s)
         next = it->next;
         if (it->sent)
             continue;
-        if (must_wait(s, it))
+        if (must_wait(s, it) || !has_room(s, it))
             return;
         send_request(s, it);
     }
@@ -208,7 +260,7 @@ void hg_session_request_attach(struct hg_session *s)
             .role = s->role,
             .scene = hgp_str_make(s->scene->key),
             .first_id = s->first_id,
-            .id_count = HG_SESSION_ID_RANGE,
+            .id_count = HG_SCENE_ID_RANGE,
             .max_pixels = s->table->options->max_pixels,
             .replay = restore});
     if (s->batch_open) // before there is a view that could show half of it

@@ -11,6 +11,8 @@ void hg_session_request_relay(struct hg_session *session, struct hg_packet *pack
 // NULL: not known.
 struct hg_request *hg_session_request_find(struct hg_session *session, uint32_t link_id);
 void hg_session_request_drop(struct hg_session *session, struct hg_request *request);
+// The worker that had it is gone: it is to be sent again.
+void hg_session_request_lost(struct hg_session *session, struct hg_request *request);
 // Answers everything under way with `err` and forgets it.
 void hg_session_request_fail_all(struct hg_session *session, const struct hg_error *err);
 // Sends what may be sent: all requests in order, suspects of a death one at a time.

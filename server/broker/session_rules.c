@@ -8,10 +8,10 @@
 static enum hg_status check_load(
     const struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
 {
-    if (m->asset < s->first_id || m->asset - s->first_id >= HG_SESSION_ID_RANGE)
+    if (m->asset < s->first_id || m->asset - s->first_id >= HG_SCENE_ID_RANGE)
         return hg_error_set(err, HG_E_INVAL, "asset_load", "asset",
             "%u is outside this session's range %u to %u", m->asset, s->first_id,
-            s->first_id + HG_SESSION_ID_RANGE - 1);
+            s->first_id + HG_SCENE_ID_RANGE - 1);
     for (uint32_t i = 0; i < m->files.count; i++)
         if (!hg_upload_store_has(s->table->store, m->files.items[i].hash)) {
             char place[128];

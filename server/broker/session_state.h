@@ -3,15 +3,15 @@
 #ifndef HG_BROKER_SESSION_STATE_H
 #define HG_BROKER_SESSION_STATE_H
 
+#include "server/broker/audit.h"
+#include "server/broker/auth.h"
 #include "server/broker/conn.h"
 #include "server/broker/scene.h"
 
 enum {
-    HG_SESSION_ID_RANGE = 1 << 20, // object and asset ids of one session
-    HG_SESSION_RANGES = 4095,      // sessions that one scene can have had
-    HG_SESSION_UPLOADS = 16,       // contents of one session that may alternate
-    HG_SESSION_TRIES = 2,          // deaths of the worker after which a request is given up
-    HG_SESSION_POISONS = 3,        // given-up requests after which a session is closed
+    HG_SESSION_UPLOADS = 16, // contents of one session that may alternate
+    HG_SESSION_TRIES = 2,    // deaths of the worker after which a request is given up
+    HG_SESSION_POISONS = 3,  // given-up requests after which a session is closed
 };
 
 // A message on its way to the worker that matters for the order of things. Most are answered;
@@ -22,7 +22,8 @@ struct hg_request {
     uint32_t client_id; // 0 = no answer requested
     struct hg_packet *packet;
     bool sent;
-    uint8_t deaths; // of the worker while this was under way
+    uint8_t deaths;  // of the worker while this was under way
+    uint64_t charge; // bytes that its answer may have; counted in granted_bytes while it is sent
 };
 
 struct hg_session_view {
@@ -35,7 +36,22 @@ struct hg_session_view {
     bool subscribed, resubscribe;
     uint32_t credit;  // credit: frames that the client accepts
     uint32_t granted; // of these, given to the worker
+    uint64_t frame_bytes; // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
+    uint64_t turn; // of the newest credit; smaller = longer ago
+};
+
+// The newest upload that failed: its other pieces may still come, and fail the same way.
+struct hg_session_failed {
+    uint8_t hash[32];
+    struct hg_error err;
+};
+
+// What the client was promised.
+struct hg_session_answers {
+    uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
+    uint64_t query_bytes;   // the largest answer to a query so far
+    uint64_t turns;         // of the views
 };
 
 struct hg_session {
@@ -45,6 +61,8 @@ struct hg_session {
     uint32_t number;
     enum hgp_role role;
     char name[129];
+    char tenant[129];
+    struct hg_token_scope scope;
     struct hg_shared_scene *scene; // NULL: none open
     uint32_t first_id;
     bool attached;   // the worker knows it
@@ -52,12 +70,12 @@ struct hg_session {
     struct hg_request *first, *last;
     uint32_t request_count, frame_count;
     uint64_t request_bytes;
+    struct hg_session_answers answers;
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
-    uint64_t uploaded_bytes;
+    uint64_t uploaded_bytes;       // that came, for statistics
     uint64_t verified_bytes;       // of the file that the worker has for image_query
-    uint8_t failed_hash[32];       // newest upload that failed; its other pieces may still come
-    struct hg_error failed_upload; // and fail the same way
+    struct hg_session_failed failed;
     uint32_t poisons;
 };
 
@@ -68,6 +86,7 @@ struct hg_session_table {
     struct hg_upload_store *store;
     const struct hg_conn_table *conns;
     struct hg_worker_pool *pool;
+    struct hg_audit *audit;
     struct hg_scene_table scenes;
     struct hg_session *first;
     uint32_t count, last_number;

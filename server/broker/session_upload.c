@@ -1,6 +1,10 @@
 #include "server/broker/session_upload.h"
 
+#include <stdio.h>
 #include <string.h>
+
+#include "base/sha256.h"
+#include "server/broker/session_audit.h"
 
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
@@ -18,34 +22,43 @@ static struct hg_upload **free_slot(struct hg_session *s)
     return NULL;
 }
 
-// What a session may still send. A file that is verified counts as long as the worker has it.
-static uint64_t left_bytes(const struct hg_session *s)
+// Who the session's uploads are counted for: whoever has its token, or the daemon's own user. NULL:
+// no memory.
+static struct hg_upload_owner *owner_of(const struct hg_session *s)
 {
-    const uint64_t limit = s->table->options->max_upload_bytes;
-    const uint64_t used = s->uploaded_bytes + s->verified_bytes;
-    return limit > used ? limit - used : 0;
+    const struct hg_options *o = s->table->options;
+    struct hg_upload_owner *owner =
+        s->conn ? hg_upload_store_owner(s->table->store, s->conn->auth.hash) : NULL;
+    if (owner) // a file that is verified counts as long as the worker has it
+        hg_upload_owner_set_quota(
+            owner, &(struct hg_upload_usage){.bytes = o->max_upload_bytes > s->verified_bytes
+                                                          ? o->max_upload_bytes - s->verified_bytes
+                                                          : 0,
+                       .files = o->max_upload_files});
+    return owner;
 }
 
 static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     struct hg_upload ***slot, struct hg_error *err)
 {
     const struct hg_options *o = s->table->options;
+    struct hg_upload_owner *owner = owner_of(s);
+    if (!owner)
+        return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
     if (m->offset)
         return hg_error_set(err, HG_E_STATE, "upload", "offset",
             "the first piece of a content starts at 0, not at %llu", (unsigned long long)m->offset);
-    if (m->total > left_bytes(s))
+    if (m->total > o->max_upload_bytes || s->verified_bytes > o->max_upload_bytes - m->total)
         return hg_error_set(err, HG_E_LIMIT, "upload", "total",
-            "this session has uploaded %llu of the %llu MiB of its quota (max-upload)",
-            (unsigned long long)((s->uploaded_bytes + s->verified_bytes) >> 20),
+            "%llu bytes, beside %llu of a file that is verified, are more than the quota of %llu "
+            "MiB (max-upload)",
+            (unsigned long long)m->total, (unsigned long long)s->verified_bytes,
             (unsigned long long)(o->max_upload_bytes >> 20));
     *slot = free_slot(s);
     if (!*slot)
         return hg_error_set(err, HG_E_LIMIT, "upload", NULL,
             "%d contents of this session are under way already", HG_SESSION_UPLOADS);
-    enum hg_status status = hg_upload_begin(s->table->store, m->hash, m->total, *slot, err);
-    if (!status)
-        s->uploaded_bytes += m->total;
-    return status;
+    return hg_upload_begin(s->table->store, owner, m->hash, m->total, *slot, err);
 }
 
 static enum hg_status take_piece(
@@ -62,6 +75,7 @@ static enum hg_status take_piece(
             (unsigned long long)hg_upload_total(*slot));
     else
         status = hg_upload_append(*slot, m->data.data, m->data.size, err);
+    s->uploaded_bytes += status ? 0 : m->data.size;
     struct hg_upload *upload = *slot;
     *done = !status && hg_upload_offset(upload) == hg_upload_total(upload);
     if (*done || status)
@@ -76,15 +90,24 @@ static enum hg_status take_piece(
 // A piece behind one that failed: its sender learns the first reason, once.
 static bool follows_failure(const struct hg_session *s, const struct hgp_upload *m)
 {
-    return s->failed_upload.status && m->offset && memcmp(s->failed_hash, m->hash, 32) == 0;
+    return s->failed.err.status && m->offset && memcmp(s->failed.hash, m->hash, 32) == 0;
 }
 
 static void refuse(
     struct hg_session *s, uint32_t request, const struct hgp_upload *m, const struct hg_error *err)
 {
-    memcpy(s->failed_hash, m->hash, 32);
-    s->failed_upload = *err;
+    memcpy(s->failed.hash, m->hash, 32);
+    s->failed.err = *err;
     hg_conn_fail(s->conn, request, err);
+}
+
+static void tell_audit(
+    const struct hg_session *s, const struct hgp_upload *m, enum hg_status status)
+{
+    char hex[HG_SHA256_HEX], detail[120];
+    hg_sha256_hex(m->hash, hex);
+    snprintf(detail, sizeof detail, "sha256:%s, %llu bytes", hex, (unsigned long long)m->total);
+    hg_session_audit(s, "upload", status, detail);
 }
 
 void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_upload *m)
@@ -95,7 +118,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
     bool running = find_slot(s, m->hash) != NULL;
     if (!running && follows_failure(s, m)) {
         if (request)
-            hg_conn_fail(s->conn, request, &s->failed_upload);
+            hg_conn_fail(s->conn, request, &s->failed.err);
         return;
     }
     // Another session has sent it meanwhile: nothing is stored twice.
@@ -103,6 +126,8 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         done = m->offset + m->data.size >= m->total;
     else
         status = take_piece(s, m, &done, &err);
+    if (status || done)
+        tell_audit(s, m, status);
     if (status)
         refuse(s, request, m, &err);
     else if (done && request)
@@ -119,6 +144,25 @@ void hg_session_upload_query(
     if (request)
         hg_conn_send(s->conn, request, HGP_T_upload_have,
             &(struct hgp_upload_have){.have = {flags, m->contents.count}});
+}
+
+void hg_session_upload_check_times(struct hg_session *s, uint64_t now_ns)
+{
+    const uint64_t timeout_ns = s->table->options->upload_timeout_ns;
+    for (size_t i = 0; i < HG_SESSION_UPLOADS && s->conn; i++) {
+        struct hg_upload *upload = s->uploads[i];
+        if (!upload || now_ns < hg_upload_progress_ns(upload) + timeout_ns)
+            continue;
+        memcpy(s->failed.hash, hg_upload_hash(upload), 32);
+        hg_error_set(&s->failed.err, HG_E_TIMEOUT, "upload", NULL,
+            "no piece of this content came for %.0f s (upload-timeout); it was given up at %llu of "
+            "%llu bytes",
+            (double)timeout_ns * 1e-9, (unsigned long long)hg_upload_offset(upload),
+            (unsigned long long)hg_upload_total(upload));
+        hg_conn_fail(s->conn, 0, &s->failed.err);
+        hg_upload_abort(upload);
+        s->uploads[i] = NULL;
+    }
 }
 
 void hg_session_upload_abort_all(struct hg_session *s)
@@ -145,7 +189,10 @@ static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct h
     const struct hg_options *o = s->table->options;
     const uint64_t before = s->verified_bytes;
     s->verified_bytes = 0;
-    const uint64_t left = left_bytes(s), others = all_verified_bytes(s->table);
+    const struct hg_upload_owner *owner = owner_of(s);
+    const uint64_t used = owner ? hg_upload_owner_usage(owner).bytes : 0;
+    const uint64_t left = o->max_upload_bytes > used ? o->max_upload_bytes - used : 0;
+    const uint64_t others = all_verified_bytes(s->table);
     if (size <= left && others <= o->upload_store_bytes && size <= o->upload_store_bytes - others) {
         s->verified_bytes = size;
         return HG_OK;

@@ -8,6 +8,8 @@
 void hg_session_upload(struct hg_session *session, uint32_t request, const struct hgp_upload *m);
 void hg_session_upload_query(
     struct hg_session *session, uint32_t request, const struct hgp_upload_query *m);
+// Gives those up that have stopped.
+void hg_session_upload_check_times(struct hg_session *session, uint64_t now_ns);
 void hg_session_upload_abort_all(struct hg_session *session);
 // A file that comes in parts begins: it counts as an upload, and with those of all sessions as much
 // as the store may hold, before any of it goes to the worker. HG_E_LIMIT; HG_E_INVAL: another size

@@ -67,6 +67,8 @@ enum hg_status hg_session_view_ask(
         status = hg_error_set(err, HG_E_NOMEM, "view_set", NULL, "no memory for a view");
     if (status)
         return status;
+    if (view->width != width || view->height != height)
+        view->frame_bytes = (uint64_t)width * height * 4; // until the first one tells
     view->width = width;
     view->height = height;
     return HG_OK;
@@ -129,11 +131,10 @@ void hg_session_view_remove(struct hg_session *s, struct hg_session_view *view)
 
 // ---- credit -------------------------------------------------------------------------------------
 
-uint32_t hg_session_view_take_window(const struct hg_session *s, struct hg_session_view *view)
+static uint32_t most_credit(const struct hg_session *s, const struct hg_session_view *view)
 {
     uint32_t window = s->table->options->frame_window;
-    view->granted = view->credit < window ? view->credit : window;
-    return view->granted;
+    return view->credit < window ? view->credit : window;
 }
 
 static bool is_slow(const struct hg_session *s)
@@ -141,12 +142,32 @@ static bool is_slow(const struct hg_session *s)
     return !s->conn || hg_conn_is_slow(s->conn);
 }
 
-void hg_session_view_grant(struct hg_session *s, struct hg_session_view *view)
+bool hg_session_view_may_grant(const struct hg_session *s, uint64_t bytes)
 {
-    uint32_t window = s->table->options->frame_window;
-    uint32_t allowed = view->credit < window ? view->credit : window;
-    if (!s->attached || !view->accepted || is_slow(s) || view->granted >= allowed)
-        return;
+    if (!s->conn)
+        return true;
+    uint64_t before = s->conn->out.bytes + s->answers.granted_bytes;
+    for (const struct hg_session_view *it = s->views; it; it = it->next)
+        before += it->granted * it->frame_bytes;
+    bool may = !before || before + bytes <= hg_conn_output_limit(s->conn);
+    s->conn->starved |= !may;
+    return may;
+}
+
+uint32_t hg_session_view_take_window(struct hg_session *s, struct hg_session_view *view)
+{
+    uint32_t most = most_credit(s, view);
+    view->granted = 0;
+    while (
+        view->granted < most && (!view->granted || hg_session_view_may_grant(s, view->frame_bytes)))
+        view->granted++;
+    view->turn = ++s->answers.turns;
+    return view->granted;
+}
+
+// One frame more.
+static void grant(struct hg_session *s, struct hg_session_view *view)
+{
     if (view->resubscribe) { // frames were dropped: the worker shows the present state again
         view->resubscribe = false;
         hg_link_send(s->scene->link, s->number, 0, HGP_T_subscribe,
@@ -155,12 +176,25 @@ void hg_session_view_grant(struct hg_session *s, struct hg_session_view *view)
         return;
     }
     hg_link_send(s->scene->link, s->number, 0, HGP_T_credit,
-        &(struct hgp_credit){.view = view->number, .frames = allowed - view->granted});
-    view->granted = allowed;
+        &(struct hgp_credit){.view = view->number, .frames = 1});
+    view->granted++;
+    view->turn = ++s->answers.turns;
+}
+
+// Whose turn it is: of those that may have one more, the one whose turn is longest ago.
+static struct hg_session_view *next_view(struct hg_session *s)
+{
+    struct hg_session_view *best = NULL;
+    for (struct hg_session_view *it = s->views; it; it = it->next)
+        if (it->accepted && it->granted < most_credit(s, it) && (!best || it->turn < best->turn))
+            best = it;
+    return best;
 }
 
 void hg_session_view_grant_all(struct hg_session *s)
 {
-    for (struct hg_session_view *it = s->views; it; it = it->next)
-        hg_session_view_grant(s, it);
+    struct hg_session_view *view;
+    while (s->attached && !is_slow(s) && (view = next_view(s)) &&
+           hg_session_view_may_grant(s, view->frame_bytes))
+        grant(s, view);
 }

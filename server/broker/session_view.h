@@ -15,10 +15,13 @@ enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *
 void hg_session_view_note_camera(struct hg_session *session, struct hg_packet *packet);
 void hg_session_view_reset(struct hg_session_view *view); // as if the worker had never taken it
 void hg_session_view_remove(struct hg_session *session, struct hg_session_view *view);
-uint32_t hg_session_view_take_window(
-    const struct hg_session *session, struct hg_session_view *view);
-void hg_session_view_grant(struct hg_session *session, struct hg_session_view *view);
-// Output drained: gives the worker credit for more frames of all views.
+// The first credit of a subscription: at least one frame, if the client gave credit.
+uint32_t hg_session_view_take_window(struct hg_session *session, struct hg_session_view *view);
+// The worker may be asked for something whose answer has `bytes`: with what waits for the client
+// and what it was asked for already the answer stays within output-limit, or it is the only one.
+// False: hg_conn_events.drained comes when the client has taken something.
+bool hg_session_view_may_grant(const struct hg_session *session, uint64_t bytes);
+// Gives the worker credit for more frames while there is room for them, in turns over the views.
 void hg_session_view_grant_all(struct hg_session *session);
 
 #endif

@@ -1,11 +1,13 @@
 #include "server/broker/transport.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -73,6 +75,36 @@ static void greet_unix(struct hg_transport *t, uint64_t peer_timeout_ns, struct 
         peer->same_user = credentials.uid == geteuid();
         snprintf(peer->name, sizeof peer->name, "uid:%u", credentials.uid);
     }
+    memcpy(peer->source, peer->name, sizeof peer->source);
+}
+
+// The first `bits` of an address, with zeroes behind them.
+static void name_block(const uint8_t *address, int family, unsigned bits, char *out, size_t size)
+{
+    uint8_t block[16] = {0};
+    char text[INET6_ADDRSTRLEN] = "?";
+    memcpy(block, address, bits / 8);
+    inet_ntop(family, block, text, sizeof text);
+    snprintf(out, size, "%s/%u", text, bits);
+}
+
+static void name_source(const struct sockaddr_storage *address, struct hg_peer *peer)
+{
+    static const uint8_t mapped[12] = {[10] = 0xff, [11] = 0xff}; // ::ffff:a.b.c.d
+    const uint8_t *v4 = (const uint8_t *)&((const struct sockaddr_in *)address)->sin_addr;
+    const uint8_t *v6 = (const uint8_t *)&((const struct sockaddr_in6 *)address)->sin6_addr;
+    bool is_v6 = address->ss_family == AF_INET6;
+    if (is_v6 && memcmp(v6, mapped, sizeof mapped) == 0) {
+        v4 = v6 + sizeof mapped;
+        is_v6 = false;
+    }
+    if (is_v6) {
+        name_block(v6, AF_INET6, 64, peer->source, sizeof peer->source);
+        name_block(v6, AF_INET6, 48, peer->network, sizeof peer->network);
+    } else {
+        name_block(v4, AF_INET, 32, peer->source, sizeof peer->source);
+        name_block(v4, AF_INET, 24, peer->network, sizeof peer->network);
+    }
 }
 
 static void greet_tcp(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer)
@@ -89,6 +121,7 @@ static void greet_tcp(struct hg_transport *t, uint64_t peer_timeout_ns, struct h
         getnameinfo((const struct sockaddr *)&address, size, peer->name, sizeof peer->name, NULL, 0,
             NI_NUMERICHOST))
         snprintf(peer->name, sizeof peer->name, "tcp");
+    name_source(&address, peer);
 }
 
 const struct hg_transport_class hg_transport_unix = {

@@ -19,7 +19,9 @@ struct hg_transport;
 
 // Who is at the other end, as the transport knows it.
 struct hg_peer {
-    char name[64];  // address without port, or uid: for logs and for counting failures
+    char name[64];    // address without port, or uid: for logs
+    char source[64];  // what one host or user has: the address, the /64 of IPv6, the uid
+    char network[64]; // of its neighbours: the /24 of IPv4, the /48 of IPv6; "" on this machine
     bool is_local;  // on this machine: it cannot vanish without a trace
     bool same_user; // it runs as the user of this process
 };

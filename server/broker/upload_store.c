@@ -10,34 +10,55 @@
 
 #include "base/alloc.h"
 #include "base/checked.h"
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/sha256.h"
 
+enum { BUCKETS = 65536, BLOCK_BYTES = 4096 };
+
 struct content {
+    struct content *chain;         // of its bucket
+    struct content *older, *newer; // those that may be evicted, by their last use
+    struct hg_upload_owner *owner; // who sent it; NULL = an earlier run's
     uint8_t hash[32];
     uint64_t size;
-    uint64_t used; // clock of the store when last used
     uint32_t pins;
     bool present;
 };
 
+struct hg_upload_owner {
+    struct hg_upload_owner *next;
+    uint8_t key[32];
+    struct hg_upload_usage usage, quota;
+};
+
 struct hg_upload_store {
     char *folder;
-    uint64_t limit_bytes, bytes, clock; // bytes include what uploads under way announced
-    struct content *contents;
-    size_t count, capacity;
+    uint64_t limit_bytes, bytes; // with what came of uploads under way
+    struct content *buckets[BUCKETS];
+    struct content *oldest, *newest;
+    struct hg_upload_owner *owners;
     uint32_t next_name;
 };
 
 struct hg_upload {
     struct hg_upload_store *store;
+    struct hg_upload_owner *owner;
     struct hg_sha256 *hasher;
     uint8_t hash[32];
     uint64_t total, offset;
+    uint64_t charged;     // bytes that there is room for
+    uint64_t progress_ns; // when it began, or the last piece came
     int fd;
     char *path;
 };
+
+// On the disk: whole blocks, and one for the file itself.
+static uint64_t disk_bytes(uint64_t size)
+{
+    return (size + 2 * BLOCK_BYTES - 1) / BLOCK_BYTES * BLOCK_BYTES;
+}
 
 static enum hg_status fail_errno(struct hg_error *err, const char *path, const char *action)
 {
@@ -60,12 +81,18 @@ static char *content_path(const struct hg_upload_store *store, const uint8_t has
 
 // ---- index --------------------------------------------------------------------------------------
 
-static struct content *find(const struct hg_upload_store *store, const uint8_t hash[32])
+// Of a SHA-256 any bits will do; clients choose contents, not hashes.
+static struct content **bucket_of(struct hg_upload_store *store, const uint8_t hash[32])
 {
-    for (size_t i = 0; i < store->count; i++)
-        if (memcmp(store->contents[i].hash, hash, 32) == 0)
-            return &store->contents[i];
-    return NULL;
+    return &store->buckets[hash[0] << 8 | hash[1]];
+}
+
+static struct content *find(struct hg_upload_store *store, const uint8_t hash[32])
+{
+    struct content *it = *bucket_of(store, hash);
+    while (it && memcmp(it->hash, hash, 32) != 0)
+        it = it->chain;
+    return it;
 }
 
 static struct content *find_or_add(struct hg_upload_store *store, const uint8_t hash[32])
@@ -73,37 +100,75 @@ static struct content *find_or_add(struct hg_upload_store *store, const uint8_t 
     struct content *content = find(store, hash);
     if (content)
         return content;
-    if (hg_grow(&store->contents, &store->capacity, store->count + 1, sizeof *store->contents))
+    content = hg_calloc(1, sizeof *content);
+    if (!content)
         return NULL;
-    content = &store->contents[store->count++];
-    *content = (struct content){.used = ++store->clock};
     memcpy(content->hash, hash, 32);
+    content->chain = *bucket_of(store, hash);
+    *bucket_of(store, hash) = content;
     return content;
 }
 
-// Removes the file; the row stays while it is pinned.
+// ---- eviction -----------------------------------------------------------------------------------
+
+static bool is_listed(const struct hg_upload_store *store, const struct content *content)
+{
+    return content->older || content->newer || store->oldest == content;
+}
+
+static void unlist(struct hg_upload_store *store, struct content *content)
+{
+    if (!is_listed(store, content))
+        return;
+    *(content->older ? &content->older->newer : &store->oldest) = content->newer;
+    *(content->newer ? &content->newer->older : &store->newest) = content->older;
+    content->older = content->newer = NULL;
+}
+
+// It was used now. What is pinned or not there is not listed.
+static void touch(struct hg_upload_store *store, struct content *content)
+{
+    unlist(store, content);
+    if (content->pins || !content->present)
+        return;
+    content->older = store->newest;
+    *(store->newest ? &store->newest->newer : &store->oldest) = content;
+    store->newest = content;
+}
+
+static void remove_if_unused(struct hg_upload_store *store, struct content *content)
+{
+    if (content->pins || content->present)
+        return;
+    struct content **link = bucket_of(store, content->hash);
+    while (*link != content)
+        link = &(*link)->chain;
+    *link = content->chain;
+    hg_free(content);
+}
+
+static void disown(struct content *content)
+{
+    if (!content->owner)
+        return;
+    content->owner->usage.bytes -= disk_bytes(content->size);
+    content->owner->usage.files--;
+    content->owner = NULL;
+}
+
+// Removes the file; the record stays while it is pinned.
 static void drop(struct hg_upload_store *store, struct content *content)
 {
     char *path = content->present ? content_path(store, content->hash) : NULL;
     if (path)
         unlink(path);
     hg_free(path);
+    unlist(store, content);
     if (content->present)
-        store->bytes -= content->size;
+        store->bytes -= disk_bytes(content->size);
+    disown(content);
     content->present = false;
-    if (!content->pins)
-        *content = store->contents[--store->count];
-}
-
-static struct content *least_used(const struct hg_upload_store *store)
-{
-    struct content *oldest = NULL;
-    for (size_t i = 0; i < store->count; i++) {
-        struct content *it = &store->contents[i];
-        if (it->present && !it->pins && (!oldest || it->used < oldest->used))
-            oldest = it;
-    }
-    return oldest;
+    remove_if_unused(store, content);
 }
 
 static bool make_room(struct hg_upload_store *store, uint64_t need)
@@ -111,12 +176,72 @@ static bool make_room(struct hg_upload_store *store, uint64_t need)
     if (need > store->limit_bytes)
         return false;
     while (store->bytes > store->limit_bytes - need) {
-        struct content *oldest = least_used(store);
-        if (!oldest)
+        if (!store->oldest)
             return false;
-        drop(store, oldest);
+        drop(store, store->oldest);
     }
     return true;
+}
+
+// ---- owners -------------------------------------------------------------------------------------
+
+struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, const uint8_t key[32])
+{
+    struct hg_upload_owner *owner = store->owners;
+    while (owner && memcmp(owner->key, key, 32) != 0)
+        owner = owner->next;
+    if (owner)
+        return owner;
+    owner = hg_calloc(1, sizeof *owner);
+    if (!owner)
+        return NULL;
+    memcpy(owner->key, key, 32);
+    owner->next = store->owners;
+    store->owners = owner;
+    return owner;
+}
+
+struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner)
+{
+    return owner->usage;
+}
+
+void hg_upload_owner_set_quota(struct hg_upload_owner *owner, const struct hg_upload_usage *quota)
+{
+    owner->quota = *quota;
+}
+
+static bool is_above_quota(const struct hg_upload_owner *owner, uint64_t bytes, uint64_t files)
+{
+    return owner->usage.bytes + bytes > owner->quota.bytes ||
+           owner->usage.files + files > owner->quota.files;
+}
+
+// Room for so much more of an owner, in its quota and in the store.
+static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    uint64_t bytes, uint64_t files, struct hg_error *err)
+{
+    for (struct content *it = store->oldest, *newer; it && is_above_quota(owner, bytes, files);
+         it = newer) {
+        newer = it->newer;
+        if (it->owner == owner)
+            drop(store, it);
+    }
+    if (is_above_quota(owner, bytes, files))
+        return hg_error_set(err, HG_E_LIMIT, "upload", "total",
+            "uploads that are in use or under way take %llu of the %llu MiB (max-upload) and %llu "
+            "of the %llu files (max-upload-files) of this token's quota",
+            (unsigned long long)(owner->usage.bytes >> 20),
+            (unsigned long long)(owner->quota.bytes >> 20), (unsigned long long)owner->usage.files,
+            (unsigned long long)owner->quota.files);
+    if (!make_room(store, bytes))
+        return hg_error_set(err, HG_E_LIMIT, "upload", "total",
+            "the upload store of %llu MiB (upload-store) is full of what is in use",
+            (unsigned long long)(store->limit_bytes >> 20));
+    store->bytes += bytes;
+    owner->usage.bytes += bytes;
+    owner->usage.files += files;
+    return HG_OK;
 }
 
 // ---- folder -------------------------------------------------------------------------------------
@@ -170,7 +295,8 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
         return HG_E_NOMEM;
     content->present = true;
     content->size = (uint64_t)st.st_size;
-    store->bytes += content->size;
+    store->bytes += disk_bytes(content->size);
+    touch(store, content);
     return HG_OK;
 }
 
@@ -213,7 +339,17 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
 {
     if (!store)
         return;
-    hg_free(store->contents);
+    for (size_t i = 0; i < BUCKETS; i++)
+        while (store->buckets[i]) {
+            struct content *content = store->buckets[i];
+            store->buckets[i] = content->chain;
+            hg_free(content);
+        }
+    while (store->owners) {
+        struct hg_upload_owner *owner = store->owners;
+        store->owners = owner->next;
+        hg_free(owner);
+    }
     hg_free(store->folder);
     hg_free(store);
 }
@@ -235,7 +371,7 @@ bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32])
     struct content *content = find(store, hash);
     if (!content || !content->present)
         return false;
-    content->used = ++store->clock;
+    touch(store, content);
     return true;
 }
 
@@ -245,16 +381,17 @@ enum hg_status hg_upload_store_pin(struct hg_upload_store *store, const uint8_t 
     if (!content)
         return HG_E_NOMEM;
     content->pins++;
-    content->used = ++store->clock;
+    unlist(store, content);
     return HG_OK;
 }
 
 void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32])
 {
     struct content *content = find(store, hash);
-    if (!content || !content->pins || --content->pins || content->present)
+    if (!content || !content->pins || --content->pins)
         return;
-    *content = store->contents[--store->count];
+    touch(store, content);
+    remove_if_unused(store, content);
 }
 
 void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32])
@@ -265,6 +402,14 @@ void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32
 }
 
 // ---- uploads ------------------------------------------------------------------------------------
+
+static void give_back(
+    struct hg_upload_store *store, struct hg_upload_owner *owner, uint64_t charged)
+{
+    store->bytes -= disk_bytes(charged);
+    owner->usage.bytes -= disk_bytes(charged);
+    owner->usage.files--;
+}
 
 static enum hg_status open_temporary(struct hg_upload *upload, struct hg_error *err)
 {
@@ -283,29 +428,40 @@ static enum hg_status open_temporary(struct hg_upload *upload, struct hg_error *
     return HG_OK;
 }
 
-enum hg_status hg_upload_begin(struct hg_upload_store *store, const uint8_t hash[32],
-    uint64_t total_bytes, struct hg_upload **out, struct hg_error *err)
+enum hg_status hg_upload_begin(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const uint8_t hash[32], uint64_t total_bytes, struct hg_upload **out, struct hg_error *err)
 {
     *out = NULL;
-    if (!make_room(store, total_bytes))
+    if (total_bytes > store->limit_bytes)
         return hg_error_set(err, HG_E_LIMIT, "upload", "total",
-            "%llu bytes do not fit into the upload store of %llu, most of which is in use",
-            (unsigned long long)total_bytes, (unsigned long long)store->limit_bytes);
+            "%llu bytes do not fit into the upload store of %llu MiB (upload-store)",
+            (unsigned long long)total_bytes, (unsigned long long)(store->limit_bytes >> 20));
+    enum hg_status status = reserve(store, owner, disk_bytes(0), 1, err);
+    if (status)
+        return status;
     struct hg_upload *upload = hg_calloc(1, sizeof *upload);
-    if (!upload)
+    if (!upload) {
+        give_back(store, owner, 0);
         return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
+    }
     upload->store = store;
+    upload->owner = owner;
     upload->total = total_bytes;
     upload->fd = -1;
+    upload->progress_ns = hg_clock_now_ns();
     memcpy(upload->hash, hash, 32);
-    store->bytes += total_bytes;
-    enum hg_status status = open_temporary(upload, err);
+    status = open_temporary(upload, err);
     if (status) {
         hg_upload_abort(upload);
         return status;
     }
     *out = upload;
     return HG_OK;
+}
+
+uint64_t hg_upload_progress_ns(const struct hg_upload *upload)
+{
+    return upload->progress_ns;
 }
 
 const uint8_t *hg_upload_hash(const struct hg_upload *upload)
@@ -329,6 +485,12 @@ enum hg_status hg_upload_append(
     if (!hg_range_ok(upload->offset, size, upload->total))
         return hg_error_set(
             err, HG_E_LIMIT, "upload", "data", "more bytes than the announced total");
+    uint64_t more = disk_bytes(upload->offset + size) - disk_bytes(upload->offset);
+    enum hg_status status = reserve(upload->store, upload->owner, more, 0, err);
+    if (status)
+        return status;
+    upload->charged += size;
+    upload->progress_ns = hg_clock_now_ns();
     for (size_t done = 0; done < size;) {
         ssize_t n = write(upload->fd, (const uint8_t *)data + done, size - done);
         if (n < 0 && errno == EINTR)
@@ -359,16 +521,21 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
     if (!content || !path)
         status = hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
     else if (content->present) // another session was faster
-        content->used = ++upload->store->clock;
+        touch(upload->store, content);
     else if (rename(upload->path, path) != 0)
         status = fail_errno(err, "upload", "name the content");
     else {
         upload->path[0] = 0;
         content->present = true;
         content->size = upload->total;
-        content->used = ++upload->store->clock;
-        upload->store->bytes += upload->total; // abort gives back what begin reserved
+        content->owner = upload->owner;
+        content->owner->usage.bytes += disk_bytes(content->size); // abort gives back the upload's
+        content->owner->usage.files++;
+        upload->store->bytes += disk_bytes(content->size);
+        touch(upload->store, content);
     }
+    if (status && content)
+        remove_if_unused(upload->store, content);
     hg_free(path);
     return status;
 }
@@ -391,7 +558,7 @@ void hg_upload_abort(struct hg_upload *upload)
         close(upload->fd);
     if (upload->path && upload->path[0])
         unlink(upload->path);
-    upload->store->bytes -= upload->total;
+    give_back(upload->store, upload->owner, upload->charged);
     hg_free(upload->path);
     hg_free(upload);
 }

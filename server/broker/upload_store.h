@@ -10,7 +10,14 @@
 #include "base/status.h"
 
 struct hg_upload_store;
-struct hg_upload; // a content that is still arriving, of one session
+struct hg_upload;       // a content that is still arriving, of one session
+struct hg_upload_owner; // whom contents are counted for; lives as long as the store
+
+// On the disk, in whole blocks: what an owner sent first and is still there, and what arrives of
+// it.
+struct hg_upload_usage {
+    uint64_t bytes, files;
+};
 
 // Creates the folder (and its parents), removes leftovers of an earlier run and indexes existing
 // files. HG_E_PERM, HG_E_IO, HG_E_NOSPACE, HG_E_NOMEM.
@@ -21,6 +28,13 @@ void hg_upload_store_destroy(
 void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes);
 uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 
+// Found by its key, or made. NULL: no memory.
+struct hg_upload_owner *hg_upload_store_owner(
+    struct hg_upload_store *store, const uint8_t key[32]) HG_MUST_CHECK;
+struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner);
+// Above it what the owner sent and used longest ago goes, and what is in use is refused.
+void hg_upload_owner_set_quota(struct hg_upload_owner *owner, const struct hg_upload_usage *quota);
+
 // Whether the content is stored; updates its last use.
 bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32]);
 // A pinned content is not evicted. Unknown hashes are remembered as pinned too. HG_E_NOMEM.
@@ -30,13 +44,18 @@ void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32]
 // Drops a content that turned out to be damaged.
 void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32]);
 
-// Begins a content of total_bytes, making room. HG_E_LIMIT, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
-enum hg_status hg_upload_begin(struct hg_upload_store *store, const uint8_t hash[32],
-    uint64_t total_bytes, struct hg_upload **out, struct hg_error *err) HG_MUST_CHECK;
+// Begins a content of total_bytes. Room is made as they arrive: an announcement costs nothing and
+// evicts nothing. HG_E_LIMIT, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
+enum hg_status hg_upload_begin(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const uint8_t hash[32], uint64_t total_bytes, struct hg_upload **out,
+    struct hg_error *err) HG_MUST_CHECK;
 const uint8_t *hg_upload_hash(const struct hg_upload *upload);
 uint64_t hg_upload_offset(const struct hg_upload *upload); // bytes that came so far
 uint64_t hg_upload_total(const struct hg_upload *upload);
-// Appends the next piece. HG_E_LIMIT (more than announced), HG_E_NOSPACE, HG_E_IO.
+uint64_t hg_upload_progress_ns(
+    const struct hg_upload *upload); // when it began, or the last piece came
+// Appends the next piece. HG_E_LIMIT (more than announced, or than there is room for),
+// HG_E_NOSPACE, HG_E_IO.
 enum hg_status hg_upload_append(
     struct hg_upload *upload, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 // All bytes came: verifies the hash and takes the content into the store. Destroys the upload

@@ -87,37 +87,76 @@ static void make_arguments(struct arguments *a, const struct hg_link *link, cons
         add(a, "--validation");
     if (o->warm_up && !link->deaths)
         add(a, "--warm-up");
-    if (!o->sandbox)
-        add(a, "--no-sandbox");
+    add_text(a, "--sandbox", o->sandbox);
     if (link->no_spill)
         add(a, "--no-spill");
 }
 
-// The child gets the socket as 3, nothing to read, our stderr, and no blocked signals.
+// What a worker needs of the environment: where the driver and the C library find things, and what
+// tests and sanitizers set. Secrets that the daemon was started with are none of its business.
+static bool is_for_worker(const char *variable)
+{
+    static const char *const prefixes[] = {"HELIO_", "VK_", "MESA_", "LP_", "GALLIUM_", "LIBGL_",
+        "EGL_", "__GL", "__VK", "__EGL", "NVIDIA_", "CUDA_", "AMD_", "RADV_", "ANV_", "INTEL_",
+        "DRI_", "DISABLE_", "ENABLE_", "XDG_", "LC_", "ASAN_", "UBSAN_", "TSAN_", "LSAN_", "OIIO_",
+        "OPENIMAGEIO_",
+        "LD_LIBRARY_PATH=", "PATH=", "HOME=", "LANG=", "TZ=", "TMPDIR=", "LLVM_PROFILE_FILE="};
+    for (size_t i = 0; i < sizeof prefixes / sizeof *prefixes; i++)
+        if (strncmp(variable, prefixes[i], strlen(prefixes[i])) == 0)
+            return true;
+    return false;
+}
+
+static void choose_environment(char **out, size_t capacity)
+{
+    size_t count = 0;
+    for (char **it = environ; *it && count + 1 < capacity; it++)
+        if (is_for_worker(*it))
+            out[count++] = *it;
+    out[count] = NULL;
+}
+
+// The child gets the socket as 3, nothing to read, our stderr, no other descriptor, and no
+// blocked signals.
 static int spawn_worker(struct hg_link *link, const char *path, int fd)
 {
     struct arguments arguments;
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
     sigset_t none, standard;
+    char *variables[MAX_ARGS];
+    choose_environment(variables, MAX_ARGS);
     make_arguments(&arguments, link, path);
     sigemptyset(&none);
     sigfillset(&standard);
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
     posix_spawn_file_actions_adddup2(&actions, fd, WORKER_FD);
+    posix_spawn_file_actions_addclosefrom_np(&actions, WORKER_FD + 1);
     posix_spawnattr_init(&attributes);
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setsigdefault(&attributes, &standard);
     posix_spawnattr_setpgroup(&attributes, 0); // a ^C is for the broker, which drains
     posix_spawnattr_setflags(
         &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-    int rc = posix_spawn(&link->pid, path, &actions, &attributes, arguments.items, environ);
+    int rc = posix_spawn(&link->pid, path, &actions, &attributes, arguments.items, variables);
     posix_spawn_file_actions_destroy(&actions);
     posix_spawnattr_destroy(&attributes);
     if (rc)
         link->pid = 0;
     return rc;
+}
+
+// Where memory is short the kernel ends a worker, whose scenes come back, not the daemon.
+static void make_first_victim(pid_t pid)
+{
+    char path[64];
+    snprintf(path, sizeof path, "/proc/%d/oom_score_adj", (int)pid);
+    int fd = open(path, O_WRONLY | O_CLOEXEC);
+    if (fd < 0 || write(fd, "500", 3) != 3)
+        hg_debug(WORKER, "%s: %s", path, strerror(errno));
+    if (fd >= 0)
+        close(fd);
 }
 
 static void ready(struct hg_source *source, uint32_t events);
@@ -163,6 +202,7 @@ void hg_link_start(struct hg_link *link)
         hg_link_fail(link, "cannot watch the link");
         return;
     }
+    make_first_victim(link->pid);
     link->state = HG_LINK_STARTING;
     link->started_ns = link->pulse_ns = link->loop->now_ns;
     link->busy_ns = 0;
@@ -191,19 +231,26 @@ static uint64_t restart_delay_ns(const struct hg_link *link)
     return delay_ns < longest_restart_ns ? delay_ns : longest_restart_ns;
 }
 
-void hg_link_fail(struct hg_link *link, const char *reason)
+void hg_link_end(struct hg_link *link)
 {
     if (link->state == HG_LINK_DOWN)
         return;
-    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
     if (link->pid)
-        kill(link->pid, SIGKILL); // reaped on SIGCHLD
+        kill(link->pid, SIGKILL);
     link->pid = 0;
     hg_loop_remove(link->loop, &link->source);
     hg_transport_close(&link->transport);
     hgp_framer_finish(&link->in);
     hg_outq_finish(&link->out);
     link->state = HG_LINK_DOWN;
+}
+
+void hg_link_fail(struct hg_link *link, const char *reason)
+{
+    if (link->state == HG_LINK_DOWN)
+        return;
+    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
+    hg_link_end(link);
     count_death(link);
     link->events->died(link);
 }
@@ -221,16 +268,10 @@ void hg_link_exited(struct hg_link *link, int status)
 
 void hg_link_stop(struct hg_link *link)
 {
-    hg_loop_remove(link->loop, &link->source);
-    hg_transport_close(&link->transport); // the worker ends when its link closes
-    hgp_framer_finish(&link->in);
-    hg_outq_finish(&link->out);
-    if (link->pid) {
-        kill(link->pid, SIGKILL);
-        waitpid(link->pid, NULL, 0);
-    }
-    link->pid = 0;
-    link->state = HG_LINK_DOWN;
+    pid_t pid = link->pid;
+    hg_link_end(link);
+    if (pid)
+        waitpid(pid, NULL, 0);
 }
 
 // ---- time ---------------------------------------------------------------------------------------

@@ -46,6 +46,14 @@ struct hg_link_suspect {
     uint64_t sent_ns;
 };
 
+// Whom it works for. Of the pool.
+struct hg_link_owner {
+    char tenant[129]; // "" = nobody yet
+    bool wanted;      // a process is kept running
+    uint32_t scene_count;
+    uint64_t idle_ns; // since when there is no scene in it
+};
+
 struct hg_link {
     struct hg_loop *loop;
     const struct hg_options *options;
@@ -60,7 +68,8 @@ struct hg_link {
     uint64_t restart_ns, started_ns, pulse_ns, busy_ns, rss_bytes;
     uint64_t death_ns[HG_LINK_DEATHS_KEPT]; // ring
     uint32_t deaths;
-    uint32_t last_id, scene_count;
+    uint32_t last_id;
+    struct hg_link_owner whose;
     char last_words[400]; // why the worker says it ends; "" = it says nothing
     bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory
     bool broken;          // could not queue a message: replaced at the end of the round
@@ -74,6 +83,7 @@ bool hg_link_find_program(const struct hg_options *options, char *path, size_t s
 
 void hg_link_start(struct hg_link *link);
 void hg_link_stop(struct hg_link *link);                     // at the end: kills and frees
+void hg_link_end(struct hg_link *link);                      // kills it; reaped on SIGCHLD
 void hg_link_fail(struct hg_link *link, const char *reason); // kill and replace
 void hg_link_check_time(struct hg_link *link);
 void hg_link_exited(struct hg_link *link, int status);      // its process has been reaped

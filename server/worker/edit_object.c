@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/scene/asset.h"
+#include "renderer/scene/light_table.h"
 
 static struct hg_scene *scene_of(const struct request *r)
 {
@@ -112,6 +113,21 @@ static enum hg_status fill_pixels(
     return HG_OK;
 }
 
+// Lights have images of their own, made of textures.
+static void remake_light_images(const struct request *r, struct hg_texture *texture)
+{
+    const struct hg_object_list *lights = &scene_of(r)->objects[HG_OBJECT_LIGHT];
+    for (uint32_t i = 0; i < lights->count; i++) {
+        struct hg_light *light = (struct hg_light *)lights->items[i];
+        struct hg_error err = {0};
+        if (light->texture != texture)
+            continue;
+        if (hg_light_set_texture(light, texture, &err))
+            hg_warn(SCENE, "a light keeps its old image: %s", err.reason);
+        hg_scene_touch(scene_of(r), &light->head);
+    }
+}
+
 void hg_handle_texture_set(const struct request *r)
 {
     const struct hgp_texture_set *m = &r->message->texture_set;
@@ -135,6 +151,7 @@ void hg_handle_texture_set(const struct request *r)
     texture->wrap_s = (enum hg_wrap)m->wrap_s;
     texture->wrap_t = (enum hg_wrap)m->wrap_t;
     texture->mag_nearest = texture->min_nearest = m->nearest;
+    remake_light_images(r, texture);
     finish_edit(r, object);
 }
 
@@ -372,9 +389,45 @@ static void set_light_shape(struct hg_light *light, const struct hgp_light_set *
         light->angular_diameter_rad = m->angular_diameter_rad;
 }
 
-void hg_handle_light_set(const struct request *r)
+// What lights have of their own memory: made first, so that nothing is changed when that fails.
+struct light_parts {
+    struct hg_light_table *profile;
+    struct hg_object *texture;
+};
+
+static enum hg_status make_profile(
+    const struct hgp_light_set *m, struct light_parts *parts, struct hg_error *err)
 {
-    const struct hgp_light_set *m = &r->message->light_set;
+    return m->has_profile && m->profile.size ? hg_light_profile_read_ies("profile", m->profile.data,
+                                                   m->profile.size, &parts->profile, err)
+                                             : HG_OK;
+}
+
+static enum hg_status set_light_parts(struct hg_light *light, const struct hgp_light_set *m,
+    struct light_parts *parts, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    if (m->has_texture)
+        status = hg_light_set_texture(light, (struct hg_texture *)parts->texture, err);
+    if (status)
+        return status;
+    if (m->has_profile) {
+        hg_light_table_unref(light->profile);
+        light->profile = parts->profile;
+        parts->profile = NULL;
+    }
+    if (m->has_profile_absolute)
+        light->absolute = m->profile_absolute;
+    if (m->has_intensity)
+        light->lumens = 0;
+    if (m->has_lumens)
+        light->lumens = m->lumens;
+    return HG_OK;
+}
+
+static void change_light(
+    const struct request *r, const struct hgp_light_set *m, struct light_parts *parts)
+{
     bool was_there = hg_scene_find(scene_of(r), HG_OBJECT_LIGHT, m->light) != NULL;
     struct hg_object *object = hg_edit_find_or_make(r, HG_OBJECT_LIGHT, m->light, "light_set");
     if (!object)
@@ -401,6 +454,12 @@ void hg_handle_light_set(const struct request *r)
         unmake(r, HG_OBJECT_LIGHT, object, was_there);
         return;
     }
+    struct hg_error err = {0};
+    if (set_light_parts(light, m, parts, &err)) {
+        hg_reply_error(r->to, &err);
+        unmake(r, HG_OBJECT_LIGHT, object, was_there);
+        return;
+    }
     set_light_shape(light, m);
     if (m->has_color)
         memcpy(light->color, m->color, sizeof light->color);
@@ -413,6 +472,21 @@ void hg_handle_light_set(const struct request *r)
     light->inner_cone_rad = inner;
     light->outer_cone_rad = outer;
     finish_edit(r, object);
+}
+
+void hg_handle_light_set(const struct request *r)
+{
+    const struct hgp_light_set *m = &r->message->light_set;
+    struct light_parts parts = {0};
+    struct hg_error err = {0};
+    if (m->has_texture && m->texture &&
+        !resolve(r, HG_OBJECT_TEXTURE, m->texture, "texture", &parts.texture))
+        return;
+    if (make_profile(m, &parts, &err))
+        hg_reply_error(r->to, &err);
+    else
+        change_light(r, m, &parts);
+    hg_light_table_unref(parts.profile);
 }
 
 void hg_handle_camera_set(const struct request *r)

@@ -40,7 +40,7 @@ static const struct option long_options[] = {
     {"log", required_argument, NULL, 'l'},
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
-    {"no-sandbox", no_argument, NULL, 'n'},
+    {"sandbox", required_argument, NULL, 'n'},
     {"no-spill", no_argument, NULL, 'p'},
     {"device-info", no_argument, NULL, 'i'},
     {0},
@@ -110,7 +110,7 @@ static bool apply_option(struct worker_options *o, int option)
     case 'w':
         return o->warm_up = true;
     case 'n':
-        return o->no_sandbox = true;
+        return hg_sandbox_parse(optarg, &o->sandbox);
     case 'p':
         return o->no_spill = true;
     case 'i':

@@ -5,11 +5,14 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/landlock.h>
+#include <sched.h>
 #include <seccomp.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -111,68 +114,282 @@ static long enter_landlock(const struct worker_options *o)
 
 // ---- seccomp ------------------------------------------------------------------------------------
 
-// Refused with EPERM rather than killed: drivers probe, and a refused probe is a fallback.
-static const int refused_calls[] = {
-    SCMP_SYS(execve),
-    SCMP_SYS(execveat),
-    SCMP_SYS(fork),
-    SCMP_SYS(vfork),
-    SCMP_SYS(socket),
-    SCMP_SYS(connect),
-    SCMP_SYS(bind),
-    SCMP_SYS(listen),
-    SCMP_SYS(accept),
-    SCMP_SYS(accept4),
-    SCMP_SYS(ptrace),
-    SCMP_SYS(process_vm_readv),
-    SCMP_SYS(process_vm_writev),
-    SCMP_SYS(mount),
-    SCMP_SYS(umount2),
-    SCMP_SYS(pivot_root),
-    SCMP_SYS(chroot),
-    SCMP_SYS(unshare),
-    SCMP_SYS(setns),
-    SCMP_SYS(bpf),
-    SCMP_SYS(perf_event_open),
-    SCMP_SYS(keyctl),
-    SCMP_SYS(add_key),
-    SCMP_SYS(request_key),
-    SCMP_SYS(kexec_load),
-    SCMP_SYS(init_module),
-    SCMP_SYS(finit_module),
-    SCMP_SYS(delete_module),
-    SCMP_SYS(reboot),
-    SCMP_SYS(swapon),
-    SCMP_SYS(swapoff),
-    SCMP_SYS(open_by_handle_at),
-    SCMP_SYS(userfaultfd),
-    SCMP_SYS(io_uring_setup),
-    SCMP_SYS(personality),
-    SCMP_SYS(setuid),
-    SCMP_SYS(setgid),
-    SCMP_SYS(setreuid),
-    SCMP_SYS(setregid),
-    SCMP_SYS(setresuid),
-    SCMP_SYS(setresgid),
-    SCMP_SYS(chown),
-    SCMP_SYS(fchown),
-    SCMP_SYS(lchown),
-    SCMP_SYS(fchownat),
-    SCMP_SYS(mknod),
-    SCMP_SYS(mknodat),
+// All that workers, Vulkan drivers and the C library need; what is not here is refused with EPERM
+// rather than killed, because drivers probe, and a refused probe is a fallback. Names that an
+// architecture lacks are skipped. Paths are Landlock's, so calls that take one may be here.
+static const int allowed_calls[] = {
+    // bytes of what is open
+    SCMP_SYS(read),
+    SCMP_SYS(write),
+    SCMP_SYS(readv),
+    SCMP_SYS(writev),
+    SCMP_SYS(pread64),
+    SCMP_SYS(pwrite64),
+    SCMP_SYS(preadv),
+    SCMP_SYS(pwritev),
+    SCMP_SYS(preadv2),
+    SCMP_SYS(pwritev2),
+    SCMP_SYS(lseek),
+    SCMP_SYS(close),
+    SCMP_SYS(close_range),
+    SCMP_SYS(dup),
+    SCMP_SYS(dup2),
+    SCMP_SYS(dup3),
+    SCMP_SYS(fcntl),
+    SCMP_SYS(flock),
+    SCMP_SYS(ioctl),
+    SCMP_SYS(ftruncate),
+    SCMP_SYS(fallocate),
+    SCMP_SYS(fadvise64),
+    SCMP_SYS(readahead),
+    SCMP_SYS(fsync),
+    SCMP_SYS(fdatasync),
+    SCMP_SYS(sync_file_range),
+    SCMP_SYS(copy_file_range),
+    SCMP_SYS(sendfile),
+    SCMP_SYS(pipe),
+    SCMP_SYS(pipe2),
+    SCMP_SYS(memfd_create),
+    SCMP_SYS(fchmod),
+    SCMP_SYS(fchdir),
+    // files by path
+    SCMP_SYS(open),
+    SCMP_SYS(openat),
+    SCMP_SYS(creat),
+    SCMP_SYS(stat),
+    SCMP_SYS(fstat),
+    SCMP_SYS(lstat),
+    SCMP_SYS(newfstatat),
+    SCMP_SYS(statx),
+    SCMP_SYS(statfs),
+    SCMP_SYS(fstatfs),
+    SCMP_SYS(access),
+    SCMP_SYS(faccessat),
+    SCMP_SYS(faccessat2),
+    SCMP_SYS(readlink),
+    SCMP_SYS(readlinkat),
+    SCMP_SYS(getdents),
+    SCMP_SYS(getdents64),
+    SCMP_SYS(getcwd),
+    SCMP_SYS(mkdir),
+    SCMP_SYS(mkdirat),
+    SCMP_SYS(rmdir),
+    SCMP_SYS(unlink),
+    SCMP_SYS(unlinkat),
+    SCMP_SYS(rename),
+    SCMP_SYS(renameat),
+    SCMP_SYS(renameat2),
+    SCMP_SYS(truncate),
+    SCMP_SYS(umask),
+    SCMP_SYS(utimensat),
+    SCMP_SYS(futimesat),
+    SCMP_SYS(utimes),
+    SCMP_SYS(utime),
+    // memory; mmap and mprotect have rules of their own
+    SCMP_SYS(munmap),
+    SCMP_SYS(mremap),
+    SCMP_SYS(madvise),
+    SCMP_SYS(brk),
+    SCMP_SYS(mlock),
+    SCMP_SYS(mlock2),
+    SCMP_SYS(munlock),
+    SCMP_SYS(mincore),
+    SCMP_SYS(msync),
+    SCMP_SYS(membarrier),
+    SCMP_SYS(mbind),
+    SCMP_SYS(get_mempolicy),
+    SCMP_SYS(set_mempolicy),
+    // threads of this process; clone has a rule of its own
+    SCMP_SYS(futex),
+    SCMP_SYS(futex_waitv),
+    SCMP_SYS(set_robust_list),
+    SCMP_SYS(get_robust_list),
+    SCMP_SYS(rseq),
+    SCMP_SYS(set_tid_address),
+    SCMP_SYS(exit),
+    SCMP_SYS(exit_group),
+    SCMP_SYS(gettid),
+    SCMP_SYS(sched_yield),
+    SCMP_SYS(sched_getaffinity),
+    SCMP_SYS(sched_setaffinity),
+    SCMP_SYS(sched_getparam),
+    SCMP_SYS(sched_setparam),
+    SCMP_SYS(sched_getscheduler),
+    SCMP_SYS(sched_setscheduler),
+    SCMP_SYS(sched_get_priority_max),
+    SCMP_SYS(sched_get_priority_min),
+    SCMP_SYS(sched_getattr),
+    SCMP_SYS(getpriority),
+    SCMP_SYS(setpriority),
+    SCMP_SYS(arch_prctl),
+    SCMP_SYS(restart_syscall),
+    SCMP_SYS(prctl),
+    // signals to itself; kill and its like have rules of their own
+    SCMP_SYS(rt_sigaction),
+    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(rt_sigreturn),
+    SCMP_SYS(rt_sigpending),
+    SCMP_SYS(rt_sigtimedwait),
+    SCMP_SYS(rt_sigsuspend),
+    SCMP_SYS(sigaltstack),
+    SCMP_SYS(signalfd4),
+    SCMP_SYS(pause),
+    // time
+    SCMP_SYS(clock_gettime),
+    SCMP_SYS(clock_getres),
+    SCMP_SYS(clock_nanosleep),
+    SCMP_SYS(nanosleep),
+    SCMP_SYS(gettimeofday),
+    SCMP_SYS(time),
+    SCMP_SYS(times),
+    SCMP_SYS(getrusage),
+    SCMP_SYS(timer_create),
+    SCMP_SYS(timer_settime),
+    SCMP_SYS(timer_gettime),
+    SCMP_SYS(timer_delete),
+    SCMP_SYS(timerfd_create),
+    SCMP_SYS(timerfd_settime),
+    SCMP_SYS(timerfd_gettime),
+    SCMP_SYS(getitimer),
+    SCMP_SYS(setitimer),
+    SCMP_SYS(alarm),
+    // waiting
+    SCMP_SYS(poll),
+    SCMP_SYS(ppoll),
+    SCMP_SYS(select),
+    SCMP_SYS(pselect6),
+    SCMP_SYS(epoll_create),
+    SCMP_SYS(epoll_create1),
+    SCMP_SYS(epoll_ctl),
+    SCMP_SYS(epoll_wait),
+    SCMP_SYS(epoll_pwait),
+    SCMP_SYS(epoll_pwait2),
+    SCMP_SYS(eventfd),
+    SCMP_SYS(eventfd2),
+    // the link to the broker, which is open
+    SCMP_SYS(sendto),
+    SCMP_SYS(recvfrom),
+    SCMP_SYS(sendmsg),
+    SCMP_SYS(recvmsg),
+    SCMP_SYS(getsockopt),
+    SCMP_SYS(setsockopt),
+    SCMP_SYS(getsockname),
+    SCMP_SYS(getpeername),
+    SCMP_SYS(shutdown),
+    // what it is, and where it runs
+    SCMP_SYS(getpid),
+    SCMP_SYS(getppid),
+    SCMP_SYS(getuid),
+    SCMP_SYS(geteuid),
+    SCMP_SYS(getgid),
+    SCMP_SYS(getegid),
+    SCMP_SYS(getresuid),
+    SCMP_SYS(getresgid),
+    SCMP_SYS(getgroups),
+    SCMP_SYS(getpgrp),
+    SCMP_SYS(getpgid),
+    SCMP_SYS(getsid),
+    SCMP_SYS(uname),
+    SCMP_SYS(sysinfo),
+    SCMP_SYS(getrandom),
+    SCMP_SYS(getcpu),
+    SCMP_SYS(getrlimit),
+    SCMP_SYS(setrlimit),
+    SCMP_SYS(capget),
+    SCMP_SYS(wait4),
+    SCMP_SYS(waitid),
 };
+
+static bool allow_call(scmp_filter_ctx filter, int call)
+{
+    return call < 0 || seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 0) == 0;
+}
+
+// Threads, no processes and no namespaces; signals and limits of this process only; memory is never
+// writable and executable at once (compilers of drivers write first, and make it executable then).
+static bool allow_some(scmp_filter_ctx filter)
+{
+    const int own[] = {SCMP_SYS(kill), SCMP_SYS(tgkill), SCMP_SYS(rt_sigqueueinfo),
+        SCMP_SYS(rt_tgsigqueueinfo), SCMP_SYS(prlimit64)};
+    const int mappings[] = {SCMP_SYS(mmap), SCMP_SYS(mprotect)};
+    const scmp_datum_t pid = (scmp_datum_t)getpid(), both = PROT_WRITE | PROT_EXEC;
+    const scmp_datum_t protections[] = {0, PROT_WRITE, PROT_EXEC};
+    bool ok = true;
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++)
+        ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, own[i], 1, SCMP_A0(SCMP_CMP_EQ, pid)) == 0;
+    ok &= seccomp_rule_add(
+              filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, SCMP_A0(SCMP_CMP_EQ, 0)) == 0;
+    for (size_t i = 0; i < sizeof mappings / sizeof *mappings; i++)
+        for (size_t k = 0; k < sizeof protections / sizeof *protections; k++)
+            ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, mappings[i], 1,
+                      SCMP_A2(SCMP_CMP_MASKED_EQ, both, protections[k])) == 0;
+    ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1,
+              SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD)) == 0;
+    // Its flags lie in memory, where a filter cannot look; without it the C library takes clone.
+    ok &= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0) == 0;
+    return ok;
+}
 
 static bool enter_seccomp(void)
 {
-    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
     if (!filter)
         return false;
-    bool ok = true;
-    for (size_t i = 0; i < sizeof refused_calls / sizeof *refused_calls; i++)
-        ok &= seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), refused_calls[i], 0) == 0;
+    bool ok = allow_some(filter);
+    for (size_t i = 0; i < sizeof allowed_calls / sizeof *allowed_calls; i++)
+        ok &= allow_call(filter, allowed_calls[i]);
     ok = ok && seccomp_load(filter) == 0;
     seccomp_release(filter);
     return ok;
+}
+
+// ---- self-test ----------------------------------------------------------------------------------
+
+static bool opens(const char *path)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
+static bool makes_socket(void)
+{
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd >= 0)
+        close(fd);
+    return fd >= 0;
+}
+
+static bool limits_parent(void)
+{
+    struct rlimit limit;
+    return prlimit(getppid(), RLIMIT_NOFILE, NULL, &limit) == 0;
+}
+
+static bool maps_code(void)
+{
+    void *page =
+        mmap(NULL, 4096, PROT_READ | PROT_WRITE | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (page != MAP_FAILED)
+        munmap(page, 4096);
+    return page != MAP_FAILED;
+}
+
+// What is possible and must not be; NULL: nothing of what was tried.
+static const char *find_escape(void)
+{
+    if (opens("/etc/passwd") || opens("/root"))
+        return "files outside its folders can be read";
+    if (makes_socket())
+        return "sockets can be made";
+    if (limits_parent())
+        return "limits of other processes can be read";
+    if (maps_code())
+        return "memory can be writable and executable";
+    if (unshare(CLONE_NEWUSER) == 0)
+        return "namespaces can be made";
+    return NULL;
 }
 
 // ---- together -----------------------------------------------------------------------------------
@@ -190,13 +407,35 @@ enum hg_status hg_sandbox_enter(const struct worker_options *o, struct hg_error 
     if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0)
         return hg_error_set(
             err, HG_E_INTERNAL, "sandbox", NULL, "no_new_privs: %s", strerror(errno));
-    if (o->no_sandbox) {
+    if (o->sandbox == HG_SANDBOX_OFF) {
         hg_warn(WORKER, "sandbox switched off");
         return HG_OK;
     }
     long landlock = enter_landlock(o);
     bool seccomp = enter_seccomp();
-    hg_info(WORKER, "sandbox: landlock %s%s, seccomp %s", landlock ? "on" : "not in this kernel",
-        landlock >= SCOPE_ABI ? " with scoped signals" : "", seccomp ? "on" : "not in this kernel");
+    const char *escape = landlock && seccomp ? find_escape() : NULL;
+    const char *lack = !landlock  ? "this kernel has no Landlock"
+                       : !seccomp ? "this kernel has no seccomp filters"
+                                  : escape;
+    if (lack && o->sandbox == HG_SANDBOX_REQUIRE)
+        return hg_error_set(
+            err, HG_E_UNSUPPORTED, "sandbox", NULL, "%s; --sandbox best-effort goes without", lack);
+    if (lack)
+        hg_warn(WORKER, "sandbox: %s", lack);
+    hg_info(WORKER, "sandbox: landlock %s%s, seccomp %s", landlock ? "on" : "off",
+        landlock >= SCOPE_ABI ? " with scoped signals" : "", seccomp ? "on" : "off");
     return HG_OK;
+}
+
+bool hg_sandbox_parse(const char *text, enum hg_sandbox_mode *out)
+{
+    static const char *const names[] = {[HG_SANDBOX_BEST_EFFORT] = "best-effort",
+        [HG_SANDBOX_REQUIRE] = "require",
+        [HG_SANDBOX_OFF] = "off"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(text, names[i]) == 0) {
+            *out = (enum hg_sandbox_mode)i;
+            return true;
+        }
+    return false;
 }

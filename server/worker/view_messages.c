@@ -20,6 +20,15 @@ static void choose_exposure(
         params->exposure_mode = HG_EXPOSURE_FIXED;
 }
 
+// Without light by way of surfaces pictures in motion are those of one sample, as ever, unless a
+// message says otherwise.
+static void choose_temporal(
+    const struct hgp_view_set *m, const struct view_slot *view, struct hg_view_params *params)
+{
+    if (!m->has_temporal && !(view && view->settings.has_temporal))
+        params->temporal = params->gi != HG_GI_NONE ? HG_TEMPORAL_AUTO : HG_TEMPORAL_NONE;
+}
+
 // The parameters that a view has after the message; what that leaves out stays.
 static enum hg_status next_params(const struct request *r, const struct view_slot *view,
     struct hg_view_params *params, struct hg_error *err)
@@ -32,6 +41,7 @@ static enum hg_status next_params(const struct request *r, const struct view_slo
         params->gi = HG_GI_AUTO;
     if (!view && !m->has_reflections)
         params->reflections = HG_REFLECTIONS_AUTO;
+    choose_temporal(m, view, params);
     return m->has_planes ? hg_frame_planes_decode(m->planes, &params->planes, &params->mattes, err)
                          : HG_OK;
 }
@@ -65,6 +75,7 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
     }
     view->settings.params = params;
     view->settings.has_exposure_mode |= m->has_exposure_mode;
+    view->settings.has_temporal |= m->has_temporal;
     view->settings.changed = true;
     if (!view->settings.camera_given)
         view->settings.camera_revision = UINT64_MAX; // fitted to another aspect

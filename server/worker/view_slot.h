@@ -31,6 +31,7 @@ struct view_settings {
     uint64_t camera_revision; // of the scene that it was taken from; UINT64_MAX: none yet
     bool changed; // since the newest step
     bool has_exposure_mode; // a message said it
+    bool has_temporal;      // likewise
 };
 
 // Frame delivery to a subscriber.

@@ -49,6 +49,12 @@ enum { WORKER_EXIT_DISK = 9 };
 struct encode_queue;
 struct task;
 
+enum hg_sandbox_mode {
+    HG_SANDBOX_BEST_EFFORT, // with what the kernel has
+    HG_SANDBOX_REQUIRE,     // all of it, and what must fail does fail, or no worker
+    HG_SANDBOX_OFF,
+};
+
 struct worker_options {
     int fd;             // the socketpair's end; default 3
     char **asset_roots; // [asset_root_count] real paths
@@ -59,7 +65,8 @@ struct worker_options {
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
     uint64_t host_budget_bytes, cache_limit_bytes;
     uint32_t threads; // at most, for one thing at a time; 0 = one per core
-    bool no_sandbox, no_spill, device_info, validation, warm_up;
+    enum hg_sandbox_mode sandbox;
+    bool no_spill, device_info, validation, warm_up;
     struct hg_debug_overrides overrides; // from the environment
 };
 

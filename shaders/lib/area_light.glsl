@@ -10,6 +10,12 @@
 #define HG_LIB_AREA_LIGHT_GLSL
 
 #define HG_AREA_CORNERS 12u
+// A circle's polygon has its area.
+#define HG_AREA_WIDENED sqrt(2.0 * HG_PI / float(HG_AREA_CORNERS) / sin(2.0 * HG_PI / float(HG_AREA_CORNERS)))
+// Deviation of the filter of an image, of the distance to it: half way to the half width of a cosine lobe on
+// a parallel plane, whose tails are longer than a normal distribution's.
+#define HG_AREA_BLUR 0.5
+#define HG_AREA_TEXELS 1.2 // deviation of a level's own blur, in its texels (renderer/scene/light_table.c)
 #define HG_AREA_SMALL   0.05 // of its distance: up to this size a polygon is one point with an area
 
 // --- outline -------------------------------------------------------------------------------------
@@ -21,6 +27,7 @@ struct hg_area_outline {
     vec3 along;  // tubes: half its length
     float angle; // tubes: half of what is seen of its mantle, radians
     uint corners;
+    uint image;  // of the surface of rectangles and discs, in the tables; HG_LIGHT_NO_TABLE
 };
 
 hg_area_outline hg_area_outline_of(hg_gpu_light light, vec3 pos_ws)
@@ -28,9 +35,9 @@ hg_area_outline hg_area_outline_of(hg_gpu_light light, vec3 pos_ws)
     hg_area_outline o;
     vec3 d = light.position_ws - pos_ws, a = light.axis_ws;
     float square = dot(d, d), r2 = light.radius * light.radius;
-    // A circle's polygon has its area.
-    const float widened = sqrt(2.0 * HG_PI / float(HG_AREA_CORNERS) / sin(2.0 * HG_PI / float(HG_AREA_CORNERS)));
+    const float widened = HG_AREA_WIDENED;
     o.center = d;
+    o.image = HG_HAS2(HG_FEATURE2_LIGHT_TABLES) && hg_light_is_flat(light) ? light.image : HG_LIGHT_NO_TABLE;
     o.along = vec3(0.0);
     o.angle = 0.0;
     o.corners = HG_AREA_CORNERS;
@@ -162,6 +169,28 @@ vec4 hg_area_end(hg_area_sum sum)
     return vec4(normalize(f + vec3(0.0, 0.0, 1e-20)) * f.z, f.z);
 }
 
+// --- images --------------------------------------------------------------------------------------
+
+// Mean colour of what a lobe sees of an image, in a space in which it is a cosine about z: where the
+// direction of the vector irradiance, which lies within the outline, meets the surface, blurred by the
+// distance. x, y, center: of the outline, in that space; linear maps keep places on the surface.
+// Source: Heitz, Dupuy, Hill and Neubelt 2016, section 5, "Textured Polygonal Lights".
+vec3 hg_area_image(hg_area_outline o, vec3 x, vec3 y, vec3 center, vec3 towards)
+{
+    vec3 n = cross(x, y);
+    float nn = max(dot(n, n), 1e-30), facing = dot(towards, n);
+    float t = dot(center, n) / (abs(facing) > 1e-20 ? facing : 1e-20);
+    vec3 p = towards * t - center;
+    vec2 at = vec2(dot(cross(p, y), n), dot(cross(x, p), n)) / nn;
+    if (o.corners != 4u)
+        at *= HG_AREA_WIDENED;
+    uint size = hg_light_word(o.image);
+    float texels = sqrt(float((size & 0xffffu) * (size >> 16)));
+    float blur = HG_AREA_BLUR * abs(t) / (2.0 * sqrt(sqrt(nn))); // of the mean side
+    return hg_light_image_lod(o.image, clamp(vec2(0.5) + vec2(-0.5, 0.5) * at, vec2(0.0), vec2(1.0)),
+        log2(max(blur * texels / HG_AREA_TEXELS, 1e-6)));
+}
+
 // --- lobes ---------------------------------------------------------------------------------------
 
 // m11, m22, m13 and sine of renderer/light/ltc/ltc.h.
@@ -208,6 +237,7 @@ mat3 hg_area_frame(vec3 n, vec3 v)
 struct hg_area_cover {
     vec4 cosine;    // xyz: in the frame about the normal, times w; w: irradiance over pi per radiance
     float specular; // mean of the lobe
+    vec3 wide_tint, narrow_tint; // colour of the image that each sees, 1 without one
 };
 
 hg_area_cover hg_area_covers(hg_area_outline o, vec3 n, vec3 v, float roughness)
@@ -223,11 +253,21 @@ hg_area_cover hg_area_covers(hg_area_outline o, vec3 n, vec3 v, float roughness)
         hg_area_add(wide, i, corner);
         hg_area_add(narrow, i, hg_ltc_to_cosine(m, corner));
     } while (++i < o.corners);
-    return hg_area_cover(hg_area_end(wide), hg_area_end(narrow).w);
+    hg_area_cover c = hg_area_cover(hg_area_end(wide), 0.0, vec3(1.0), vec3(1.0));
+    vec4 lobe = hg_area_end(narrow);
+    c.specular = lobe.w;
+    if (HG_HAS2(HG_FEATURE2_LIGHT_TABLES) && o.image != HG_LIGHT_NO_TABLE) {
+        vec3 x = frame * o.x, y = frame * o.y;
+        c.wide_tint = hg_area_image(o, x, y, center, c.cosine.xyz / max(c.cosine.w, 1e-20));
+        c.narrow_tint = hg_area_image(o, hg_ltc_to_cosine(m, x), hg_ltc_to_cosine(m, y),
+            hg_ltc_to_cosine(m, center), lobe.xyz / max(lobe.w, 1e-20));
+    }
+    return c;
 }
 
-// Share of the cosine lobe about a normal; from: mean direction, unit where there is any.
-float hg_area_irradiance(hg_area_outline o, vec3 n, out vec3 from)
+// Share of the cosine lobe about a normal, times the colour it has; from: mean direction, unit where there
+// is any.
+vec3 hg_area_irradiance(hg_area_outline o, vec3 n, out vec3 from)
 {
     mat3 frame = hg_area_frame(n, n);
     hg_area_sum sum = hg_area_begin(frame * o.center);
@@ -237,7 +277,9 @@ float hg_area_irradiance(hg_area_outline o, vec3 n, out vec3 from)
     while (++i < o.corners);
     vec4 c = hg_area_end(sum);
     from = c.xyz * frame / max(c.w, 1e-20);
-    return c.w;
+    if (HG_HAS2(HG_FEATURE2_LIGHT_TABLES) && o.image != HG_LIGHT_NO_TABLE)
+        return c.w * hg_area_image(o, frame * o.x, frame * o.y, frame * o.center, c.xyz / max(c.w, 1e-20));
+    return vec3(c.w);
 }
 
 // What a surface reflects of an outline of radiance 1; `mean`: of the directions that it is lit from.
@@ -253,7 +295,7 @@ vec3 hg_area_reflected(hg_brdf b, hg_area_outline o, out vec3 mean)
     float miss_avg = max(1.0 - b.dfg_avg.x - b.dfg_avg.y, 1e-4);
     float e_l = b.f0_dielectric * dfg_l.x + dfg_l.y + b.f_ms_dielectric * miss_l;
     vec3 wide = b.f_ms * (miss_v * miss_l / miss_avg) + b.diffuse * (b.diffuse_scale_v * (1.0 - e_l));
-    return single * c.specular + wide * c.cosine.w;
+    return single * c.specular * c.narrow_tint + wide * c.cosine.w * c.wide_tint;
 }
 
 #ifdef HG_LIB_BSDF_GLSL
@@ -278,17 +320,20 @@ vec3 hg_area_reflected_by_lobes(hg_bsdf b, hg_area_outline o, out vec3 mean)
 {
     hg_area_cover c = hg_area_covers(o, b.base.n, b.base.v, b.base.roughness);
     mean = c.cosine.xyz * hg_area_frame(b.base.n, b.base.v);
-    vec3 sum = hg_bsdf_single_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.below_v) * c.specular;
+    vec3 sum = hg_bsdf_single_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.below_v) * c.specular * c.narrow_tint;
     if (c.cosine.w > 0.0)
-        sum += hg_area_scattered(b, normalize(mean)) * c.cosine.w;
+        sum += hg_area_scattered(b, normalize(mean)) * c.cosine.w * c.wide_tint;
     if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION)) {
         vec3 from;
-        float share = hg_area_irradiance(o, -b.base.n, from);
-        sum += share > 0.0 ? hg_area_scattered(b, from) * share : vec3(0.0);
-        mean = share > c.cosine.w ? from : mean;
+        vec3 share = hg_area_irradiance(o, -b.base.n, from);
+        float most = max(share.r, max(share.g, share.b));
+        sum += most > 0.0 ? hg_area_scattered(b, from) * share : vec3(0.0);
+        mean = most > c.cosine.w ? from : mean;
     }
-    if (HG_HAS(HG_FEATURE_CLEARCOAT))
-        sum += hg_area_covers(o, b.coat_n, b.base.v, b.coat_roughness).specular * (1.0 - b.coat_v);
+    if (HG_HAS(HG_FEATURE_CLEARCOAT)) {
+        hg_area_cover coat = hg_area_covers(o, b.coat_n, b.base.v, b.coat_roughness);
+        sum += coat.specular * coat.narrow_tint * (1.0 - b.coat_v);
+    }
     return sum;
 }
 #endif

@@ -160,7 +160,8 @@ hg_emitter_sample hg_emitter_shape(hg_gpu_light light, float chance, vec3 positi
     if (local)
         s.distance = hg_emitter_reach(position_ws, hit.distance, hit.cosine, 0.0);
     s.pdf = chance * hg_shape_pdf(light, position_ws, hit);
-    s.radiance = hg_light_radiance(light, position_ws);
+    s.radiance = hg_light_radiance(light, position_ws) *
+        hg_light_surface_tint(light, s.direction * hit.distance - from);
     return s;
 }
 

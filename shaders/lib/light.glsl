@@ -205,6 +205,50 @@ float hg_shadow_slack(vec3 pos_ws)
         dot(pos_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
 }
 
+// The page of a point in the sun's shadow, as a map, and the receiver in it; false: there is none.
+// s: the map of the whole scene, whose projection pages share. Each level is tried where the point
+// lies once it is off its surface by part of that level's texel.
+bool hg_shadow_page(inout hg_gpu_shadow s, inout hg_shadow_receiver r, vec3 pos_ws, vec3 n_geometric,
+    float cos_l, float slack)
+{
+    hg_gpu_shadow_pages pages = hg_frame.lighting.pages;
+    float view_depth = dot(pos_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
+    float texels = view_depth * pages.per_depth + pages.constant;
+    int level = int(clamp(ceil(log2(max(texels, 1.0))), 0.0, float(HG_SHADOW_PAGE_LEVELS)));
+    float off = 0.25 + 0.75 * sqrt(max(0.0, 1.0 - cos_l * cos_l)); // as in hg_shadow_receive
+    vec3 d = pos_ws - s.origin_ws;
+    vec2 at = vec2(dot(d, s.right_ws), dot(d, s.up_ws));
+    vec2 n = vec2(dot(n_geometric, s.right_ws), dot(n_geometric, s.up_ws));
+    uint word = 0u;
+    ivec2 page = ivec2(0);
+    float texel = 0.0;
+    for (int i = 0; i < HG_SHADOW_PAGE_TRIES; i++, level++) {
+        float t = pages.texel * exp2(float(level));
+        ivec2 p = ivec2(floor((at + n * (t * off + slack)) / (t * float(HG_SHADOW_PAGE_INNER_PX))));
+        uvec2 place = uvec2(p) % HG_SHADOW_PAGE_WINDOW;
+        uvec2 tag = (uvec2(p) / HG_SHADOW_PAGE_WINDOW) & HG_SHADOW_PAGE_TAG_MASK;
+        uint row = uint(min(level, HG_SHADOW_PAGE_LEVELS - 1)) * HG_SHADOW_PAGE_WINDOW + place.y;
+        uint w = hg_shadow_page_at(row * HG_SHADOW_PAGE_WINDOW + place.x);
+        uint same = tag.x << HG_SHADOW_PAGE_TAG_X | tag.y << HG_SHADOW_PAGE_TAG_Y;
+        if (word == 0u && level < HG_SHADOW_PAGE_LEVELS && w != 0u &&
+            (w & ~HG_SHADOW_PAGE_SLOT_MASK) == same) {
+            word = w;
+            page = p;
+            texel = t;
+        }
+    }
+    if (word == 0u)
+        return false;
+    uint slot = (word & HG_SHADOW_PAGE_SLOT_MASK) - 1u;
+    s.texel_size = texel;
+    s.size_px = float(HG_SHADOW_PAGE_PX);
+    s.scale = 2.0 / (s.size_px * texel);
+    s.rect_px = pages.rect_px + vec2(slot % pages.side, slot / pages.side) * s.size_px;
+    r = hg_shadow_receive(s, pos_ws, n_geometric, cos_l, slack);
+    r.ndc -= (vec2(page) + 0.5) * (2.0 * float(HG_SHADOW_PAGE_INNER_PX) / float(HG_SHADOW_PAGE_PX));
+    return true;
+}
+
 bool hg_shadow_holds(hg_gpu_shadow s, hg_shadow_receiver r, bool last)
 {
     float hand_over = 1.0 - 0.1 * hg_frame.lighting.shadow_dither;
@@ -258,6 +302,10 @@ float hg_shadow(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool 
         if (HG_HAS2(HG_FEATURE2_SIZED))
             inside = inside && (i == last || wide <= HG_PENUMBRA_MOST_PX * s.texel_size);
     } while (!inside && ++i <= last);
+    if (HG_HAS2(HG_FEATURE2_SHADOW_PAGES)) {
+        if (light.shadow == hg_frame.lighting.pages.shadow && size == 0.0)
+            hg_shadow_page(s, r, pos_ws, n_geometric, cos_l, slack);
+    }
     float lit = hg_shadow_filter(s, r, size);
     lit = inside ? lit : 1.0;
     return HG_HAS(HG_FEATURE_CLUSTERS) ? mix(lit, 1.0, light.shadow_fade) : lit;
@@ -286,6 +334,8 @@ float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
             }
         } while (!found && ++i < last);
     }
+    if (HG_HAS2(HG_FEATURE2_SHADOW_PAGES))
+        hg_shadow_page(s, r, pos_ws, n_geometric, cos_l, slack);
     float lit = hg_shadow_filter(s, r, hg_shadow_sun_size());
     return inside ? lit : 1.0;
 }
@@ -293,13 +343,15 @@ float hg_shadow_of_sun(vec3 pos_ws, vec3 n_geometric, vec3 l)
 
 // --- lights --------------------------------------------------------------------------------------
 
+#include "lib/light_table.glsl"
+
 // Illuminance at a point on a plane facing the light (lux per unit of its colour), and where it is.
 // Distance and cone after KHR_lights_punctual, "Range Property" and "Inner and Outer Cone Angles".
 vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 {
     if (!HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL) {
         l = -light.direction_ws;
-        return light.color;
+        return light.color * hg_light_tint(light, pos_ws);
     }
     vec3 d = light.position_ws - pos_ws;
     float d2 = max(dot(d, d), 1e-8);
@@ -315,7 +367,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
         float cone = clamp(c * light.spot_scale + light.spot_offset, 0.0, 1.0);
         e *= cone * cone;
     }
-    return light.color * e;
+    return light.color * e * hg_light_tint(light, pos_ws);
 }
 
 // Radiance of the surface of a light that has a size, as a point receives it. Cone and range go by the
@@ -323,7 +375,7 @@ vec3 hg_light_illuminance(hg_gpu_light light, vec3 pos_ws, out vec3 l)
 vec3 hg_light_radiance(hg_gpu_light light, vec3 pos_ws)
 {
     if (light.kind == HG_LIGHT_KIND_DIRECTIONAL)
-        return light.color * light.radiance;
+        return light.color * hg_light_tint(light, pos_ws) * light.radiance;
     vec3 d = light.position_ws - pos_ws, l;
     float d2 = max(dot(d, d), 1e-8);
     return hg_light_illuminance(light, pos_ws, l) * (d2 * light.radiance);
@@ -340,8 +392,10 @@ float hg_light_lobe(hg_gpu_light light, vec3 l)
     return light.kind == HG_LIGHT_KIND_TUBE ? sqrt(max(1.0 - along * along, 0.0)) : 1.0;
 }
 
-// The light of lights with a size was gathered for the surface that is shaded.
+// The light of lamps with a size was gathered for the surface that is shaded, and rays told which share of
+// that of directional lights arrives.
 bool hg_light_gathered = false;
+float hg_light_sun_seen = 1.0;
 
 #ifdef HG_LIB_BSDF_GLSL
 hg_bsdf hg_light_bsdf; // what light falls on, where materials have lobes; set by the pass
@@ -380,6 +434,15 @@ vec3 hg_light_side(hg_brdf b, vec3 n_geometric, vec3 l)
     return n_geometric;
 }
 
+// Lit share of a point by a light that has a shadow map, where gathering paths have not told.
+float hg_light_lit(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool sky_sun)
+{
+    bool directional = !HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL;
+    if (HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered && directional)
+        return hg_light_sun_seen;
+    return hg_shadow(light, pos_ws, n_geometric, l, sky_sun);
+}
+
 // The same from a light with a size, whose middle is at l. A shadow map shows what its middle sees.
 vec3 hg_light_sized(hg_brdf b, hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l)
 {
@@ -398,7 +461,7 @@ vec3 hg_light_sized(hg_brdf b, hg_gpu_light light, vec3 pos_ws, vec3 n_geometric
     if (dot(n_geometric, mean) <= 0.0)
         return vec3(0.0);
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= hg_shadow(light, pos_ws, n_geometric, l, false);
+        sum *= hg_light_lit(light, pos_ws, n_geometric, l, false);
     return sum * radiance;
 }
 
@@ -409,15 +472,16 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     hg_gpu_light light = hg_light_at(index);
     vec3 l;
     vec3 e = hg_light_illuminance(light, pos_ws, l);
+    bool lamp = light.kind != HG_LIGHT_KIND_DIRECTIONAL;
     if (HG_HAS2(HG_FEATURE2_SIZED) && light.radiance > 0.0)
-        return hg_light_gathered ? vec3(0.0) : hg_light_sized(b, light, pos_ws, n_geometric, l);
+        return hg_light_gathered && lamp ? vec3(0.0) : hg_light_sized(b, light, pos_ws, n_geometric, l);
     if (!hg_light_reaches(b, l) || max(e.r, max(e.g, e.b)) <= 0.0)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
     bool first = index == 0u; // the sky's sun, if there is one
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
-        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow(light, pos_ws, n_geometric, l, first) : 0.0;
+        sum *= dot(n_geometric, l) > 0.0 ? hg_light_lit(light, pos_ws, n_geometric, l, first) : 0.0;
     return sum;
 }
 
@@ -428,7 +492,9 @@ vec3 hg_light_sun(hg_brdf b, vec3 pos_ws, vec3 n_geometric)
     vec3 sum = hg_sun.color * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && hg_sun.shadow != HG_SHADOW_NONE)
-        sum *= dot(n_geometric, l) > 0.0 ? hg_shadow_of_sun(pos_ws, n_geometric, l) : 0.0;
+        sum *= dot(n_geometric, l) <= 0.0                         ? 0.0
+            : HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered ? hg_light_sun_seen
+                                                                 : hg_shadow_of_sun(pos_ws, n_geometric, l);
     return sum;
 }
 #endif

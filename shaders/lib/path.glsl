@@ -164,7 +164,8 @@ void hg_path_light(uint slot, uint bounce, uint way, uint group, vec3 radiance)
         return;
     }
     vec3 diffuse = radiance * share;
-    hg_path_add_guide(bounce == 1u ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_INDIRECT, slot, diffuse);
+    bool direct = bounce == 1u || HG_PATH_CAN(HG_PATH_GATHERS);
+    hg_path_add_guide(direct ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_INDIRECT, slot, diffuse);
     hg_path_add_guide(HG_PATH_GUIDE_SPECULAR, slot, radiance - diffuse);
     hg_path_add_plane(plane + HG_PATH_LOBE_DIFFUSE, slot, diffuse);
     hg_path_add_plane(plane + HG_PATH_LOBE_SPECULAR, slot, radiance - diffuse);
@@ -176,6 +177,13 @@ void hg_path_add_sky(uint channel, uint slot, uint way, vec3 radiance)
     vec3 share = hg_path_get3(hg_path.split + 3u * way, slot);
     if (share.x >= 0.0)
         hg_path_add_guide(channel, slot, radiance * share);
+}
+
+// Of what directional lights give the first surface of a gathering path, HG_PATH_GUIDE_OPEN_SUN or _SEEN_SUN.
+void hg_path_add_sun(uint channel, uint slot, float light)
+{
+    if (HG_PATH_HAS(HG_PATH_PLANE_GUIDE))
+        hg_path_add(hg_path_out(hg_path.planes[HG_PATH_PLANE_GUIDE] + channel), slot, light);
 }
 
 uint hg_path_mark(uint draw)

@@ -5,14 +5,17 @@
 #ifndef HG_LIB_PATH_GATHER_GLSL
 #define HG_LIB_PATH_GATHER_GLSL
 
-// Of a gathering path: light that real-time pictures draw themselves at the first surface, or that the
-// field of probes holds where the path ends.
-// Lights with a size are not among what is drawn, nor does the field hold them.
+#define HG_GATHER_ROUGH   0.3 // lobes from this roughness on are rough
+#define HG_GATHER_ASKS    0.2 // where paths end, rays to lights find what lobes from this roughness on mirror
+#define HG_GATHER_MIRRORS 0.2 // of light from everywhere: smooth surfaces that mirror more are no ends
+
+// Of a gathering path: light that real-time pictures draw themselves at the first surface, or that is looked
+// up in the field of probes where the path ends: that of the environment.
+// Lamps with a size are not among what is drawn. Directional lights are chosen apart (HG_PATH_SUNS_APART).
 bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
 {
     bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
-    bool sun = e.distance >= HG_EMITTER_FAR && hg_emitter_is_sky_sun(e.direction);
-    return ends ? !lamp : bounce == 0u && lamp && (sun || e.delta);
+    return ends ? e.group == HG_EMITTER_GROUP_ENVIRONMENT : bounce == 0u && lamp && e.delta;
 }
 
 // What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and
@@ -31,13 +34,16 @@ vec3 hg_gather_scattering(hg_bsdf b)
 }
 
 // A path that met a surface after t metres ends there. Every second one goes on for a bounce more, which
-// halves the error of the field; pairs of samples and pixels take turns.
-bool hg_gather_ends(path p, float t)
+// halves the error of the field; pairs of samples and pixels take turns. Mirrors and glass are no ends, as
+// what they show is not what the field has about them, unless there may be no more bounces.
+bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
 {
+    if (s.roughness < HG_GATHER_ROUGH && hg_max3(hg_features_mirroring(b)) > HG_GATHER_MIRRORS)
+        return p.bounce >= hg_path.max_bounces;
     uvec2 pixel = hg_path_pixel(p.slot);
     uint least = 1u + ((hg_path_sample(p.slot) >> 1u) + pixel.x + pixel.y & 1u);
-    return p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
-        t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws);
+    return p.bounce >= hg_path.max_bounces || (p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
+        t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws));
 }
 
 // What the environment would send along the ray to the surface that it left, had it met nothing.
@@ -64,14 +70,20 @@ void hg_gather_asked(inout path p, hg_emitter_sample e)
     hg_path_add_sky(HG_PATH_GUIDE_OPEN_SKY, p.slot, 1u, hg_path_get3(HG_PATH_PENDING, p.slot));
 }
 
-// The light of the field of probes on a surface ends the path.
+// Of light from everywhere what a surface sends back, mirrored or scattered.
+vec3 hg_gather_albedo(hg_bsdf b)
+{
+    return min(hg_features_scattering(b) + hg_features_mirroring(b), vec3(1.0));
+}
+
+// The light of the field of probes on a surface ends the path; rays to lights bring that of emitters, which changes
+// within less than the spacing of probes.
 void hg_gather_end(path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 xi)
 {
     vec3 view = -p.ray.direction_ws;
     hg_probes_look(v.position_ws, s.geometric_normal, s.normal, view, reflect(-view, s.normal), xi);
-    vec3 albedo = min(hg_features_scattering(b) + hg_features_mirroring(b), vec3(1.0));
     hg_path_light(p.slot, p.bounce + 1u, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
-        clamped(p.throughput * albedo * hg_probes_irradiance, p.bounce + 1u));
+        clamped(p.throughput * hg_gather_albedo(b) * hg_probes_irradiance, p.bounce + 1u));
 }
 
 #endif

@@ -12,6 +12,9 @@ void found_light(path p, hg_gpu_light light, float distance, float pdf, uint can
     vec3 throughput, uvec2 media)
 {
     vec3 radiance = hg_light_radiance(light, p.ray.origin_ws) * weight_found(p, pdf, candidates);
+    if (distance < HG_EMITTER_FAR)
+        radiance *= hg_light_surface_tint(
+            light, p.ray.origin_ws + p.ray.direction_ws * distance - light.position_ws);
     if (HG_MEDIA && distance < HG_EMITTER_FAR)
         throughput *= hg_bsdf_attenuation(hg_media_attenuation(media), distance);
     uint group = hg_path.light_groups.v[light.id] & HG_PATH_GROUP_MASK;
@@ -45,8 +48,6 @@ void meet_suns(path p, bool out_of_scene, vec3 throughput, uvec2 media)
         if (light.radiance <= 0.0 || -dot(light.direction_ws, p.ray.direction_ws) < light.bound ||
             !(out_of_scene || light.shadow == HG_SHADOW_UNASKED))
             continue;
-        if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u && hg_emitter_is_sky_sun(-light.direction_ws))
-            continue; // real time draws it
         float pdf = hg_emitter_pdf_sun(p.ray.origin_ws, p.normal, i, light);
         found_light(p, light, HG_EMITTER_FAR, pdf, HG_EMITTER_APART ? 1u : CANDIDATES, throughput, media);
     }
@@ -58,7 +59,8 @@ void meet_lights(path p, float most, vec3 throughput, uvec2 media)
 {
     if (!HG_EMITTER_MAY(HG_EMITTER_KIND_SIZED) || p.bounce == 0u)
         return;
-    if (HG_EMITTERS.sized_suns != 0u)
+    bool drawn = HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u; // real time draws suns
+    if (HG_EMITTERS.sized_suns != 0u && !drawn)
         meet_suns(p, most >= HG_EMITTER_FAR, throughput, media);
     if (HG_EMITTERS.lamp_node_count == 0u)
         return;

@@ -93,6 +93,17 @@ float hg_probe_weight(hg_gpu_probe_grid p, uint probe, vec3 at_ws, hg_probe_poin
     return weight < 0.2 ? weight * weight * weight * 25.0 : weight;
 }
 
+// First word of what is looked up of the first probe. HG_PROBES_BETWEEN: the light between surfaces, without
+// what emitters send.
+uint hg_probe_irradiance_words(hg_gpu_probe_grid p)
+{
+#ifdef HG_PROBES_BETWEEN
+    return p.count * (1u + 3u * HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS);
+#else
+    return p.count;
+#endif
+}
+
 // Irradiance of a probe, from the first word of its table. HG_PROBES_BILINEAR: of the four texels about n,
 // as the mean of many xi would have it.
 vec3 hg_probe_irradiance(hg_gpu_probe_grid p, uint first, vec3 n, vec2 xi)
@@ -129,7 +140,7 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
     uint mirrored = hg_probe_texel(r, HG_PROBE_IRRADIANCE_SIDE, xi.yx);
     xi.yz = vec2(0.5);
 #endif
-    uint chosen = 0u;
+    uint chosen = 0u, words = hg_probe_irradiance_words(p);
     float pick = xi.z;
     for (int i = 0; i < 8; i++) {
         ivec3 off = ivec3(i, i >> 1, i >> 2) & 1;
@@ -142,7 +153,7 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
         vec3 probe_ws = p.origin_ws + (vec3(cell) + moved) * p.spacing;
         float w = tri.x * tri.y * tri.z * hg_probe_weight(p, k, probe_ws, point, n_geometric, xi.yz);
         w = (place & HG_PROBE_AWAKE) != 0u ? w : 0.0;
-        sum += vec4(hg_probe_irradiance(p, p.count + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
+        sum += vec4(hg_probe_irradiance(p, words + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
 #ifdef HG_PROBES_BILINEAR
         uint both = p.count * (1u + HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS) +
             2u * (k * HG_PROBE_IRRADIANCE_TEXELS + mirrored);

@@ -32,6 +32,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #include "lib/environment.glsl"
 #include "lib/ground.glsl"
 #include "lib/resolve.glsl"
+#include "shared/checkerboard.h"
 #include "shared/pass_io.h"
 
 // hg_front of layers is the opaque scene. Its alpha is how deep it lies, metres, or NOTHING; with a minus where
@@ -41,9 +42,19 @@ HG_SHADE_IO(HG_IO_DECLARE)
 
 #include "lib/gathered.glsl"
 #include "lib/probe_light.glsl"
+#include "lib/mirrors.glsl"
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
+
+vec2 hg_at; // centre of the pixel that is shaded
+vec2 shaded_pixel()
+{
+    uvec2 at = uvec2(gl_FragCoord.xy);
+    if (HG_HAS2(HG_FEATURE2_CHECKERBOARD) && (hg_frame.flags & HG_FRAME_CHECKERBOARD) != 0u)
+        return vec2(HG_CHECKERBOARD_COLUMN(at, hg_frame.sample_index, hg_frame.width), at.y) + 0.5;
+    return gl_FragCoord.xy;
+}
 
 vec4 behind_all()
 {
@@ -53,14 +64,14 @@ vec4 behind_all()
         return vec4(hg_frame.background_color, 1.0);
     vec3 ray = hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
-        ray = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
-            gl_FragCoord.y * hg_frame.camera.ray_y_ws;
+        ray = hg_frame.camera.ray_origin_ws + hg_at.x * hg_frame.camera.ray_x_ws +
+            hg_at.y * hg_frame.camera.ray_y_ws;
     if (hg_frame.background_mode == HG_BACKGROUND_MODE_BLUR)
         return vec4(hg_environment_blurred(ray), 1.0);
     // Off the middle a pixel is a smaller angle; `ray` is 1 deep.
     float lod = 0.0;
     if (HG_HAS(HG_FEATURE_SKY_MIPS)) {
-        hg_texture_xi = hg_random3(uvec2(gl_FragCoord.xy), 1u).xy;
+        hg_texture_xi = hg_random3(uvec2(hg_at), 1u).xy;
         lod = hg_frame.textures.background_lod - 0.5 * log2(dot(ray, ray));
     }
     return vec4(hg_environment_seen(ray, lod), 1.0);
@@ -73,14 +84,14 @@ vec4 background()
     if (!HG_HAS2(HG_FEATURE2_GROUND) || hg_frame.ground_up == vec3(0.0))
         return color;
     bool flat_view = hg_frame.camera.orthographic != 0u;
-    vec3 across = hg_frame.camera.ray_origin_ws + gl_FragCoord.x * hg_frame.camera.ray_x_ws +
-        gl_FragCoord.y * hg_frame.camera.ray_y_ws;
+    vec3 across = hg_frame.camera.ray_origin_ws + hg_at.x * hg_frame.camera.ray_x_ws +
+        hg_at.y * hg_frame.camera.ray_y_ws;
     vec3 from = flat_view ? across : hg_frame.camera.eye_ws;
     vec3 ray = flat_view ? hg_frame.camera.forward_ws : across;
     float depth = hg_ground_distance(from, ray); // both rays are 1 deep
     if (!(depth > 0.0))
         return color;
-    float lit = hg_ground_lit(from + depth * ray, gl_FragCoord.xy, depth);
+    float lit = hg_ground_lit(from + depth * ray, hg_at, depth);
     color.rgb *= lit;
     color.a = 1.0 - (1.0 - color.a) * lit;
     return color;
@@ -124,7 +135,7 @@ vec3 position_at(ivec2 pixel, float depth)
 // it is at this pixel. Where the view does not have it, the environment.
 vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float roughness)
 {
-    ivec2 here = ivec2(gl_FragCoord.xy);
+    ivec2 here = ivec2(hg_at);
     float deep = texelFetch(hg_front, here, 0).a;
     vec3 leaves = position_ws + in_ws * inside;
     float reach =
@@ -158,7 +169,7 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
         hg_refract(b.base.v, b.base.n, eta, straight);
     uint taps = hg_frame.sample_index == 0u ? TRANSMITTED_TAPS : 1u, tap = 0u;
     do {
-        vec2 xi = hg_random3(uvec2(gl_FragCoord.xy), 3u + tap).xy;
+        vec2 xi = hg_random3(uvec2(hg_at), 3u + tap).xy;
         vec3 h = hg_sample_aniso_vndf(b.v_ts, b.alpha, xi);
         h = b.base.roughness < HG_DELTA_ROUGHNESS ? vec3(0.0, 0.0, 1.0) : h;
         vec3 l = vec3(2.0 * dot(b.v_ts, h) * h.xy - b.v_ts.xy, 0.0);
@@ -185,14 +196,15 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     // Light from behind is not gathered apart: probes know both sides.
     bool thin = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
     if (HG_HAS2(HG_FEATURE2_GATHERED) && !thin) {
-        hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.base.n);
-        hg_light_gathered = true;
+        hg_gathered_look(hg_at, v.depth, b.base.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
-        hg_probe_light_look(gl_FragCoord.xy, v.depth, b.base.n);
+        hg_probe_light_look(hg_at, v.depth, b.base.n);
         occlude(s, b.base.n_dot_v, b.base.alpha);
+        if (HG_HAS2(HG_FEATURE2_MIRRORS))
+            hg_mirrors_look(hg_at, v.position_ws, v.depth, b.base.n, b.base.roughness);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
-        vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 15u);
+        vec3 xi = hg_random3(uvec2(hg_at), 15u);
         vec3 r = reflect(-view, b.base.n);
         if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION)) {
             hg_probes_look(v.position_ws, -s.geometric_normal, -b.base.n, -view, r, xi);
@@ -202,12 +214,12 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
     }
     b.delta = b.coat_delta = false; // highlights of point lights are to be seen
     vec3 radiance = hg_bsdf_emission(b, s.emissive);
-    radiance += hg_environment_bsdf(b, s.occlusion, hg_random3(uvec2(gl_FragCoord.xy), 2u).xy);
+    radiance += hg_environment_bsdf(b, s.occlusion, hg_random3(uvec2(hg_at), 2u).xy);
     if (HG_HAS(HG_FEATURE_TRANSMISSION))
         radiance += transmitted(b, s, v);
     hg_light_bsdf = b;
     return radiance +
-        hg_light_brdf(b.base, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
+        hg_light_brdf(b.base, v.position_ws, s.geometric_normal, hg_at, v.depth);
 }
 
 #endif
@@ -217,18 +229,18 @@ vec4 surface(uvec2 id, out float depth)
     // One bilinear lookup per texture and sample. The first sample, which is what moving pictures
     // show, chooses between mips only; later ones spread along the footprint as well, so that the
     // accumulated image is filtered anisotropically.
-    vec3 xi = hg_random3(uvec2(gl_FragCoord.xy), 1u);
+    vec3 xi = hg_random3(uvec2(hg_at), 1u);
     hg_texture_xi = xi.xy;
     hg_environment_xi = xi.z;
     if (hg_frame.sample_index == 0u)
         hg_texture_most_taps = 1.0;
 #ifndef HG_NO_LOBES
     if (HG_HAS(HG_FEATURE_LOBE_TEXTURES) && HG_HAS(HG_FEATURE_STREAM))
-        hg_texture_drawn = hg_texture_draws(uvec2(gl_FragCoord.xy));
+        hg_texture_drawn = hg_texture_draws(uvec2(hg_at));
 #endif
     // Lanes beside what is seen load too on some devices, and where nothing was drawn id is 0.
     id.x = max(id.x, 1u);
-    hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, gl_FragCoord.xy);
+    hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, hg_at);
     depth = v.depth;
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u || hg_variant == 4u ? s.alpha : 1.0;
@@ -245,18 +257,19 @@ vec4 surface(uvec2 id, out float depth)
 #endif
     hg_brdf b = hg_brdf_make(s.base_color, s.metallic, s.roughness, s.f0, s.normal, view);
     if (HG_HAS2(HG_FEATURE2_GATHERED)) {
-        hg_gathered_look(ivec2(gl_FragCoord.xy), v.depth, b.n);
-        hg_light_gathered = true;
+        hg_gathered_look(hg_at, v.depth, b.n);
         s.occlusion = 1.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
-        hg_probe_light_look(gl_FragCoord.xy, v.depth, b.n);
+        hg_probe_light_look(hg_at, v.depth, b.n);
         occlude(s, b.n_dot_v, b.alpha);
+        if (HG_HAS2(HG_FEATURE2_MIRRORS))
+            hg_mirrors_look(hg_at, v.position_ws, v.depth, b.n, b.roughness);
     } else if (HG_HAS2(HG_FEATURE2_PROBES)) {
         hg_probes_look(v.position_ws, s.geometric_normal, b.n, view, reflect(-view, b.n),
-            hg_random3(uvec2(gl_FragCoord.xy), 15u));
+            hg_random3(uvec2(hg_at), 15u));
     }
     vec3 radiance = s.emissive + hg_environment_brdf(b, s.occlusion);
-    radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
+    radiance += hg_light_brdf(b, v.position_ws, s.geometric_normal, hg_at, v.depth);
     return vec4(radiance, 1.0) * alpha;
 }
 
@@ -293,7 +306,8 @@ void main()
 #ifdef HG_FRAME_FLAT
     hg_flat_receive();
 #endif
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    hg_at = shaded_pixel();
+    ivec2 pixel = ivec2(hg_at);
     hg_texture_counts = hg_variant == 3u || hg_progress_waits(pixel);
     if (hg_variant == 4u) {
         out_color = layers(pixel);

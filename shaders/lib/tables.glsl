@@ -29,6 +29,7 @@ HG_TABLE(HG_BIND_MATERIALS, hg_gpu_material, 240, materials)
 HG_TABLE(HG_BIND_PAGE_TABLE, uint, 4, pages)
 HG_TABLE(HG_BIND_LIGHTS, hg_gpu_light, 64, lights)
 HG_TABLE(HG_BIND_SHADOWS, hg_gpu_shadow, 80, shadows)
+HG_TABLE(HG_BIND_SHADOWS, uint, 4, shadow_words) // the same, with the table of pages behind it
 HG_TABLE(HG_BIND_DFG_TABLE, uint, 4, dfg)
 HG_TABLE(HG_BIND_IRRADIANCE, vec4, 16, irradiance)
 HG_TABLE(HG_BIND_TRIANGLE_CACHE, uint, 4, facets)
@@ -87,6 +88,14 @@ hg_gpu_shadow hg_shadow_at(uint i)
     if (HG_IN_UNIFORM(HG_BIND_SHADOWS))
         return hg_table_shadows[i];
     return hg_frame.lighting.shadows.v[i];
+}
+
+// Word of the table of pages.
+uint hg_shadow_page_at(uint i)
+{
+    if (HG_IN_UNIFORM(HG_BIND_SHADOWS))
+        return hg_table_shadow_words[hg_frame.lighting.pages.first + i];
+    return hg_frame.lighting.pages.table.v[i];
 }
 
 // Up to HG_DFG_BLOCK_WORDS.

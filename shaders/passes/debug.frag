@@ -134,7 +134,8 @@ vec3 irradiance_color(hg_vertex v)
     return hg_debug_light(hg_probes_irradiance);
 }
 
-// The map that the first light with shadows has here, in squares of 32 texels.
+// The map that the first light with shadows has here, in squares of 32 texels; or a colour for its
+// place in the atlas.
 vec3 shadow_color(hg_vertex v)
 {
     vec3 n = v.geometric_ws * (v.front ? 1.0 : -1.0);
@@ -151,6 +152,11 @@ vec3 shadow_color(hg_vertex v)
             hg_shadow_receiver r = hg_shadow_receive(s, v.position_ws, n, dot(n, l), 0.0);
             if (!hg_shadow_holds(s, r, true))
                 continue;
+            if (hg_view == HG_DEBUG_VIEW_SHADOW_PAGES) {
+                vec2 at = s.rect_px + (vec2(r.ndc.x, -r.ndc.y) * 0.5 + 0.5) * s.size_px;
+                uvec2 page = uvec2(at / float(HG_SHADOW_PAGE_PX));
+                return number_color(page.y * 128u + page.x);
+            }
             ivec2 square = ivec2(floor((r.ndc * 0.5 + 0.5) * s.size_px / 32.0));
             return level_color(k) * (((square.x + square.y) & 1) == 0 ? 1.0 : 0.6);
         }
@@ -165,7 +171,7 @@ vec3 surface_color(uvec2 id)
         return hg_grey * facing(v);
     if (hg_view == HG_DEBUG_VIEW_IRRADIANCE)
         return irradiance_color(v);
-    if (hg_view == HG_DEBUG_VIEW_SHADOWS)
+    if (hg_view == HG_DEBUG_VIEW_SHADOWS || hg_view == HG_DEBUG_VIEW_SHADOW_PAGES)
         return shadow_color(v);
     if (hg_view == HG_DEBUG_VIEW_CLUSTER)
         return number_color((id.x << 20) + id.y / 128u) * facing(v);
@@ -198,6 +204,8 @@ void main()
         color = vec3(0.2158605); // 128 of 255
     else if (hg_view == HG_DEBUG_VIEW_HISTORY)
         color = vec3(0.0);
+    else if (hg_view == HG_DEBUG_VIEW_SCALE)
+        color = vec3(0.0, 1.0, 0.0);
     else if (hg_view == HG_DEBUG_VIEW_OVERDRAW)
         color = overdraw_color(texelFetch(hg_counts, pixel, 0).r);
     else if (id.x != 0u)

@@ -18,6 +18,7 @@
 #include "lib/brdf.glsl"
 #include "lib/shading_normal.glsl"
 #include "lib/light.glsl"
+#define HG_PROBES_BETWEEN
 #include "lib/probes.glsl"
 #include "lib/environment.glsl"
 #include "lib/path.glsl"
@@ -44,7 +45,8 @@ hg_gpu_light light_at(uint index)
         if (before.direction_ws != light.direction_ws)
             light.direction_ws =
                 normalize(HG_PATH_BETWEEN(before.direction_ws, light.direction_ws));
-        if (HG_PATH_CAN(HG_EMITTER_KIND_SIZED) && before.axis_ws != light.axis_ws)
+        bool turns = HG_PATH_CAN(HG_EMITTER_KIND_SIZED) || HG_HAS2(HG_FEATURE2_LIGHT_TABLES);
+        if (turns && before.axis_ws != light.axis_ws)
             light.axis_ws = normalize(HG_PATH_BETWEEN(before.axis_ws, light.axis_ws));
     }
     return light;
@@ -69,7 +71,6 @@ layout(constant_id = 0) const uint kind = 0u;
 #define SEVERAL (HG_EMITTER_KIND_ALL & ~HG_EMITTER_KIND_SUN) // but a single directional light
 #define ROULETTE_AFTER 3u // bounces
 #define ROULETTE_LEAST 0.05
-#define GATHER_ROUGH   0.3 // lobes from this roughness on are rough
 #define SPREAD_DIFFUSE 0.1 // radians that textures may be blurred by behind a diffuse surface
 
 // A path as far as it has come.
@@ -231,9 +232,11 @@ void note_split(uint slot, uint word, hg_bsdf b, vec3 l, vec3 f)
 vec3 reflected(hg_bsdf b, hg_surface s, hg_emitter_sample e, uint candidates, bool ends, out vec3 f)
 {
     float pdf_surface;
+    bool alone = ends && e.group != HG_EMITTER_GROUP_ENVIRONMENT;
     f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
+    if (alone && s.roughness < HG_GATHER_ASKS)
+        f = hg_gather_albedo(b) * (max(dot(s.normal, e.direction), 0.0) * HG_INV_PI);
     float weight = 1.0;
-    bool alone = ends && e.group == HG_EMITTER_GROUP_PUNCTUAL;
     if (!e.delta)
         weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u && !alone
                 ? mis(float(candidates) * e.pdf, pdf_surface) : 1.0) / max(e.pdf, 1e-20);
@@ -345,7 +348,7 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
         hg_media_cross(p.media, v.material, s.front);
     bool diffuse = (r.lobe & HG_LOBE_DIFFUSE) != 0u;
     if (HG_PATH_CAN(HG_PATH_GATHERS)) {
-        bool wide = diffuse || ((r.lobe & HG_LOBE_DELTA) == 0u && s.roughness >= GATHER_ROUGH);
+        bool wide = diffuse || ((r.lobe & HG_LOBE_DELTA) == 0u && s.roughness >= HG_GATHER_ROUGH);
         p.flags = wide ? p.flags | HG_PATH_WIDE : p.flags & ~HG_PATH_WIDE;
     }
     float more = (diffuse ? 1.0 : s.roughness * s.roughness) * SPREAD_DIFFUSE * hg_path.footprint;
@@ -400,6 +403,17 @@ float catch_light(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, bool s
     hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
     hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, vec3(light));
     return light;
+}
+
+// Whether the first surface of a gathering path sees a directional light, by a ray to a point of it; true when
+// there is one.
+bool ask_sun(path p, hg_vertex v, hg_surface s, vec3 side, vec3 u)
+{
+    hg_emitter_sample e = hg_emitter_pick_apart(v.position_ws, side, u);
+    e.radiance = e.mask != 0u ? e.radiance : vec3(0.0); // it casts no shadows
+    float light = catch_light(p, v, s, e, true);
+    hg_path_add_sun(HG_PATH_GUIDE_OPEN_SUN, p.slot, light);
+    return light > 0.0;
 }
 
 // A shadow catcher in front of the background, which shows as far as light arrives: rays to lights
@@ -506,7 +520,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     uint channel = disperse(p, s, pixel, number);
     float outside = hg_media_outside(p.media, v.material, s.front, s.ior, channel);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
-    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && !HG_PATH_CAN(HG_PATH_FIRST) && hg_gather_ends(p, hit.t);
+    bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && !HG_PATH_CAN(HG_PATH_FIRST) && hg_gather_ends(p, b, s, hit.t);
     light_choice light = choose_light(b, v, s, side, ua, ends);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;
@@ -533,7 +547,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         hg_path_light(p.slot, p.bounce, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
             clamped(throughput * emitted, p.bounce));
     bool followed = HG_PATH_CAN(HG_PATH_FOLLOWS) && (p.flags & HG_PATH_FOLLOWED) != 0u;
-    if (s.unlit || p.bounce >= hg_path.max_bounces) {
+    if (s.unlit || (p.bounce >= hg_path.max_bounces && !ends)) {
         if (followed)
             hg_features_follow(p, b, hit, medium, emitted, false);
         return HG_PATH_DONE;
@@ -548,7 +562,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     status |= asks ? HG_PATH_SHADOW : 0u;
     if (HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u && asks)
         hg_gather_asked(p, light.e);
-    if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
+    if (HG_PATH_CAN(HG_PATH_SUNS_APART) && HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u) {
+        status |= ask_sun(p, v, s, side, ua.xyz) ? HG_PATH_SUN : 0u;
+    } else if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
         light.e = hg_emitter_pick_apart(v.position_ws, side, ua.xyz);
         light.light = reflected(b, s, light.e, 1u, ends, light.f);
         if (HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_leaves_out(light.e, p.bounce, ends))
@@ -558,6 +574,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     }
     if (ends) {
         hg_gather_end(p, b, v, s, ua.yzw);
+        p.bounce++; // of the light that its shadow rays bring
         return status;
     }
     vec3 direction = p.ray.direction_ws;

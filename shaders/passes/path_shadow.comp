@@ -71,11 +71,15 @@ void arrive(uint slot, vec3 light)
             hg_path_get(lit, slot) + dot(light, vec3(0.2126, 0.7152, 0.0722)));
         return;
     }
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && bounce == 1u && push.second != 0u) {
+        hg_path_add_sun(HG_PATH_GUIDE_SEEN_SUN, slot, dot(light, vec3(0.2126, 0.7152, 0.0722)));
+        return;
+    }
     if (HG_PATH_CAN(HG_PATH_GROUPS))
         group = bitfieldExtract(floatBitsToUint(hg_path_get(hg_path.split + HG_PATH_SPLIT_GROUPS, slot)),
             push.second != 0u ? 8 : 0, 8);
     hg_path_light(slot, bounce, 1u + push.second, group, light);
-    if (HG_PATH_CAN(HG_PATH_GATHERS) && bounce == 1u && push.second == 0u && (flags & HG_PATH_ASKS_SKY) != 0u)
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && bounce == 1u && (flags & HG_PATH_ASKS_SKY) != 0u)
         hg_path_add_sky(HG_PATH_GUIDE_SEEN_SKY, slot, 1u, light);
 }
 

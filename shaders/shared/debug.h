@@ -15,6 +15,8 @@
 #define HG_DEBUG_VIEW_IRRADIANCE 10u
 #define HG_DEBUG_VIEW_SHADOWS   11u
 #define HG_DEBUG_VIEW_REFLECTIONS 12u // of pictures in motion, by the host; at rest grey
+#define HG_DEBUG_VIEW_SCALE     13u // of pictures in motion, by the host; at rest the whole size
+#define HG_DEBUG_VIEW_SHADOW_PAGES 14u // in motion by the host; at rest places in the atlas
 
 #define HG_DEBUG_LIGHT_HALF   0.1f  // irradiance over pi that is shown as 0.5
 #define HG_DEBUG_PROBE_RADIUS 0.05f // of spheres that stand for probes, spacings

@@ -47,6 +47,10 @@
 #define HG_FEATURE2_GATHERED       0x40u // of opaque surfaces: light from other surfaces was gathered per pixel
 #define HG_FEATURE2_PROBE_LIGHT    0x80u // of opaque surfaces: the probes' light is in an image
 #define HG_FEATURE2_SIZED          0x100u // lights with a size
+#define HG_FEATURE2_CHECKERBOARD   0x1000u // HG_FRAME_CHECKERBOARD may be set
+#define HG_FEATURE2_LIGHT_TABLES   0x100000u // lights with a profile or an image
+#define HG_FEATURE2_MIRRORS        0x200u // of opaque surfaces: planes mirror the scene
+#define HG_FEATURE2_SHADOW_PAGES   0x2000u // the sun has pages (a picture in motion)
 #define HG_FEATURE2_ALL           0xffffffffu
 #define HG_MIX_ANISOTROPIC_GLASS  0x1u
 #define HG_MIX_LAYERED_GLASS      0x2u // below coats or sheens

@@ -9,6 +9,7 @@
 #include "shared/geometry.h"
 #include "shared/gi.h"
 #include "shared/light.h"
+#include "shared/mirror.h"
 #include "shared/texture.h"
 #include "shared/types.h"
 
@@ -47,6 +48,8 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 #define HG_FRAME_SUN_DISC       2u
 // Ambient occlusion by the depth of the picture, in the light of probes (lib/gtao.glsl).
 #define HG_FRAME_OCCLUSION      4u
+// Every second pixel of a row is shaded, into a picture half as wide (checkerboard.h).
+#define HG_FRAME_CHECKERBOARD   0x100u
 
 #define HG_FRAME_TONEMAP_ACES        0
 #define HG_FRAME_TONEMAP_AGX         1
@@ -74,7 +77,8 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_geometry) geometry;
     HG_STRUCT(hg_gpu_blend_lists) blend;
     HG_STRUCT(hg_gpu_probes) probes; // HG_FEATURE2_PROBES
+    HG_VEC4 mirrors[HG_MIRROR_PLANES]; // HG_FEATURE2_MIRRORS: dot(xyz, p) = w; zero: no plane
 };
-HG_SHARED_SIZE(hg_gpu_frame, 1096);
+HG_SHARED_SIZE(hg_gpu_frame, 1176);
 
 #endif

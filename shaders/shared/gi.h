@@ -5,12 +5,14 @@
 // The words of a grid: [count] places, [count][IRRADIANCE_TEXELS] irradiance as RGB9E5,
 // [count][MOMENT_TEXELS] mean and variance as halves, in units of `spacing` and its square,
 // [count][IRRADIANCE_TEXELS][2] irradiance from surfaces alone as RGB9E5, and the share of the
-// cosine-weighted directions that see the environment as float.
+// cosine-weighted directions that see the environment as float,
+// [count][IRRADIANCE_TEXELS] irradiance without what emitters send straight, as RGB9E5.
 //
 // Gathered light, RGBA32UI at the size of the picture, of the first opaque surface about each pixel's
 // middle: light that scatters (irradiance over pi) and mean radiance under the specular lobe, both
-// RGB9E5, without what lights and a sky's sun bring directly, and the former without the environment's own
-// light; the shading normal (lib/octahedral.glsl); depth along the view direction in metres as a float whose last
+// RGB9E5, without what directional lights, and lamps without a size, bring directly, and the former without the
+// environment's own light; the shading normal (lib/octahedral.glsl) in twice 8 bits, and the square root of the share of
+// directional lights that is seen in 8; depth along the view direction in metres as a float whose last
 // bits (HG_GATHERED_SHARE_MASK) are the square root of the share of the environment's irradiance that is seen, 0:
 // there is no surface.
 //

@@ -4,6 +4,7 @@
 #ifndef HG_SHADERS_SHARED_LIGHT_H
 #define HG_SHADERS_SHARED_LIGHT_H
 
+#include "shared/light_table.h"
 #include "shared/types.h"
 
 #define HG_LIGHT_KIND_DIRECTIONAL 0
@@ -21,6 +22,20 @@
 #define HG_SUN_RADIUS       0.004675f // angular, of the sun of skies
 #define HG_SHADOW_RADIUS_PX 1.5f      // of the filter, in texels
 #define HG_PENUMBRA_MOST_PX 40.0f     // as far as the filter widens for the sun's disc
+
+// Pages of a sun's shadow in pictures in motion (renderer/light/shadow/shadow_pages.h). A word of
+// their table is 0 or the number of the physical page + 1, and what tells pages apart that share a
+// place of the window.
+#define HG_SHADOW_PAGE_PX        128 // with its border
+#define HG_SHADOW_PAGE_INNER_PX  120
+#define HG_SHADOW_PAGE_LEVELS    12
+#define HG_SHADOW_PAGE_WINDOW    16 // pages, a power of two
+#define HG_SHADOW_PAGE_WORDS     (HG_SHADOW_PAGE_LEVELS * HG_SHADOW_PAGE_WINDOW * HG_SHADOW_PAGE_WINDOW)
+#define HG_SHADOW_PAGE_SLOT_MASK 0x3ffu
+#define HG_SHADOW_PAGE_TAG_MASK  0x7ffu
+#define HG_SHADOW_PAGE_TAG_X     10
+#define HG_SHADOW_PAGE_TAG_Y     21
+#define HG_SHADOW_PAGE_TRIES     3 // levels that a surface looks into before the whole map
 
 #define HG_ENV_KIND_NONE  0 // black
 #define HG_ENV_KIND_COLOR 1 // the same radiance from everywhere: no images are read
@@ -126,8 +141,11 @@ struct hg_gpu_light {
     float radiance;       // 1 / m^2, or 1 / sr; 0: it has no size
     float bound;          // metres from position_ws that hold all of it; DIRECTIONAL: cosine of the half angle
     float shadow_fade;    // share of the light that ignores its shadow maps
+    HG_UINT profile;      // first word of its photometric profile in the tables; HG_LIGHT_NO_TABLE
+    HG_UINT image;        // likewise of its image. DIRECTIONAL: half_width and half_height are those of the
+                          // image, around position_ws
 };
-HG_SHARED_SIZE(hg_gpu_light, 100);
+HG_SHARED_SIZE(hg_gpu_light, 108);
 
 // One square projection in the shadow atlas. With q = (right, up, forward) . (p - origin):
 //   orthographic: xy = q.xy * scale, depth = 1 - q.z * depth_scale
@@ -170,6 +188,18 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly restrict 
 };
 #endif
 
+// The pages of one light, which is directional and without a size.
+struct hg_gpu_shadow_pages {
+    HG_PTR(hg_light_list_ref) table; // [levels][window][window]
+    HG_UINT first;    // of the table, among the words of the shadow maps
+    HG_UINT shadow;   // first map of the light; HG_SHADOW_NONE
+    HG_VEC2 rect_px;  // of the pool in the atlas
+    HG_UINT side;     // pages in a row of the pool
+    float texel;      // metres, of level 0; twice that of level 1
+    float per_depth, constant; // texels of level 0 in one that a surface needs: per metre of view depth; always
+};
+HG_SHARED_SIZE(hg_gpu_shadow_pages, 40);
+
 struct hg_gpu_lighting {
     HG_PTR(hg_lights_ref) lights;            // [light_count]; the first global_count reach all
     HG_PTR(hg_shadows_ref) shadows;          // [shadow_count]
@@ -177,6 +207,7 @@ struct hg_gpu_lighting {
     HG_PTR(hg_light_list_ref) cluster_lights; // light numbers, ascending in each list
     HG_PTR(hg_light_vec4_ref) irradiance;    // [(HG_IRRADIANCE_SIZE + 2)^2] W/m^2 per unit, rgb
     HG_PTR(hg_light_list_ref) dfg;           // [HG_DFG_WORDS] of 2 x 16 bits: renderer/light/albedo/dfg.h
+    HG_PTR(hg_light_list_ref) tables;        // of profiles and images of lights: shared/light_table.h
     HG_UINT light_count, global_count;
     HG_UINT clustered; // 0: all lights are looped over
     HG_UINT cluster_x, cluster_y, cluster_z;
@@ -192,7 +223,8 @@ struct hg_gpu_lighting {
     // What is seen may lie off its surface by slack_m + slack_per_m * view depth metres, where levels
     // of detail are simplified more than those in shadow maps.
     float shadow_slack_m, shadow_slack_per_m;
+    HG_STRUCT(hg_gpu_shadow_pages) pages; // HG_FEATURE2_SHADOW_PAGES
 };
-HG_SHARED_SIZE(hg_gpu_lighting, 168);
+HG_SHARED_SIZE(hg_gpu_lighting, 216);
 
 #endif

@@ -6,14 +6,15 @@
 #include "shared/io.h"
 
 // shade*.frag; front: of layers the opaque scene, else the layers in front of it (lib/shade.glsl);
-// gathered: gathered light or probe light, shared/gi.h.
+// gathered: gathered light or probe light, shared/gi.h; mirrored: shared/mirror.h.
 #define HG_SHADE_IO(X)                                                                             \
     X(0, NEAREST_U2D, visibility)                                                                  \
     X(1, NEAREST_2D, front)                                                                        \
-    X(2, NEAREST_U2D, gathered)
+    X(2, NEAREST_U2D, gathered)                                                                    \
+    X(3, NEAREST_2D, mirrored)
 // visibility_alpha*.frag, for the nearest layer.
 #define HG_ALPHA_MASK_IO(X) X(0, NEAREST_2D, opaque_depth)
-// unlit_tiles_cells.comp
+// unlit_tiles_cells.comp, checkerboard.frag
 #define HG_DEPTH_IO(X) X(0, NEAREST_2D, depth)
 #define HG_PROBE_LIGHT_IO(X)                                                                       \
     X(0, NEAREST_U2D, visibility)                                                                  \

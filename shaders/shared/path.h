@@ -125,6 +125,10 @@
 // it met nothing on its way there, and as it did come there (part of DIRECT). rgb
 #define HG_PATH_GUIDE_OPEN_SKY 21
 #define HG_PATH_GUIDE_SEEN_SKY 24
+// Of gathering paths, in place of INDIRECT, which is in their DIRECT: light of directional lights that cast shadows on
+// a white surface, luminance, had it met nothing, and as it arrived.
+#define HG_PATH_GUIDE_OPEN_SUN 3
+#define HG_PATH_GUIDE_SEEN_SUN 4
 #define HG_PATH_GUIDE_CLOTH    1024.0f // added to their ROUGHNESS where the surface has sheen; more than a sum of that
 
 // What the guide knows as pixels show it: sums over all samples that count for them, as the colour's.
@@ -199,8 +203,9 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
 
 // With HG_PATH_GATHERS paths leave the first opaque surface, bring what real-time pictures do not draw
-// themselves (all but punctual lights and the sun of a sky), and end in the field of irradiance probes
-// (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away, in spacings of the probes there.
+// themselves (all but directional lights, and lamps without a size), and end in the field of irradiance probes
+// (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away, in spacings of the probes there,
+// or after max_bounces.
 struct hg_gpu_path_gather {
     float reach;    // spacings
 };

@@ -246,22 +246,22 @@ static void against_paths(struct rig *rig, const struct scene *scene)
 
 static void test_cornell(void **state)
 {
-    against_paths(*state, &(struct scene){"Cornell's box", cornell, {0.085, 0.03}});
+    against_paths(*state, &(struct scene){"Cornell's box", cornell, {0.05, 0.03}});
 }
 
 static void test_corridor(void **state)
 {
-    against_paths(*state, &(struct scene){"corridor", corridor, {0.05, 0.05}});
+    against_paths(*state, &(struct scene){"corridor", corridor, {0.05, 0.03}});
 }
 
 static void test_glossy_floor(void **state)
 {
-    against_paths(*state, &(struct scene){"glossy floor", glossy_floor, {0.055, 0.03}});
+    against_paths(*state, &(struct scene){"glossy floor", glossy_floor, {0.05, 0.03}});
 }
 
 static void test_mirror_hall(void **state)
 {
-    against_paths(*state, &(struct scene){"mirror hall", mirror_hall, {0.065, 0.03}});
+    against_paths(*state, &(struct scene){"mirror hall", mirror_hall, {0.05, 0.03}});
 }
 
 int main(void)

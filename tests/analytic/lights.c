@@ -8,6 +8,7 @@
 #include "renderer/light/cluster.h"
 #include "renderer/light/light_cut.h"
 #include "renderer/light/shadow/shadow_plan.h"
+#include "renderer/light/shadow/shadow_sight.h"
 #include "tests/analytic/probe.h"
 
 static struct hg_light *add_light(struct probe *probe, uint64_t id, const float at[3])
@@ -381,6 +382,200 @@ static void test_maps_are_kept(void **state)
     clear(probe, 1);
 }
 
+// Where not all lamps have room, those whose light the camera sees come first, whatever they are
+// next to; maps that shadow nothing in sight are not drawn.
+static void test_shadows_in_sight(void **state)
+{
+    enum { LAMPS = 300 };
+    struct probe *probe = *state;
+    for (uint64_t id = 1; id <= LAMPS; id++) { // every third before the camera, farther away
+        const float z = id % 3 == 0 ? -6 - 0.01f * (float)id : 1.5f + 0.001f * (float)id;
+        struct hg_light *light = add_light(probe, id, (float[3]){0.01f * (float)id - 1, 0, z});
+        light->kind = HG_LIGHT_POINT;
+        light->intensity = 10;
+        light->range = 1;
+        light->casts_shadow = true;
+    }
+    hg_scene_update(probe->scene);
+    struct hg_light_set lights = {0};
+    struct hg_shadow_plan plan = {0};
+    plan_at(probe, (float[3]){0, 0, 0}, &lights, &plan);
+    assert_true(plan.unshadowed_lights > 0);
+    for (uint32_t i = 0; i < LAMPS; i++)
+        if (lights.items[i].position_ws.z < 0) {
+            assert_int_not_equal(lights.items[i].shadow, HG_SHADOW_NONE);
+            assert_float_equal(lights.items[i].shadow_fade, 0, 0);
+        }
+    hg_shadow_plan_finish(&plan);
+    hg_light_set_finish(&lights);
+
+    struct hg_lighting_stats stats;
+    probe_sync(probe);
+    hg_lighting_stats(probe->lighting, &stats);
+    print_message(
+        "in sight: %u of %u maps are drawn\n", stats.shadow_maps_stale, stats.shadow_maps);
+    assert_true(stats.shadow_maps_unseen > stats.shadow_maps / 3);
+    assert_int_equal(stats.shadow_maps_stale + stats.shadow_maps_unseen, stats.shadow_maps);
+    assert_true(stats.shadow_maps_stale >= LAMPS / 3); // a face of each, at least
+    clear(probe, LAMPS);
+}
+
+// A million lamps: a bounded number of maps, which go to lamps before the
+// eye, and lists of bounded length.
+static void test_million(void **state)
+{
+    enum { LAMPS = 1000000 };
+    struct probe *probe = *state;
+    struct hg_light_set lights = {.count = LAMPS, .global_count = LAMPS};
+    struct hg_shadow_plan plan = {0};
+    struct hg_clusters cells = {0};
+    struct hg_light_cuts cuts = {0};
+    lights.items = hg_calloc(LAMPS, sizeof *lights.items);
+    lights.casts = hg_calloc(LAMPS, sizeof *lights.casts);
+    assert_true(lights.items && lights.casts);
+    for (uint32_t i = 0; i < LAMPS; i++) { // behind the eye, but for every hundredth
+        const float far = 1 + (float)(i % 997) * 0.1f, z = i % 100 == 0 ? -far : 0.1f * far;
+        lights.casts[i] = true;
+        lights.items[i] = (struct hg_gpu_light){.kind = HG_LIGHT_KIND_POINT,
+            .position_ws = {(float)(i % 101) * 0.01f, 0, z},
+            .direction_ws = {0, 0, -1},
+            .inv_range_sq = i % 100 == 0 ? 1 : 1e4f, // 1 m; 1 cm, which does not get to the eye
+            .color = {1, 1, 1},
+            .shadow = HG_SHADOW_NONE};
+    }
+    assert_int_equal(hg_shadow_plan_make(&plan, &lights, &probe->view, 4096), HG_OK);
+    print_message("of a million lamps %u have %u maps\n", plan.shadowed_lights, plan.count);
+    assert_true(plan.shadowed_lights > 100 && plan.count <= 256 * 6 && plan.atlas_px <= 4096);
+    assert_int_equal(plan.shadowed_lights + plan.unshadowed_lights, LAMPS);
+    for (uint32_t i = 0; i < LAMPS; i++)
+        assert_true(lights.items[i].shadow == HG_SHADOW_NONE || i % 100 == 0);
+    lights.global_count = 0; // all have a range
+    assert_int_equal(
+        hg_clusters_build(&cells, &lights, &probe->camera, probe->view.width, probe->view.height),
+        HG_OK);
+    assert_true(cells.overflow || cells.entry_count <= HG_CLUSTER_MOST_ENTRIES);
+    for (uint32_t i = 0; i < LAMPS; i++) // now all reach everything
+        lights.items[i].inv_range_sq = 0;
+    lights.global_count = LAMPS;
+    assert_int_equal(
+        hg_clusters_build(&cells, &lights, &probe->camera, probe->view.width, probe->view.height),
+        HG_OK);
+    assert_true(cells.overflow);
+    assert_int_equal(hg_light_cuts_build(&cuts, &cells, &lights, &probe->view, probe->jobs), HG_OK);
+    assert_true(cells.entry_count <= HG_CLUSTER_COUNT * HG_LIGHT_CUT_MOST);
+    assert_true(cuts.count <= cells.entry_count);
+    hg_light_cuts_finish(&cuts);
+    hg_clusters_finish(&cells);
+    hg_shadow_plan_finish(&plan);
+    hg_light_set_finish(&lights);
+}
+
+// Lamps without a place light nothing, have no map, and no cell is looked for them.
+static void test_nowhere(void **state)
+{
+    enum { LAMPS = 24 };
+    struct probe *probe = *state;
+    for (uint64_t id = 1; id <= LAMPS; id++) {
+        const float places[3] = {id % 4 == 1   ? NAN
+                                 : id % 4 == 2 ? INFINITY
+                                               : 0,
+            0, id % 4 == 3 ? 3e38f : -3};
+        struct hg_light *light = add_light(probe, id, places);
+        light->kind = id == 24      ? HG_LIGHT_DIRECTIONAL
+                      : id % 3 == 0 ? HG_LIGHT_SPOT
+                                    : HG_LIGHT_POINT;
+        light->outer_cone_rad = 0.5f;
+        light->intensity = id % 8 == 0 ? INFINITY : 10;
+        light->range = 2;
+        light->casts_shadow = true;
+    }
+    probe_sync(probe);
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(probe->lighting, &stats);
+    assert_int_equal(stats.lights, LAMPS);
+    const struct hg_vec4 in[2] = {{0, -1, -3, 0}, {256, 384, 3, 0}};
+    struct hg_vec4 out;
+    probe_run(probe, PROBE_LIGHTS, 1, in, &out);
+    assert_true(isfinite(out.x) && out.x > 0);
+    clear(probe, LAMPS);
+}
+
+// Spots: by the cone of their light. A map looks one way.
+static void test_sight_of_cones(void **state)
+{
+    struct probe *probe = *state;
+    const struct hg_shadow_sight sight = hg_shadow_sight_make(&probe->camera);
+    struct hg_gpu_light spot = {.kind = HG_LIGHT_KIND_SPOT,
+        .position_ws = {0, 0, 3},
+        .direction_ws = {0, 0, 1},
+        .spot_scale = 10,
+        .spot_offset = -9};                                 // 26 degrees about its axis
+    assert_false(hg_shadow_sight_has_light(&sight, &spot)); // behind, and looks away
+    spot.direction_ws.z = -1;
+    assert_true(hg_shadow_sight_has_light(&sight, &spot));
+    spot.inv_range_sq = 1.0f / 4; // 2 m do not get to the eye
+    assert_false(hg_shadow_sight_has_light(&sight, &spot));
+    spot.position_ws.z = 1.9f;
+    assert_true(hg_shadow_sight_has_light(&sight, &spot));
+    struct hg_gpu_light panel = {.kind = HG_LIGHT_KIND_RECTANGLE,
+        .position_ws = {0, 0, 1},
+        .direction_ws = {0, 0, 1},
+        .bound = 0.5f};
+    assert_false(hg_shadow_sight_has_light(&sight, &panel)); // behind, and shines away
+    panel.direction_ws = (struct hg_vec3){1, 0, 0};
+    assert_true(hg_shadow_sight_has_light(&sight, &panel)); // half of its light goes forward
+    const struct hg_gpu_light lamp = {.kind = HG_LIGHT_KIND_POINT, .position_ws = {0, 0, 3}};
+    struct hg_shadow_map away = {.gpu = {.right_ws = {1, 0, 0},
+                                     .up_ws = {0, 1, 0},
+                                     .forward_ws = {0, 0, 1},
+                                     .extent = 1,
+                                     .scale = 1}},
+                         towards = away;
+    towards.gpu.forward_ws.z = -1;
+    assert_false(hg_shadow_sight_has_map(&sight, &lamp, &away));
+    assert_true(hg_shadow_sight_has_map(&sight, &lamp, &towards));
+}
+
+// With pages a sun has one map and a pool, lamps beside it what they have at rest.
+static void test_pool(void **state)
+{
+    struct probe *probe = *state;
+    const struct hg_lighting_view before = probe->view;
+    float lamp_px[2] = {0};
+    memcpy(probe->view.bounds_min, (float[3]){-300, 0, -300}, sizeof(float[3]));
+    memcpy(probe->view.bounds_max, (float[3]){300, 30, 300}, sizeof(float[3]));
+    for (uint64_t id = 1; id <= 3; id++) {
+        struct hg_light *light = add_light(probe, id, (float[3]){(float)id, 1, -3});
+        light->kind = id == 3 ? HG_LIGHT_POINT : HG_LIGHT_DIRECTIONAL;
+        light->intensity = 10;
+        light->casts_shadow = true;
+    }
+    hg_scene_update(probe->scene);
+    for (uint32_t paged = 0; paged < 2; paged++) {
+        struct hg_light_set lights = {0};
+        struct hg_shadow_plan plan = {0};
+        probe->view.paging = paged ? HG_PAGING_ON : HG_PAGING_OFF;
+        plan_at(probe, (float[3]){0, 1, 0}, &lights, &plan);
+        assert_int_equal(plan.paged, paged);
+        assert_int_equal(plan.shadowed_lights, 3);
+        lamp_px[paged] = plan.maps[lights.items[2].shadow].gpu.size_px;
+        if (paged) {
+            assert_int_equal(lights.items[0].shadow, plan.pool);
+            assert_int_equal(lights.items[0].shadow_count, 2);
+            assert_true(plan.maps[plan.pool].gpu.size_px >= 1024.0f);
+            assert_true(lights.items[1].shadow_count > 2); // one sun alone
+        }
+        for (uint32_t i = 0; i < plan.count; i++)
+            for (uint32_t k = 0; k < i; k++)
+                assert_false(overlap(&plan.maps[i].gpu, &plan.maps[k].gpu));
+        hg_shadow_plan_finish(&plan);
+        hg_light_set_finish(&lights);
+    }
+    assert_float_equal(lamp_px[0], lamp_px[1], 0);
+    clear(probe, 3);
+    probe->view = before;
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -391,6 +586,11 @@ int main(void)
         cmocka_unit_test(test_lamps_leave_cascades),
         cmocka_unit_test(test_shadows_among_many),
         cmocka_unit_test(test_maps_are_kept),
+        cmocka_unit_test(test_shadows_in_sight),
+        cmocka_unit_test(test_million),
+        cmocka_unit_test(test_nowhere),
+        cmocka_unit_test(test_sight_of_cones),
+        cmocka_unit_test(test_pool),
     };
     return cmocka_run_group_tests(tests, probe_setup, probe_teardown);
 }

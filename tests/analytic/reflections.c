@@ -104,7 +104,7 @@ static struct hg_refbuf *in_motion(
     struct rig *rig, enum hg_view_reflections reflections, struct hg_view **kept)
 {
     const struct hg_view_params params = {
-        .samples = 2, .gi = HG_GI_PROBES, .reflections = reflections};
+        .samples = 2, .gi = HG_GI_PROBES, .reflections = reflections, .mirrors = HG_MIRRORS_NONE};
     struct hg_error err = {0};
     struct hg_frame_info info;
     struct hg_view *view = open_view(rig, &params);

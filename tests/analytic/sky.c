@@ -349,11 +349,80 @@ static void test_penumbra(void **state)
             soft ? "rays" : "none", middle, width, 2 * 0.687 * radius);
         assert_true(fabs(middle) <= 0.02);
         if (soft)
-            assert_true(fabs(width / (2 * 0.687 * radius) - 1) <= 0.25);
+            assert_true(fabs(width / (2 * 0.687 * radius) - 1) <= 0.1);
         else
             assert_true(width <= 0.6 * 2 * 0.687 * radius);
         hg_refbuf_unref(with);
         hg_refbuf_unref(without);
+    }
+}
+
+// --- rays at rest --------------------------------------------------------------------------------
+
+// Mean difference of squares of 4 x 4 px of two pictures over the mean of the first one. *most: its
+// brightest pixel, over the same.
+static double apart(const struct hg_refbuf *a, const struct hg_refbuf *b, double *most)
+{
+    enum { SIDE = 4 };
+    double off[WIDTH * HEIGHT / (SIDE * SIDE)] = {0}, sum = 0, all = 0;
+    *most = 0;
+    for (uint32_t i = 0; i < WIDTH * HEIGHT; i++) {
+        off[i / WIDTH / SIDE * (WIDTH / SIDE) + i % WIDTH / SIDE] += green(a, i) - green(b, i);
+        all += green(a, i);
+        *most = fmax(*most, green(a, i));
+    }
+    for (size_t k = 0; k < sizeof off / sizeof *off; k++)
+        sum += fabs(off[k]);
+    *most /= all / (WIDTH * HEIGHT);
+    return sum / all;
+}
+
+// Thin ledges on a wall and blocks at its foot, in the sun from the side, on a plain that is wide
+// beside them: edges, contact and penumbrae are those of paths. From behind the wall lies in its
+// own shadow, and has what the ground before it reflects. Paths that run into the sky beside its
+// sun bring no bright spots.
+static void test_ledges(void **state)
+{
+    static const float wall[4][3] = {{-3, 0, 0}, {3, 0, 0}, {3, 3, 0}, {-3, 3, 0}};
+    static const float ground[4][3] = {{-40, 0, 40}, {40, 0, 40}, {40, 0, -40}, {-40, 0, -40}};
+    static const float blocks[][2][3] = {{{-1.2f, 1.0f, 0}, {1.2f, 1.02f, 0.25f}},
+        {{-0.8f, 0.5f, 0}, {0.8f, 0.53f, 0.08f}}, {{-0.3f, 0, 0.2f}, {-0.1f, 0.1f, 0.4f}},
+        {{0.3f, 0, 0.05f}, {0.36f, 0.25f, 0.1f}}};
+    struct rig_camera camera = {.eye = {0.4, 0.8, 2.2},
+        .target = {0, 0.5, 0},
+        .vfov_rad = 0.7,
+        .width = WIDTH,
+        .height = HEIGHT,
+        .gi = HG_GI_RAYS};
+    struct rig *rig = *state;
+    rig_scene(rig);
+    struct hg_material *grey = rig_material(rig);
+    grey->ior = 1;
+    for (int c = 0; c < 3; c++)
+        grey->base_color[c] = 0.3f;
+    (void)rig_quad(rig, grey, ground);
+    (void)rig_quad(rig, grey, wall);
+    for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
+        for (int face = 0; face < 6; face++)
+            rig_face(rig, grey, blocks[i], -1, face);
+    for (int behind = 0; behind < 2; behind++) {
+        set_sky(rig, behind ? 215 : 35, 50, HG_SKY_SUN_ON);
+        camera.mode = HG_MODE_REALTIME;
+        camera.samples = 32;
+        struct hg_refbuf *fast = rig_render(rig, &camera);
+        camera.mode = HG_MODE_PATH;
+        camera.samples = 192;
+        camera.max_bounces = 8;
+        struct hg_refbuf *path = rig_render(rig, &camera);
+        double most;
+        const double off = apart(path, fast, &most);
+        print_message("%s: %.2f %% off paths, whose brightest pixel is %.2f times the mean\n",
+            behind ? "in the wall's shadow" : "in the sun", off * 100, most);
+        assert_true(off <= (behind ? 0.04 : 0.02));
+        if (!behind)
+            assert_true(most <= 1.6);
+        hg_refbuf_unref(fast);
+        hg_refbuf_unref(path);
     }
 }
 
@@ -364,6 +433,7 @@ int main(void)
         cmocka_unit_test(test_scene_has_sun),
         cmocka_unit_test(test_rotation_and_intensity),
         cmocka_unit_test(test_penumbra),
+        cmocka_unit_test(test_ledges),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -4,10 +4,10 @@ import os
 import subprocess
 
 
-def bench(helio, name, folder, options):
+def bench(helio, name, folder, options, *words):
     path = os.path.join(folder, "report.json")
     done = subprocess.run([helio, "bench", name, "--progress", "none", "--json", path, "--cache-dir",
-                           os.path.join(folder, "cache"), "--options", json.dumps(options)],
+                           os.path.join(folder, "cache"), "--options", json.dumps(options), *words],
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode != 0:
         raise SystemExit("exit code %d\n%s" % (done.returncode, done.stdout))

@@ -77,8 +77,7 @@ static uint64_t run(uint64_t n)
     daemon_init(&d);
     daemon_option(&d, "restart-delay", "0.01");
     daemon_option(&d, "drain-timeout", "2");
-    forked_daemon_begin(
-        &d, &(struct forked_daemon_options){.workers = 1, .fail_at = n, .count_fd = pipe_fds[1]});
+    forked_daemon_begin(&d, &(struct forked_daemon_options){.fail_at = n, .count_fd = pipe_fds[1]});
     pid_t pid = d.pid;
     close(pipe_fds[1]);
     if (forked_daemon_listens(&d)) {

@@ -56,6 +56,7 @@ void daemon_init(struct daemon *d)
     snprintf(text, sizeof text, "%s/tests/fake_worker", build);
     daemon_option(d, "worker", worker ? worker : text);
     daemon_option(d, "log", "debug");
+    daemon_option(d, "isolation", "shared");
 }
 
 void daemon_init_tokens(struct daemon *d)

@@ -18,7 +18,8 @@ struct daemon {
     int arg_count;
 };
 
-// Makes the folder. Add options before daemon_start; unix:FOLDER/sock is always listened to.
+// Makes the folder. One worker is shared by all tenants, unless the option isolation is added
+// again. Add options before daemon_start; unix:FOLDER/sock is always listened to.
 void daemon_init(struct daemon *d);
 // With a tcp listener and the tokens view-token-1 (anna), edit-token-1 (bert) and admin-token-1.
 void daemon_init_tokens(struct daemon *d);

@@ -3,7 +3,8 @@
 //
 // A frame's data begins with the SHA-256 of everything that the frame shows (scene, view, camera),
 // so that equal frames mean equal states. The rest is filled up to width x height x 4 bytes.
-// A view's `seed` delays its frames by so many ms; asset paths "slow=MS" delay their load.
+// info_query is answered by a MiB of blanks. A view's `seed` delays its frames by so many ms; asset
+// paths "slow=MS" delay their load.
 //
 // Tripwires are files in the folder $HELIO_FAKE_DIR, looked at whenever a message NAME comes:
 //   die.NAME   removed, then the process kills itself      kill.NAME   the same, but stays
@@ -371,6 +372,9 @@ static void detach(struct channel *c)
 
 // ---- dispatch -----------------------------------------------------------------------------------
 
+// A large text, for a large answer.
+static char blanks[1 << 20];
+
 static void serve(struct channel *c, struct hg_packet *packet, const union hgp_any *m)
 {
     const struct hgp_header *to = &packet->header;
@@ -412,8 +416,10 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
         else
             answer(to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{}")});
         return;
+    case HGP_T_info_query: // large
+        answer(to, HGP_T_json, &(struct hgp_json){.text = {blanks, sizeof blanks}});
+        return;
     case HGP_T_stats_query:
-    case HGP_T_info_query:
         answer(to, HGP_T_json, &(struct hgp_json){.text = hgp_str_make("{\"fake\":true}")});
         return;
     default:
@@ -550,6 +556,7 @@ static void run(void)
 
 int main(int argc, char **argv)
 {
+    memset(blanks, ' ', sizeof blanks);
     for (int i = 1; i < argc; i++)
         if (strcmp(argv[i], "--device-info") == 0) {
             puts("{\"name\":\"fake\"}");

@@ -28,7 +28,7 @@ static int run(struct daemon *d, const struct forked_daemon_options *o)
         return 98;
     if (options.log && hg_log_configure(options.log, &err))
         return 96;
-    return hg_broker_run(&options, o->workers, d->arg_count, d->args);
+    return hg_broker_run(&options, d->arg_count, d->args);
 }
 
 void forked_daemon_begin(struct daemon *d, const struct forked_daemon_options *options)

@@ -1,4 +1,4 @@
-// forked_daemon.h - a heliod in a child of the test program: with faults, or more than one worker.
+// forked_daemon.h - a heliod in a child of the test program: with faults.
 // Test code.
 #ifndef HG_TESTS_SYSTEM_FORKED_DAEMON_H
 #define HG_TESTS_SYSTEM_FORKED_DAEMON_H
@@ -6,7 +6,6 @@
 #include "tests/system/daemon.h"
 
 struct forked_daemon_options {
-    uint32_t workers;
     uint64_t fail_at; // this allocation fails; 0 = none
     int count_fd;     // gets the number of allocations (uint64_t) when the daemon ends; 0 = none
 };

@@ -1,4 +1,4 @@
-// test_broker_parts.c - options, tokens, the guard, the upload store, streams.
+// test_broker_parts.c - options, tokens, peers, the upload store, streams.
 #include <fcntl.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,10 +14,12 @@
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/sha256.h"
+#include "server/broker/audit.h"
 #include "server/broker/auth.h"
 #include "server/broker/listener.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
+#include "server/broker/peer_table.h"
 #include "server/broker/upload_store.h"
 #include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
@@ -63,7 +65,7 @@ static void options_from_flags_and_file(void **state)
     char config[200];
     snprintf(config, sizeof config, "--config=%s", path_of("conf"));
     const char *argv[] = {"heliod", "--max-pixels", "12345", config, "--texture-budget=64",
-        "--require-token", "--no-sandbox", "--host-budget=96"};
+        "--require-token", "--sandbox=off", "--host-budget=96"};
     assert_int_equal(parse(&o, &err, 8, argv), HG_OK);
     assert_int_equal(o.max_views, 7);
     assert_int_equal(o.max_pixels, 12345);
@@ -73,16 +75,17 @@ static void options_from_flags_and_file(void **state)
     assert_true(o.texture_budget_bytes == 64u << 20);
     assert_true(o.host_budget_bytes == 96u << 20);
     assert_true(o.cache_limit_bytes == (uint64_t)32768 << 20);
-    assert_true(o.require_token && !o.sandbox);
+    assert_true(o.require_token && strcmp(o.sandbox, "off") == 0);
     assert_true(o.max_message_bytes == HGP_LIMIT_OPEN_DEFAULT);
     hg_options_finish(&o);
     // Flags win over the file; a list is replaced as a whole.
-    const char *over[] = {"heliod", config, "--asset-root", "/x", "--max-views=9", "--sandbox"};
+    const char *over[] = {
+        "heliod", config, "--asset-root", "/x", "--max-views=9", "--sandbox=best-effort"};
     assert_int_equal(parse(&o, &err, 6, over), HG_OK);
     assert_int_equal(o.asset_root.count, 1);
     assert_string_equal(o.asset_root.items[0], "/x");
     assert_int_equal(o.max_views, 9);
-    assert_true(o.sandbox);
+    assert_string_equal(o.sandbox, "best-effort");
     hg_options_finish(&o);
 }
 
@@ -92,7 +95,8 @@ static void bad_options_are_named(void **state)
     static const char *const bad[] = {"--max-views=0", "--max-views=1.5", "--max-views=-1",
         "--max-views=4097", "--max-views=9x", "--max-views=", "--max-views", "--nonsense",
         "--no-max-views", "--peer-timeout=nan", "--peer-timeout=inf", "--sandbox=perhaps",
-        "--listen=", "stray", "--", "--print-docs=html", "--config=/nonexistent/file"};
+        "--sandbox=req", "--listen=", "stray", "--", "--print-docs=html",
+        "--config=/nonexistent/file"};
     struct hg_options o;
     struct hg_error err;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
@@ -152,6 +156,14 @@ static void options_without_memory(void **state)
 
 // ---- tokens -------------------------------------------------------------------------------------
 
+static const struct hg_token *find_token(
+    const struct hg_tokens *tokens, const char *token, int64_t now_s)
+{
+    uint8_t hash[32];
+    assert_int_equal(hg_token_hash(hgp_str_make(token), hash), HG_OK);
+    return hg_tokens_find(tokens, hash, now_s);
+}
+
 static void tokens_are_read(void **state)
 {
     (void)state;
@@ -163,13 +175,12 @@ static void tokens_are_read(void **state)
     assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
     assert_int_equal(tokens.count, 3);
     assert_false(tokens.exposed);
-    const struct hg_token *t = hg_tokens_find(&tokens, hgp_str_make("abcdefgh"));
+    const struct hg_token *t = find_token(&tokens, "abcdefgh", 1);
     assert_non_null(t);
     assert_int_equal(t->role, HGP_role_VIEW);
     assert_string_equal(t->name, "anna");
-    assert_null(hg_tokens_find(&tokens, hgp_str_make("abcdefg")));
-    assert_null(hg_tokens_find(&tokens, hgp_str_make("")));
-    assert_null(hg_tokens_find(&tokens, (struct hgp_str){0}));
+    assert_null(find_token(&tokens, "abcdefg", 1));
+    assert_null(find_token(&tokens, "", 1));
     hg_tokens_finish(&tokens);
     assert_int_equal(chmod(path_of("tokens"), 0640), 0);
     assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
@@ -185,24 +196,132 @@ static void tokens_are_read(void **state)
     }
 }
 
-static void guessing_is_slowed(void **state)
+static void tokens_have_scopes(void **state)
 {
     (void)state;
-    static struct hg_guard guard;
+    struct hg_tokens tokens;
+    struct hg_error err;
+    char text[400], hex[HG_SHA256_HEX];
+    uint8_t hash[32];
+    assert_int_equal(hg_token_hash(hgp_str_make("hidden-token"), hash), HG_OK);
+    hg_sha256_hex(hash, hex);
+    snprintf(text, sizeof text,
+        "sha256:%s edit carl expires=2030-01-02 scenes=hall-* sessions=3 rate=500\n"
+        "plain-token view expires=1970-01-02T00:00:10Z\n",
+        hex);
+    test_text_write(folder, "tokens", text);
+    assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_OK);
+    assert_int_equal(tokens.plain, 1);
+    const struct hg_token *t = find_token(&tokens, "hidden-token", 1000);
+    assert_non_null(t);
+    assert_string_equal(t->name, "carl");
+    assert_int_equal(t->scope.expires_s, 1893542400);
+    assert_string_equal(t->scope.scenes, "hall-*");
+    assert_int_equal(t->scope.max_sessions, 3);
+    assert_int_equal(t->scope.max_rate, 500);
+    assert_null(find_token(&tokens, "hidden-token", 1893542400));
+    t = find_token(&tokens, "plain-token", 86409);
+    assert_non_null(t);
+    assert_string_equal(t->name, "view");
+    assert_null(find_token(&tokens, "plain-token", 86410));
+    hg_tokens_finish(&tokens);
+    static const char *const bad[] = {"sha256:abc view\n", "longenough view x expires=tomorrow\n",
+        "longenough view x sessions=0\n", "longenough view x rate=1e3\n",
+        "longenough view x scenes=\n", "longenough view x colour=red\n",
+        "longenough view expires=2030-01-01 x\n"};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        test_text_write(folder, "tokens", bad[i]);
+        assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_E_INVAL);
+    }
+}
+
+static void peers_are_counted(void **state)
+{
+    (void)state;
+    static struct hg_peer_table table;
     const uint64_t s = 1000000000u;
+    struct hg_peer_entry *a = hg_peer_table_join(&table, "10.0.0.1/32");
+    assert_ptr_equal(hg_peer_table_join(&table, "10.0.0.1/32"), a);
+    assert_int_equal(a->connections, 2);
+    for (int i = 0; i < 3; i++)
+        hg_peer_table_count_failure(&table, a, 100 * s);
+    hg_peer_table_leave(&table, a, 110 * s);
+    hg_peer_table_leave(&table, a, 110 * s);
+    // It is remembered without a connection, for a minute.
+    a = hg_peer_table_join(&table, "10.0.0.1/32");
+    assert_int_equal(a->connections, 1);
+    assert_int_equal(hg_peer_entry_failures(a, 159 * s), 3);
+    assert_int_equal(hg_peer_entry_failures(a, 161 * s), 0);
+    assert_int_equal(hg_peer_table_all_failures(&table, 159 * s), 3);
+    assert_int_equal(hg_peer_table_all_failures(&table, 161 * s), 0);
+    hg_peer_table_leave(&table, a, 161 * s);
+    assert_int_equal(table.idle_count, 0);
+    // A flood of addresses pushes out the oldest, not the newest, and takes bounded memory.
+    char key[32];
+    for (int i = 0; i < HG_PEER_TABLE_IDLE + 20; i++) {
+        snprintf(key, sizeof key, "10.%d.%d.1/32", i >> 8, i & 255);
+        a = hg_peer_table_join(&table, key);
+        hg_peer_table_count_failure(&table, a, 200 * s);
+        hg_peer_table_leave(&table, a, 200 * s);
+    }
+    assert_int_equal(table.idle_count, HG_PEER_TABLE_IDLE);
+    assert_int_equal(hg_peer_entry_failures(hg_peer_table_join(&table, key), 201 * s), 1);
+    assert_int_equal(hg_peer_entry_failures(hg_peer_table_join(&table, "10.0.1.1/32"), 201 * s), 0);
+    hg_peer_table_finish(&table);
+}
+
+static void slow_queues_are_found(void **state)
+{
+    (void)state;
+    const uint64_t s = 1000000000u;
+    struct hg_outq q = {0};
+    assert_true(hg_outq_is_drained(&q, 100 * s, s, 1000)); // empty
+    struct hg_packet *packet = hg_packet_encode(HGP_T_ping, &(struct hgp_ping){.nonce = 1});
+    assert_int_equal(hg_outq_push(&q, packet, 0, 0), HG_OK);
+    q.window_ns = 100 * s;
+    assert_true(hg_outq_is_drained(&q, 109 * s, 10 * s, 1000)); // too early to say
+    q.window_bytes = 9999;
+    assert_false(hg_outq_is_drained(&q, 110 * s, 10 * s, 1000));
+    q.window_bytes = 10000; // it was begun anew
+    assert_true(hg_outq_is_drained(&q, 120 * s, 10 * s, 1000));
+    assert_int_equal(q.window_bytes, 0);
+    hg_outq_finish(&q);
+}
+
+static void audit_logs_are_rotated(void **state)
+{
+    (void)state;
+    struct hg_audit audit;
+    struct hg_error err;
+    char path[200], old[220];
+    struct stat st;
+    snprintf(path, sizeof path, "%s", path_of("audit"));
+    assert_int_equal(hg_audit_open(&audit, path, &err), HG_OK);
+    hg_audit_set_limits(&audit, 300, 2);
+    for (int i = 0; i < 40; i++)
+        hg_audit_write(&audit, "test", &(struct hg_audit_actor){.session = 7, .name = "a\"b"},
+            i % 2 ? HG_E_AUTH : HG_OK, "text");
+    hg_audit_close(&audit);
     for (int i = 0; i < 3; i++) {
-        assert_false(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 100 * s));
-        hg_guard_count_failure(&guard, "10.0.0.1", 100 * s);
+        snprintf(old, sizeof old, i ? "%s.%d" : "%s", path, i);
+        assert_int_equal(stat(old, &st), 0);
+        assert_true(st.st_size > 0 && st.st_size < 300 + 200); // a line more at most
+        assert_int_equal(st.st_mode & 0777, 0600);
     }
-    assert_true(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 159 * s));
-    assert_false(hg_guard_is_blocked(&guard, "10.0.0.2", 3, 101 * s));
-    assert_false(hg_guard_is_blocked(&guard, "10.0.0.1", 3, 161 * s));
-    char address[32]; // a flood of addresses pushes out the oldest, not the newest
-    for (int i = 0; i < HG_GUARD_ENTRIES + 20; i++) {
-        snprintf(address, sizeof address, "10.1.0.%d", i);
-        hg_guard_count_failure(&guard, address, (200 + (uint64_t)i) * s);
-    }
-    assert_true(hg_guard_is_blocked(&guard, address, 1, 350 * s));
+    snprintf(old, sizeof old, "%s.3", path);
+    assert_int_equal(stat(old, &st), -1);
+    // A later run goes on at the end.
+    assert_int_equal(hg_audit_open(&audit, path, &err), HG_OK);
+    uint64_t before = audit.bytes;
+    assert_int_equal(stat(path, &st), 0);
+    assert_int_equal(before, st.st_size);
+    hg_audit_write(&audit, "more", NULL, HG_OK, NULL);
+    assert_true(audit.bytes > before);
+    hg_audit_close(&audit);
+    assert_int_equal(hg_audit_open(&audit, "/nonexistent/audit", &err), HG_E_NOTFOUND);
+    assert_int_equal(hg_audit_open(&audit, NULL, &err), HG_OK); // nothing is written
+    hg_audit_write(&audit, "test", NULL, HG_OK, NULL);
+    hg_audit_close(&audit);
 }
 
 static void addresses_are_checked(void **state)
@@ -223,18 +342,34 @@ static void addresses_are_checked(void **state)
 
 // ---- uploads ------------------------------------------------------------------------------------
 
-static void put(struct hg_upload_store *store, uint8_t fill, size_t size, uint8_t hash[32])
+enum { BLOCK = 4096 };
+
+// A content takes its blocks on the disk, and one for the file.
+static struct hg_upload_owner *owner_of(struct hg_upload_store *store, uint8_t number)
+{
+    uint8_t key[32] = {number};
+    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
+    assert_non_null(owner);
+    assert_ptr_equal(hg_upload_store_owner(store, key), owner);
+    hg_upload_owner_set_quota(owner, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 5000});
+    return owner;
+}
+
+static void put(struct hg_upload_store *store, struct hg_upload_owner *owner, uint32_t fill,
+    size_t size, uint8_t hash[32])
 {
     struct hg_upload *upload;
     struct hg_error err;
-    uint8_t data[1024];
+    static uint32_t data[2 * BLOCK];
     assert_true(size <= sizeof data);
-    memset(data, fill, sizeof data);
+    for (size_t i = 0; i < 2 * BLOCK; i++)
+        data[i] = fill;
+    const uint8_t *bytes = (const uint8_t *)data;
     assert_int_equal(hg_sha256(data, size, hash), HG_OK);
-    assert_int_equal(hg_upload_begin(store, hash, size, &upload, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, data, size / 2, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, data, size - size / 2, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, data, 1, &err), HG_E_LIMIT);
+    assert_int_equal(hg_upload_begin(store, owner, hash, size, &upload, &err), HG_OK);
+    assert_int_equal(hg_upload_append(upload, bytes, size / 2, &err), HG_OK);
+    assert_int_equal(hg_upload_append(upload, bytes + size / 2, size - size / 2, &err), HG_OK);
+    assert_int_equal(hg_upload_append(upload, bytes, 1, &err), HG_E_LIMIT);
     assert_int_equal(hg_upload_commit(upload, &err), HG_OK);
 }
 
@@ -245,36 +380,77 @@ static void store_evicts_what_nobody_uses(void **state)
     struct hg_error err;
     struct hg_upload *upload;
     uint8_t a[32], b[32], c[32], d[32];
+    static const uint8_t data[3 * BLOCK];
     char uploads[200];
     snprintf(uploads, sizeof uploads, "%s", path_of("cache/deep/uploads"));
-    assert_int_equal(hg_upload_store_create(uploads, 2048, &store, &err), HG_OK);
-    put(store, 1, 1000, a);
-    put(store, 2, 1000, b);
+    assert_int_equal(hg_upload_store_create(uploads, 6 * BLOCK, &store, &err), HG_OK);
+    struct hg_upload_owner *owner = owner_of(store, 1);
+    put(store, owner, 1, 1000, a); // two blocks each
+    put(store, owner, 2, 1000, b);
     assert_true(hg_upload_store_has(store, a)); // used: b is the oldest now
-    put(store, 3, 900, c);
+    put(store, owner, 3, BLOCK + 1, c);         // three
     assert_true(hg_upload_store_has(store, a) && !hg_upload_store_has(store, b) &&
                 hg_upload_store_has(store, c));
     assert_int_equal(hg_upload_store_pin(store, a), HG_OK);
     assert_int_equal(hg_upload_store_pin(store, c), HG_OK);
-    assert_int_equal(hg_upload_begin(store, b, 1000, &upload, &err), HG_E_LIMIT);
+    // An announcement takes a block; what does not fit beside what is in use is refused.
+    assert_int_equal(hg_upload_begin(store, owner, b, 2 * BLOCK, &upload, &err), HG_OK);
+    assert_int_equal(hg_upload_store_bytes(store), 6 * BLOCK);
+    assert_int_equal(hg_upload_append(upload, data, 1, &err), HG_E_LIMIT);
+    hg_upload_abort(upload);
+    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     hg_upload_store_unpin(store, a);
-    put(store, 4, 500, d);
+    put(store, owner, 4, 500, d);
     assert_true(!hg_upload_store_has(store, a) && hg_upload_store_has(store, c) &&
                 hg_upload_store_has(store, d));
-    assert_true(hg_upload_store_bytes(store) == 1400);
-    // An upload under way holds its room; given up, it gives it back and leaves no file.
-    assert_int_equal(hg_upload_begin(store, b, 600, &upload, &err), HG_OK);
-    assert_true(hg_upload_store_bytes(store) == 2000);
+    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
+    // An announcement of everything evicts nothing; given up it leaves no file.
+    assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK, &upload, &err), HG_OK);
+    assert_true(hg_upload_store_has(store, c) && hg_upload_store_has(store, d));
     hg_upload_abort(upload);
-    assert_true(hg_upload_store_bytes(store) == 1400);
+    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
+    assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK + 1, &upload, &err), HG_E_LIMIT);
     hg_upload_store_destroy(store);
     // A later run finds what is there, and clears away what was under way.
     test_text_write(folder, "cache/deep/uploads/.incoming.7", "rest");
-    assert_int_equal(hg_upload_store_create(uploads, 2048, &store, &err), HG_OK);
+    assert_int_equal(hg_upload_store_create(uploads, 6 * BLOCK, &store, &err), HG_OK);
     assert_true(hg_upload_store_has(store, c) && hg_upload_store_has(store, d));
+    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     assert_true(access(path_of("cache/deep/uploads/.incoming.7"), F_OK) != 0);
     hg_upload_store_forget(store, c);
     assert_false(hg_upload_store_has(store, c));
+    hg_upload_store_destroy(store);
+}
+
+// Whoever fills a quota loses contents of its own, not those of others.
+static void owners_have_quotas(void **state)
+{
+    (void)state;
+    struct hg_upload_store *store;
+    struct hg_error err;
+    struct hg_upload *upload;
+    uint8_t other[32], first[32], hash[32];
+    assert_int_equal(hg_upload_store_create(path_of("quotas"), 64 << 20, &store, &err), HG_OK);
+    struct hg_upload_owner *quiet = owner_of(store, 1), *greedy = owner_of(store, 2);
+    hg_upload_owner_set_quota(greedy, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 100});
+    put(store, quiet, 1, 100, other);
+    put(store, greedy, 2, 100, first);
+    for (uint32_t i = 0; i < 300; i++)
+        put(store, greedy, 1000 + i, 4, hash);
+    assert_int_equal(hg_upload_owner_usage(greedy).files, 100);
+    assert_false(hg_upload_store_has(store, first));
+    assert_true(hg_upload_store_has(store, other) && hg_upload_store_has(store, hash));
+    for (uint32_t i = 0; i < 100; i++)
+        put(store, greedy, 5000 + i, 6 * BLOCK, hash);
+    assert_true(hg_upload_owner_usage(greedy).bytes <= 1 << 20);
+    assert_int_equal(hg_upload_owner_usage(quiet).files, 1);
+    // What is in use stays, and what would need its place is refused.
+    hg_upload_owner_set_quota(quiet, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 1});
+    assert_int_equal(hg_upload_store_pin(store, other), HG_OK);
+    assert_int_equal(hg_upload_begin(store, quiet, first, 5, &upload, &err), HG_E_LIMIT);
+    hg_upload_store_unpin(store, other);
+    assert_int_equal(hg_upload_begin(store, quiet, first, 5, &upload, &err), HG_OK);
+    hg_upload_abort(upload);
     hg_upload_store_destroy(store);
 }
 
@@ -341,23 +517,24 @@ static void scenes_are_spread_over_workers(void **state)
 {
     (void)state;
     struct hg_worker_pool pool;
-    assert_int_equal(hg_worker_pool_init(&pool, 3, &(struct hg_link){0}), HG_OK);
+    struct hg_options o = {.isolation = (char *)"shared", .shared_workers = 3};
+    assert_int_equal(hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}), HG_OK);
     struct hg_link *links = pool.links;
     assert_false(hg_worker_pool_is_up(&pool));
     for (int i = 0; i < 7; i++) { // none runs yet
-        struct hg_link *link = hg_worker_pool_route(&pool);
+        struct hg_link *link = hg_worker_pool_route(&pool, "anna");
         assert_ptr_equal(link, &links[i % 3]);
-        link->scene_count++;
+        link->whose.scene_count++;
     }
     links[0].state = links[2].state = HG_LINK_UP;
-    assert_ptr_equal(hg_worker_pool_route(&pool), &links[2]); // 3, 2 (down), 2
-    links[2].scene_count = 4;
-    assert_ptr_equal(hg_worker_pool_route(&pool), &links[0]);
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[2]); // 3, 2 (down), 2
+    links[2].whose.scene_count = 4;
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[0]);
     links[2].state = HG_LINK_STARTING;
     links[0].state = HG_LINK_DOWN;
     links[0].restart_ns = 7;
     links[1].restart_ns = 5;
-    assert_ptr_equal(hg_worker_pool_route(&pool), &links[1]);
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[1]);
     assert_true(hg_worker_pool_deadline_ns(&pool) == 5);
     links[0].state = links[1].state = links[2].state = HG_LINK_UP;
     assert_true(hg_worker_pool_is_up(&pool));
@@ -373,9 +550,13 @@ int main(void)
         cmocka_unit_test(reload_keeps_start_options),
         cmocka_unit_test(options_without_memory),
         cmocka_unit_test(tokens_are_read),
-        cmocka_unit_test(guessing_is_slowed),
+        cmocka_unit_test(tokens_have_scopes),
+        cmocka_unit_test(peers_are_counted),
+        cmocka_unit_test(slow_queues_are_found),
+        cmocka_unit_test(audit_logs_are_rotated),
         cmocka_unit_test(addresses_are_checked),
         cmocka_unit_test(store_evicts_what_nobody_uses),
+        cmocka_unit_test(owners_have_quotas),
         cmocka_unit_test(streams_are_cut_into_messages),
         cmocka_unit_test(scenes_are_spread_over_workers),
     };

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
-#include "tests/system/forked_daemon.h"
+#include "tests/system/daemon.h"
 
 enum { WORKERS = 2, SLOW_MS = 700, STEP_NS = 2000000, PATIENCE = 5000 };
 
@@ -20,8 +20,8 @@ static void begin(struct daemon *d, const char *crash_limit)
     daemon_init(d);
     daemon_option(d, "restart-delay", "0.01");
     daemon_option(d, "crash-limit", crash_limit);
-    forked_daemon_begin(d, &(struct forked_daemon_options){.workers = WORKERS});
-    assert_true(forked_daemon_listens(d));
+    daemon_option(d, "shared-workers", "2");
+    daemon_start(d);
 }
 
 static void end(struct daemon *d)

@@ -318,6 +318,49 @@ static void test_next_place_of_nodes(void **state)
     link_expect(rig, link_ask(rig, 1, HGP_T_node_set, &go), HGP_T_ok);
 }
 
+// Pictures in motion are made of several where there is light by way of surfaces, unless a message
+// says otherwise: a view's size in motion is told only of such.
+static void test_pictures_in_motion(void **state)
+{
+    static const struct {
+        bool has_gi, has_temporal;
+        enum hgp_temporal temporal;
+        const char *motion;
+    } cases[] = {{true, false, 0, "\"motion\":{\"width\":0,"},
+        {true, true, HGP_temporal_AUTO, "\"motion\":{\"width\":64,"},
+        {false, false, 0, "\"motion\":{\"width\":64,"},
+        {false, true, HGP_temporal_NONE, "\"motion\":{\"width\":0,"}};
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    for (uint32_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const uint32_t number = VIEW + 1 + i;
+        struct hgp_view_set view = {.view = number,
+            .has_width = true,
+            .width = SIDE,
+            .has_height = true,
+            .height = SIDE,
+            .has_samples = true,
+            .samples = SAMPLES,
+            .has_gi = cases[i].has_gi,
+            .gi = HGP_gi_NONE,
+            .has_temporal = cases[i].has_temporal,
+            .temporal = cases[i].temporal};
+        const struct hgp_frame_request now = {
+            .view = number, .has_encoding = true, .encoding = HGP_encoding_RAW_RGBA8};
+        link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &view), HGP_T_ok);
+        // Messages later say nothing of it.
+        view = (struct hgp_view_set){.view = number, .has_seed = true, .seed = 5};
+        link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &view), HGP_T_ok);
+        link_expect(rig, link_ask(rig, 1, HGP_T_frame_request, &now), HGP_T_frame);
+        link_expect(rig,
+            link_ask(rig, 1, HGP_T_stats_query, &(struct hgp_stats_query){.view = number}),
+            HGP_T_json);
+        assert_non_null(memmem(rig->message.json.text.data, rig->message.json.text.size,
+            cases[i].motion, strlen(cases[i].motion)));
+    }
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, link_start, link_stop)
@@ -329,6 +372,7 @@ int main(void)
         TEST(test_next_place_of_nodes),
         TEST(test_files_tell_their_seed),
         TEST(test_jobs_of_names),
+        TEST(test_pictures_in_motion),
     };
     return cmocka_run_group_tests_name("worker_link_views", tests, NULL, NULL);
 }

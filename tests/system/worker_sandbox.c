@@ -3,6 +3,8 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/landlock.h>
+#include <pthread.h>
+#include <sched.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -10,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -20,8 +23,6 @@
 
 #include "server/worker/sandbox.h"
 #include "tests/support/folder.h"
-
-enum { SCOPE_ABI = 6 };
 
 // The sanitizers' own memory passes any limit.
 #if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
@@ -162,6 +163,104 @@ static int take_memory(void)
                : 0;
 }
 
+static int limit_parent(void)
+{
+    struct rlimit limit;
+    return prlimit(getppid(), RLIMIT_NOFILE, NULL, &limit);
+}
+
+static int limit_oneself(void)
+{
+    struct rlimit limit;
+    return prlimit(0, RLIMIT_NOFILE, NULL, &limit);
+}
+
+static int make_namespace(void)
+{
+    return unshare(CLONE_NEWUSER);
+}
+
+static int clone_namespace(void)
+{
+    return (int)syscall(SYS_clone, CLONE_NEWUSER | SIGCHLD, NULL, NULL, NULL, NULL);
+}
+
+static int make_process(void)
+{
+    return (int)syscall(SYS_clone, SIGCHLD, NULL, NULL, NULL, NULL);
+}
+
+static int clone_by_memory(void)
+{
+    return (int)syscall(SYS_clone3, NULL, 0);
+}
+
+static void *nothing(void *argument)
+{
+    return argument;
+}
+
+static int make_thread(void)
+{
+    pthread_t thread;
+    return pthread_create(&thread, NULL, nothing, NULL) || pthread_join(thread, NULL) ? -1 : 0;
+}
+
+static int open_mount(void)
+{
+    return (int)syscall(SYS_fsopen, "tmpfs", 0);
+}
+
+static int map(int protection)
+{
+    void *page = mmap(NULL, 4096, protection, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return page == MAP_FAILED ? -1 : 0;
+}
+
+static int map_code(void)
+{
+    return map(PROT_READ | PROT_WRITE | PROT_EXEC);
+}
+
+// As compilers of drivers do.
+static int write_then_run(void)
+{
+    void *page = mmap(NULL, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return page == MAP_FAILED ? -1 : mprotect(page, 4096, PROT_READ | PROT_EXEC);
+}
+
+static int make_code_writable(void)
+{
+    void *page = mmap(NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return page == MAP_FAILED ? -1 : mprotect(page, 4096, PROT_READ | PROT_WRITE | PROT_EXEC);
+}
+
+static int trace_parent(void)
+{
+    return (int)syscall(SYS_ptrace, 16 /* PTRACE_ATTACH */, getppid(), NULL, NULL);
+}
+
+static int open_process(void)
+{
+    return (int)syscall(SYS_pidfd_open, getppid(), 0);
+}
+
+static void test_processes(void **state)
+{
+    (void)state;
+    static int (*const refused[])(void) = {limit_parent, make_namespace, clone_namespace,
+        make_process, open_mount, map_code, make_code_writable, trace_parent, open_process};
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++) {
+        int error = inside(refused[i]);
+        if (error != EPERM)
+            fail_msg("attempt %zu gave %d (%s)", i, error, strerror(error));
+    }
+    assert_int_equal(inside(clone_by_memory), ENOSYS);
+    assert_int_equal(inside(limit_oneself), 0);
+    assert_int_equal(inside(make_thread), 0);
+    assert_int_equal(inside(write_then_run), 0);
+}
+
 static void test_files(void **state)
 {
     (void)state;
@@ -186,9 +285,8 @@ static void test_shader_cache(void **state)
 static void test_signals(void **state)
 {
     (void)state;
-    print_message("landlock ABI %ld\n", landlock_abi());
     assert_int_equal(inside(signal_oneself), 0);
-    assert_int_equal(inside(signal_parent), landlock_abi() >= SCOPE_ABI ? EPERM : 0);
+    assert_int_equal(inside(signal_parent), EPERM);
 }
 
 static void test_programs_sockets_and_memory(void **state)
@@ -203,6 +301,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_files),
         cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_signals),
-        cmocka_unit_test(test_programs_sockets_and_memory)};
+        cmocka_unit_test(test_processes), cmocka_unit_test(test_programs_sockets_and_memory)};
     return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);
 }

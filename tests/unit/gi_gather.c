@@ -63,8 +63,7 @@ static void put_surface(struct film *f, size_t at, float depth, int axis)
 
 static void put_light(struct film *f, size_t at, float scattered, float mirrored)
 {
-    put3(f, HG_PATH_GUIDE_DIRECT, at, 0.25f * scattered);
-    put3(f, HG_PATH_GUIDE_INDIRECT, at, 0.25f * scattered);
+    put3(f, HG_PATH_GUIDE_DIRECT, at, 0.5f * scattered);
     put3(f, HG_PATH_GUIDE_SPECULAR, at, 0.5f * mirrored);
 }
 
@@ -191,8 +190,7 @@ static void test_sky(void **state)
         put_surface(&f, at, 2, 2);
         put3(&f, HG_PATH_GUIDE_OPEN_SKY, at, 0.5f * open);
         put3(&f, HG_PATH_GUIDE_SEEN_SKY, at, hides ? 0 : 0.5f * open);
-        put3(&f, HG_PATH_GUIDE_DIRECT, at, hides ? 0 : 0.5f * open);
-        put3(&f, HG_PATH_GUIDE_INDIRECT, at, 0.05f);
+        put3(&f, HG_PATH_GUIDE_DIRECT, at, 0.05f + (hides ? 0 : 0.5f * open));
     }
     run(&f);
     for (size_t at = 0; at < PIXELS; at++) {
@@ -239,6 +237,54 @@ static void test_cloth(void **state)
     film_finish(&f);
 }
 
+static float sunlit(const struct film *f, size_t at)
+{
+    const float root = (float)(f->words[4 * at + 2] >> 16 & 0xff) / 255;
+    return root * root;
+}
+
+// Rays to the sun: an edge of its light stays where it is and sharp, and where half of them are
+// held back, by chance, that is the share and its noise is little; what does not face the sun takes
+// no part.
+static void test_sun(void **state)
+{
+    struct film f;
+    double sum = 0, squares = 0, count = 0;
+    (void)state;
+    film_init(&f, 2);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const size_t x = at % WIDTH;
+        put_surface(&f, at, 2, 2);
+        if (x < 8)
+            continue;
+        for (uint32_t i = 0; i < SAMPLES; i++) {
+            const bool seen = x < 64 || (x >= 128 && noise((uint32_t)at * SAMPLES + i) < 0.5f);
+            for (int half = 0; half < 2 - (int)(i % 2); half++) {
+                float *film = half == 0 ? f.sums : f.halves;
+                film[HG_PATH_GUIDE_OPEN_SUN * PIXELS + at] += 3;
+                film[HG_PATH_GUIDE_SEEN_SUN * PIXELS + at] += seen ? 3 : 0;
+            }
+        }
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const size_t x = at % WIDTH;
+        const double share = (double)sunlit(&f, at);
+        if (x >= 8 && x < 120)
+            assert_true(fabs(share - (x < 64 ? 1 : 0)) <= 0.005);
+        if (x >= 136 && x < WIDTH - 8) {
+            sum += share;
+            squares += share * share;
+            count++;
+        }
+    }
+    const double mean = sum / count, deviation = sqrt(squares / count - mean * mean);
+    print_message("sun: mean %.3f, deviation %.3f\n", mean, deviation);
+    assert_true(fabs(mean - 0.5) <= 0.01);
+    assert_true(deviation <= 0.7 * sqrt(0.25 / SAMPLES));
+    film_finish(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -247,6 +293,7 @@ int main(void)
         cmocka_unit_test(test_sparse_light),
         cmocka_unit_test(test_sky),
         cmocka_unit_test(test_cloth),
+        cmocka_unit_test(test_sun),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

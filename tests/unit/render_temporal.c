@@ -286,6 +286,124 @@ static void test_scale(void **state)
         assert_true(errors[i] < one);
 }
 
+// Pictures of which every second pixel is shaded come near to the settled one as well, also with an
+// odd number of columns, are the same bytes whatever the threads, and are of both halves in turn.
+static void test_checkerboard(void **state)
+{
+    (void)state;
+    for (uint32_t odd = 0; odd < 2; odd++) {
+        double errors[3];
+        struct hg_refbuf *moved[3] = {NULL, NULL, NULL};
+        for (unsigned i = 0; i < 3; i++) {
+            struct rig rig;
+            open_rig(&rig, i + 1);
+            add_fence(&rig);
+            const struct hg_view_params params = {.width = WIDTH - odd,
+                .height = HEIGHT,
+                .samples = 32,
+                .temporal = i < 2 ? HG_TEMPORAL_CHECKERBOARD : HG_TEMPORAL_NONE,
+                .tonemap = HG_TONEMAP_LINEAR};
+            hg_scene_publish(rig.scene);
+            rig_view(&rig, &params);
+            errors[i] = error_after(&rig, 24, &moved[i]);
+            assert_int_equal(rig.view->state.targets.checkered.width, i < 2 ? WIDTH / 2 : 0);
+            rig_close(&rig);
+        }
+        print_message("checkerboard: %.3f levels from the settled picture, %.3f of one sample\n",
+            errors[0], errors[2]);
+        assert_true(errors[0] < 0.75 * errors[2]);
+        assert_memory_equal(moved[0]->data, moved[1]->data, moved[0]->size);
+        for (int i = 0; i < 3; i++)
+            hg_refbuf_unref(moved[i]);
+    }
+}
+
+// What lies between shaded pixels of the first picture is made of its neighbours: a surface of one
+// colour has it everywhere, up to an edge that runs along a column, a row or across.
+static void test_checkerboard_holes(void **state)
+{
+    (void)state;
+    enum { SIDE = 33 };
+    static uint8_t half[SIDE * ((SIDE + 1) / 2) * 4], out[SIDE * SIDE * 4];
+    static float depth[SIDE * SIDE];
+    static const float slopes[3][2] = {{1, 0}, {0, 1}, {0.7f, 0.7f}};
+    const double still[1][16] = {{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}};
+    struct hg_jobs *jobs = hg_jobs_create(1);
+    struct hg_temporal *history = NULL;
+    assert_non_null(jobs);
+    assert_int_equal(hg_temporal_create(SIDE, SIDE, &history), HG_OK);
+    for (uint32_t k = 0; k < 6; k++) {
+        const uint32_t first = k & 1;
+        struct hg_temporal_stats stats;
+        for (uint32_t y = 0; y < SIDE; y++)
+            for (uint32_t x = 0; x < SIDE + 1; x++) {
+                const float *s = slopes[k / 2];
+                const bool near = s[0] * (float)x + s[1] * (float)y < 16;
+                if (x < SIDE)
+                    depth[y * SIDE + x] = near ? 0.5f : 0.1f;
+                if (((x ^ y ^ first) & 1u) == 0)
+                    memset(half + 4 * (y * ((SIDE + 1) / 2) + x / 2), near ? 200 : 40, 4);
+            }
+        for (size_t i = 3; i < sizeof half; i += 4)
+            half[i] = 255;
+        const struct hg_temporal_picture picture = {.width = SIDE,
+            .height = SIDE,
+            .rgba = half,
+            .checkerboard = true,
+            .first = first,
+            .depth = depth,
+            .to_previous = still,
+            .matrix_count = 1};
+        hg_temporal_forget(history);
+        assert_int_equal(
+            hg_temporal_resolve(history, jobs, &picture, HG_TEMPORAL_PICTURE, out, &stats), HG_OK);
+        for (uint32_t i = 0; i < SIDE * SIDE; i++) {
+            const float *s = slopes[k / 2];
+            const float at = s[0] * (float)(i % SIDE) + s[1] * (float)(i / SIDE) - 16;
+            if (at < -2 || at > 2) // the window of samples is wider than a pixel
+                assert_int_equal(out[4 * i], at < 0 ? 200 : 40);
+        }
+    }
+    hg_temporal_destroy(history);
+    hg_jobs_destroy(jobs);
+}
+
+// What the debug view says of scales: all of the first picture's pixels are of its own samples,
+// less of later ones; the colour is that of the scale.
+static void test_scale_view(void **state)
+{
+    (void)state;
+    static const struct {
+        float scale;
+        int full[3];
+    } cases[] = {{100, {0, 255, 0}}, {75, {255, 255, 0}}, {50, {255, 0, 0}}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        struct rig rig;
+        open_rig(&rig, 2);
+        add_fence(&rig);
+        const struct hg_view_params params = {.width = WIDTH,
+            .height = HEIGHT,
+            .debug_view = HG_DEBUG_SCALE,
+            .temporal = HG_TEMPORAL_AUTO,
+            .scale = cases[i].scale};
+        hg_scene_publish(rig.scene);
+        rig_view(&rig, &params);
+        for (int k = 0; k < 2; k++) {
+            struct hg_refbuf *picture = move_to(&rig, STEP_M * (float)k, 0);
+            double mean[3] = {0};
+            for (size_t at = 0; at < picture->size; at += 4)
+                for (int c = 0; c < 3; c++)
+                    mean[c] += (double)picture->data[at + (size_t)c] / (WIDTH * HEIGHT);
+            for (int c = 0; c < 3; c++) {
+                const double most = k == 0 ? cases[i].full[c] : 0.75 * cases[i].full[c];
+                assert_true(mean[c] <= most && mean[c] >= (k == 0 ? most : 0.05 * most));
+            }
+            hg_refbuf_unref(picture);
+        }
+        rig_close(&rig);
+    }
+}
+
 // Same requests, same bytes, whatever the threads; a view that rests forgets its motion.
 static void test_same_bytes(void **state)
 {
@@ -347,6 +465,37 @@ static void test_target(void **state)
     rig_assert_same(settled[0], settled[1]);
     hg_refbuf_unref(settled[0]);
     hg_refbuf_unref(settled[1]);
+}
+
+// Sharpened pictures in motion are others, settled ones are not.
+static void test_sharpen(void **state)
+{
+    (void)state;
+    struct hg_refbuf *pictures[2][3];
+    for (int i = 0; i < 2; i++) {
+        struct rig rig;
+        open_rig(&rig, 2);
+        add_fence(&rig);
+        const struct hg_view_params params = {.width = WIDTH,
+            .height = HEIGHT,
+            .samples = 8,
+            .temporal = HG_TEMPORAL_AUTO,
+            .scale = 67,
+            .sharpen = i == 0 ? 0 : 1};
+        hg_scene_publish(rig.scene);
+        rig_view(&rig, &params);
+        hg_refbuf_unref(move_to(&rig, 0, 0));
+        pictures[i][0] = move_to(&rig, STEP_M, 0);
+        pictures[i][1] = move_to(&rig, 2 * STEP_M, 0);
+        rig_settle(&rig, 16);
+        pictures[i][2] = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        rig_close(&rig);
+    }
+    for (int k = 0; k < 2; k++)
+        assert_true(difference(pictures[0][k], pictures[1][k]) > 0.05);
+    rig_assert_same(pictures[0][2], pictures[1][2]);
+    for (int k = 0; k < 6; k++)
+        hg_refbuf_unref(pictures[k / 3][k % 3]);
 }
 
 // A camera that jumps shows the picture of a view that never was elsewhere.
@@ -446,7 +595,9 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_camera), cmocka_unit_test(test_node),
         cmocka_unit_test(test_morph), cmocka_unit_test(test_skin),
         cmocka_unit_test(test_error_falls), cmocka_unit_test(test_scale),
-        cmocka_unit_test(test_same_bytes), cmocka_unit_test(test_target),
+        cmocka_unit_test(test_checkerboard), cmocka_unit_test(test_checkerboard_holes),
+        cmocka_unit_test(test_scale_view), cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_target), cmocka_unit_test(test_sharpen),
         cmocka_unit_test(test_teleport), cmocka_unit_test(test_ghosts),
         cmocka_unit_test(test_posed_edges)};
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/alloc.h"
+#include "renderer/light/shadow/shadow_sight.h"
 #include "renderer/math/vec.h"
 
 // --- sizes and places ----------------------------------------------------------------------------
@@ -17,6 +18,8 @@ struct candidate {
     uint32_t light, maps, side_px;
     uint32_t whole_px; // of a sun's map of the whole scene, the last; 0: all maps are side_px
     float weight;      // decides who goes without
+    bool seen;         // before weight: its light reaches what the camera sees
+    bool paged;        // pages in place of finer cascades
 };
 
 struct draft {
@@ -46,6 +49,8 @@ static float light_weight(const struct hg_gpu_light *light, const struct hg_ligh
 static int compare_weight(const void *a, const void *b)
 {
     const struct candidate *x = a, *y = b;
+    if (x->seen != y->seen)
+        return x->seen ? -1 : 1;
     if (x->weight != y->weight)
         return x->weight > y->weight ? -1 : 1;
     return x->light < y->light ? -1 : 1;
@@ -239,7 +244,7 @@ static float map_extent(uint32_t side_px)
 }
 
 // Column-major matrix of the mapping that struct hg_gpu_shadow describes.
-static void set_matrix(struct hg_shadow_map *map)
+void hg_shadow_map_project(struct hg_shadow_map *map)
 {
     const struct hg_gpu_shadow *s = &map->gpu;
     const float *origin = (const float *)&s->origin_ws;
@@ -279,7 +284,7 @@ static void perspective_map(struct hg_shadow_map *map, const struct hg_gpu_light
     s->depth_scale = near;
     s->size_px = (float)side_px;
     s->texel_size = 2 / (s->scale * (float)side_px);
-    set_matrix(map);
+    hg_shadow_map_project(map);
 }
 
 static void cube_maps(
@@ -373,7 +378,7 @@ static void sun_map(struct hg_shadow_map *map, const struct sun_frame *f, const 
     s->depth_scale = 1 / range;
     s->size_px = (float)side_px;
     s->texel_size = 2 / (s->scale * (float)side_px);
-    set_matrix(map);
+    hg_shadow_map_project(map);
 }
 
 static float scene_half(const struct sun_frame *f)
@@ -478,7 +483,11 @@ static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *
     const struct sun_frame f = sun_frame_make(light, view);
     float ends[HG_CASCADE_COUNT];
     uint32_t count = 0;
-    if (split_depths(&f, view, c, ends))
+    const bool finer = split_depths(&f, view, c, ends);
+    if (finer && c->paged) // a pool, which holds no point itself
+        maps[count++] = (struct hg_shadow_map){
+            .refines = true, .gpu = {.size_px = (float)c->side_px, .extent = -1}};
+    if (finer && !c->paged)
         for (int i = 0; i + 1 < HG_CASCADE_COUNT; i++)
             if (cascade_map(&maps[count], &f, view, ends + i, c))
                 maps[count++].refines = true;
@@ -490,18 +499,32 @@ static uint32_t sun_maps(struct hg_shadow_map *maps, const struct hg_gpu_light *
 
 // --- the plan ------------------------------------------------------------------------------------
 
-static struct candidate candidate_make(
+// The first sun without a size.
+static bool is_paged(
     const struct hg_light_set *lights, uint32_t i, const struct hg_lighting_view *view)
+{
+    if (view->paging != HG_PAGING_ON || lights->items[i].radiance > 0)
+        return false;
+    for (uint32_t k = 0; k < i; k++)
+        if (lights->casts[k] && !(lights->items[k].radiance > 0))
+            return false;
+    return true;
+}
+
+static struct candidate candidate_make(const struct hg_light_set *lights, uint32_t i,
+    const struct hg_lighting_view *view, const struct hg_shadow_sight *sight)
 {
     const struct hg_gpu_light *light = &lights->items[i];
     struct candidate c = {.light = i,
         .maps = 1,
         .side_px = HG_SHADOW_SPOT_SIDE_PX,
-        .weight = light_weight(light, view)};
+        .weight = light_weight(light, view),
+        .seen = hg_shadow_sight_has_light(sight, light)};
     if (light->kind == HG_LIGHT_KIND_DIRECTIONAL) {
         struct hg_shadow_map scratch[HG_CASCADE_COUNT];
         c.side_px = c.whole_px = HG_SHADOW_SUN_SIDE_PX;
-        c.maps = sun_maps(scratch, light, view, &c);
+        c.maps = sun_maps(scratch, light, view, &c); // as at rest, so that lamps keep their sizes
+        c.paged = is_paged(lights, i, view);
     } else if (needs_cube(light)) {
         c.side_px = HG_SHADOW_POINT_SIDE_PX;
         c.maps = 6;
@@ -509,25 +532,29 @@ static struct candidate candidate_make(
     return c;
 }
 
-// The lights that matter most. Beyond MAX_CANDIDATES the least of those found so far makes room.
+// The lights that matter most, those in sight first. Beyond MAX_CANDIDATES the least of those found
+// so far makes room.
 static void draft_make(
     struct draft *draft, const struct hg_light_set *lights, const struct hg_lighting_view *view)
 {
     struct candidate *items = draft->items;
+    const struct hg_shadow_sight sight = hg_shadow_sight_make(view->camera);
     draft->count = 0;
     for (uint32_t i = 0; i < lights->count; i++) {
         if (!lights->casts[i])
             continue;
         if (draft->count < MAX_CANDIDATES) {
-            items[draft->count++] = candidate_make(lights, i, view);
+            items[draft->count++] = candidate_make(lights, i, view, &sight);
             if (draft->count == MAX_CANDIDATES)
                 qsort(items, draft->count, sizeof items[0], compare_weight);
             continue;
         }
         uint32_t at = MAX_CANDIDATES - 1;
-        if (!(light_weight(&lights->items[i], view) > items[at].weight))
+        if (items[at].seen && !(light_weight(&lights->items[i], view) > items[at].weight))
             continue;
-        const struct candidate c = candidate_make(lights, i, view);
+        const struct candidate c = candidate_make(lights, i, view, &sight);
+        if (compare_weight(&c, &items[at]) >= 0)
+            continue;
         for (; at > 0 && compare_weight(&c, &items[at - 1]) < 0; at--)
             items[at] = items[at - 1];
         items[at] = c;
@@ -536,10 +563,11 @@ static void draft_make(
 }
 
 // Shadows of the lamps that had the least right to a map are faint, so that none appears at once
-// when the camera moves: by the weight over that of the first lamp that goes without.
+// when the camera moves: by the weight over that of the first lamp that goes without. None of those
+// in sight is where all of them have a map.
 static float fade_of(const struct draft *draft, uint32_t kept, uint32_t which)
 {
-    if (kept >= draft->count)
+    if (kept >= draft->count || draft->items[which].seen != draft->items[kept].seen)
         return 0;
     const float least = draft->items[kept].weight, ratio = draft->items[which].weight / least;
     return 1 - hg_clampf((ratio - 1) / (FADE_RATIO - 1), 0, 1);
@@ -563,6 +591,10 @@ static enum hg_status add_light(struct hg_shadow_plan *plan, struct hg_gpu_light
         uint32_t wanted = sun_maps(all, light, view, c);
         count = wanted < count ? wanted : count;
         memcpy(maps, all + (wanted - count), count * sizeof *maps);
+        if (c->paged && count > 1) {
+            plan->paged = true;
+            plan->pool = plan->count;
+        }
     } else if (count == 6) {
         cube_maps(maps, light, near, c->side_px);
     } else {
@@ -579,6 +611,7 @@ enum hg_status hg_shadow_plan_make(struct hg_shadow_plan *plan, struct hg_light_
     const struct hg_lighting_view *view, uint32_t max_atlas_px)
 {
     plan->count = plan->shadowed_lights = plan->unshadowed_lights = plan->atlas_px = 0;
+    plan->paged = false;
     if (!view->has_bounds)
         return HG_OK;
     struct draft *draft = hg_calloc(1, sizeof *draft);

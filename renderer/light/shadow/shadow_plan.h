@@ -23,8 +23,12 @@ struct hg_shadow_plan {
     uint32_t count;
     uint32_t atlas_px; // side that the maps need, a power of two; 0 = no maps
     uint32_t shadowed_lights, unshadowed_lights;
+    bool paged;    // the sun has a pool of pages (shadow_pages.h), which is no map,
+    uint32_t pool; // the first of its two; the second holds the whole scene
 };
 
+// From the projection of map->gpu: what draws it.
+void hg_shadow_map_project(struct hg_shadow_map *map);
 // Gives lights their maps (sets shadow and shadow_count). Lights that matter most come first:
 // directional ones, then by illuminance at the eye; where some go without, the shadows of the last
 // ones that have a map are faint (shadow_fade). When the wished sizes do not fit the atlas all are

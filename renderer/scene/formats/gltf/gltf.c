@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/scene/light_table.h"
 
 static const char *const known_extensions[] = {"KHR_texture_transform", "KHR_mesh_quantization",
     "EXT_meshopt_compression", "KHR_draco_mesh_compression", "EXT_texture_webp",
@@ -13,7 +14,8 @@ static const char *const known_extensions[] = {"KHR_texture_transform", "KHR_mes
     "KHR_materials_pbrSpecularGlossiness", "KHR_materials_clearcoat", "KHR_materials_sheen",
     "KHR_materials_transmission", "KHR_materials_volume", "KHR_materials_ior",
     "KHR_materials_specular", "KHR_materials_iridescence", "KHR_materials_anisotropy",
-    "KHR_materials_dispersion", "KHR_materials_diffuse_transmission", "KHR_node_visibility"};
+    "KHR_materials_dispersion", "KHR_materials_diffuse_transmission", "KHR_node_visibility",
+    "EXT_lights_ies"};
 
 static bool is_known(const char *name)
 {
@@ -146,8 +148,9 @@ static const struct {
     {"buffers", hg_gltf_load_buffers}, {"buffers", prepare_views}, {"images", hg_gltf_load_images},
     {"textures", hg_gltf_load_textures}, {"materials", read_variants},
     {"materials", hg_gltf_load_materials}, {"cameras", hg_gltf_load_cameras},
-    {"lights", hg_gltf_load_lights}, {"meshes", hg_gltf_load_meshes}, {"nodes", hg_gltf_load_nodes},
-    {"skins", hg_gltf_load_skins}, {"animations", hg_gltf_load_animations}};
+    {"lights", hg_gltf_load_light_profiles}, {"lights", hg_gltf_load_lights},
+    {"meshes", hg_gltf_load_meshes}, {"nodes", hg_gltf_load_nodes}, {"skins", hg_gltf_load_skins},
+    {"animations", hg_gltf_load_animations}};
 
 static enum hg_status run_stages(struct hg_gltf *g)
 {
@@ -172,6 +175,9 @@ static void finish(struct hg_gltf *g)
         hg_free(g->views[i].decoded);
     for (uint32_t i = 0; i < g->image_count; i++)
         hg_image_source_unref(g->images[i]);
+    for (uint32_t i = 0; i < g->profile_count; i++)
+        hg_light_table_unref(g->profiles[i]);
+    hg_free(g->profiles);
     hg_free(g->buffers);
     hg_free(g->views);
     hg_free(g->images);

@@ -45,7 +45,9 @@ struct hg_gltf {
     struct hg_gltf_buffer *buffers;  // [buffer_count]
     struct hg_gltf_view *views;      // [view_count]
     struct hg_image_source **images; // [image_count]; NULL: not usable
-    uint32_t buffer_count, view_count, image_count;
+    struct hg_light_table **profiles; // [profile_count] of EXT_lights_ies; NULL: not usable
+    uint32_t buffer_count, view_count, image_count, profile_count;
+    uint32_t punctual_count; // lights of KHR_lights_punctual
     uint64_t memory_used, memory_limit;
     bool has_quantization; // KHR_mesh_quantization is declared
 };
@@ -86,6 +88,10 @@ bool hg_gltf_bool(const struct hg_gltf_at *at, const char *key, bool fallback);
 const char *hg_gltf_string(const struct hg_gltf_at *at, const char *key); // NULL: absent
 // Up to `count` numbers; absent: out is untouched and false is returned.
 bool hg_gltf_numbers(const struct hg_gltf_at *at, const char *key, float *out, size_t count);
+// Of extras: a number above 0 and at most `most` under one of the names, NULL last; 0: there is
+// none. What is no such number is told, as of the owner ("light").
+float hg_gltf_read_extra(struct hg_gltf *g, const struct hg_gltf_at *extras, const char *owner,
+    const char *const *names, float most);
 // Index into an array of the file; -1 when absent.
 int64_t hg_gltf_index(const struct hg_gltf_at *at, const char *key);
 // Item `index` of the root array `name`. `up` holds the way to it and must live as long.
@@ -150,6 +156,13 @@ enum hg_status hg_gltf_load_animations(struct hg_gltf *g) HG_MUST_CHECK;
 // gltf_light.c: from the extras of a light, or of a node that has it; warns only.
 void hg_gltf_read_light_size(
     struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_light *light);
+// gltf_light_table.c: profiles of EXT_lights_ies; the light of a node that has one; profile and
+// texture from the extras of a light, or of a node that has it. What cannot be read is a warning.
+enum hg_status hg_gltf_load_light_profiles(struct hg_gltf *g) HG_MUST_CHECK;
+enum hg_status hg_gltf_read_ies_light(
+    struct hg_gltf *g, const struct hg_gltf_at *node_at, struct hg_node *node) HG_MUST_CHECK;
+enum hg_status hg_gltf_read_light_tables(
+    struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_light *light) HG_MUST_CHECK;
 // gltf_specgloss.c: converts KHR_materials_pbrSpecularGlossiness.
 enum hg_status hg_gltf_convert_spec_gloss(struct hg_gltf *g, const struct hg_gltf_at *extension,
     struct hg_material *material) HG_MUST_CHECK;

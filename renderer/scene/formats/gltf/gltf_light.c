@@ -11,21 +11,10 @@
 
 // ---- size --------------------------------------------------------------------------------------
 
-// A number above 0 and at most `most` under one of the names, NULL last; 0: there is none.
 static float read_size(
     struct hg_gltf *g, const struct hg_gltf_at *extras, const char *const *names, float most)
 {
-    for (; *names; names++) {
-        const struct hg_gltf_at at = hg_gltf_key(extras, *names);
-        const double value = json_number_value(at.json);
-        if (!at.json)
-            continue;
-        if (json_is_number(at.json) && value >= 0 && value <= (double)most)
-            return (float)value;
-        hg_gltf_warn(g, &at, "VALUE_NOT_IN_RANGE: a light's %s is a number from 0 to %g", *names,
-            (double)most);
-    }
-    return 0;
+    return hg_gltf_read_extra(g, extras, "light", names, most);
 }
 
 static void read_shape(struct hg_gltf *g, const struct hg_gltf_at *extras, struct hg_light *light)
@@ -50,6 +39,14 @@ static void read_shape(struct hg_gltf *g, const struct hg_gltf_at *extras, struc
     hg_gltf_warn(g, &at, "VALUE_NOT_IN_LIST: a light's shape is sphere, rectangle, disc or tube");
 }
 
+// Luminous flux in lumens, in place of the intensity.
+static void read_flux(struct hg_gltf *g, const struct hg_gltf_at *extras, struct hg_light *light)
+{
+    static const char *const fluxes[] = {"lumens", "luminous_flux", NULL};
+    const float lumens = read_size(g, extras, fluxes, HG_LIGHT_MOST_LUMENS);
+    light->lumens = lumens > 0 ? lumens : light->lumens;
+}
+
 void hg_gltf_read_light_size(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_light *light)
 {
     static const char *const radii[] = {"radius", "shadow_soft_size", NULL};
@@ -68,6 +65,7 @@ void hg_gltf_read_light_size(struct hg_gltf *g, const struct hg_gltf_at *at, str
         return;
     }
     read_shape(g, &extras, light);
+    read_flux(g, &extras, light);
     const float radius = read_size(g, &extras, radii, HG_LIGHT_MOST_SIZE_M);
     light->radius = radius > 0 ? radius : light->radius;
     if (light->kind == HG_LIGHT_DISC && !(radius > 0)) {
@@ -112,7 +110,7 @@ static enum hg_status read_light(
     light->outer_cone_rad = (float)fmin(fmax(outer, 1e-3), M_PI / 2);
     light->inner_cone_rad = (float)fmin(fmax(inner, 0), light->outer_cone_rad);
     hg_gltf_read_light_size(g, at, light);
-    return HG_OK;
+    return hg_gltf_read_light_tables(g, at, light);
 }
 
 enum hg_status hg_gltf_load_lights(struct hg_gltf *g)
@@ -129,5 +127,6 @@ enum hg_status hg_gltf_load_lights(struct hg_gltf *g)
         if (status)
             return status;
     }
+    g->punctual_count = g->asset->light_count;
     return HG_OK;
 }

@@ -149,6 +149,10 @@ BARE(spot, NUM("innerConeAngle", 0, 0, 1.5708), NUM("outerConeAngle", 0, 1e-30, 
 OBJECT(light, NUMS("color", 0, 3, 3), NUM("intensity", 0, 0, BIG), OBJ("spot", 0, &spot),
     STR("type", REQ, "directional point spot"), NUM("range", 0, 1e-30, BIG));
 BARE(lights, OBJS("lights", 0, &light), INT("light", 0, 0, BIG));
+OBJECT(ies_light, STR("uri", 0, NULL), IDX("bufferView", 0, "bufferViews"),
+    STR("mimeType", 0, "application/x-ies-lm-63"));
+BARE(ies_lights, OBJS("lights", 0, &ies_light), INT("light", 0, 0, BIG),
+    NUM("multiplier", 0, 0, BIG), NUMS("color", 0, 3, 3));
 BARE(unlit, NAMED);
 BARE(emissive_strength, NUM("emissiveStrength", 0, 0, BIG));
 OBJECT(variant, STR("name", REQ, NULL));
@@ -190,8 +194,8 @@ const struct hg_schema_object *hg_gltf_extension_schema(const char *name)
     } table[] = {{"KHR_texture_transform", &transform}, {"EXT_meshopt_compression", &meshopt},
         {"KHR_draco_mesh_compression", &draco}, {"EXT_texture_webp", &other_image},
         {"KHR_texture_basisu", &other_image}, {"EXT_mesh_gpu_instancing", &instancing},
-        {"KHR_lights_punctual", &lights}, {"KHR_materials_unlit", &unlit},
-        {"KHR_materials_emissive_strength", &emissive_strength},
+        {"KHR_lights_punctual", &lights}, {"EXT_lights_ies", &ies_lights},
+        {"KHR_materials_unlit", &unlit}, {"KHR_materials_emissive_strength", &emissive_strength},
         {"KHR_materials_variants", &variants}, {"KHR_materials_pbrSpecularGlossiness", &spec_gloss},
         {"KHR_materials_clearcoat", &clearcoat}, {"KHR_materials_sheen", &sheen},
         {"KHR_materials_transmission", &transmission}, {"KHR_materials_volume", &volume},

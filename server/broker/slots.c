@@ -1,0 +1,79 @@
+#include "server/broker/slots.h"
+
+#include "base/clock.h"
+
+enum hg_status hg_slots_take(
+    struct hg_slots *slots, const struct hg_peer *peer, struct hg_slot *slot)
+{
+    *slot = (struct hg_slot){.own = peer->is_local && peer->same_user, .opening = true};
+    slots->count++;
+    slots->opening++;
+    if (slot->own)
+        return HG_OK;
+    slot->source = hg_peer_table_join(&slots->peers, peer->source);
+    if (peer->network[0])
+        slot->network = hg_peer_table_join(&slots->peers, peer->network);
+    return slot->source && (slot->network || !peer->network[0]) ? HG_OK : HG_E_NOMEM;
+}
+
+void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot)
+{
+    slots->opening -= slot->opening;
+    slot->opening = false;
+}
+
+void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns)
+{
+    hg_slots_opened(slots, slot);
+    slots->count--;
+    hg_peer_table_leave(&slots->peers, slot->source, now_ns);
+    hg_peer_table_leave(&slots->peers, slot->network, now_ns);
+    *slot = (struct hg_slot){0};
+}
+
+// ---- refusals -----------------------------------------------------------------------------------
+
+// Xorshift (Marsaglia 2003), from 0 to 1.
+static double draw(struct hg_slots *slots)
+{
+    uint64_t x = slots->random ? slots->random : hg_clock_now_ns() | 1;
+    x ^= x << 13;
+    x ^= x >> 7;
+    x ^= x << 17;
+    slots->random = x;
+    return (double)(x >> 11) * 0x1p-53;
+}
+
+// From half of max-handshakes on newcomers are refused at random, with a probability that rises to
+// 1 there: who floods cannot keep all others out, as they could with a plain limit.
+static bool is_dropped_early(struct hg_slots *slots)
+{
+    double most = slots->options->max_handshakes, from = most / 2;
+    double excess = ((double)slots->opening - 1 - from) / (most - from);
+    return excess > 0 && draw(slots) < excess;
+}
+
+uint32_t hg_slots_kept(uint32_t most, uint32_t reserved)
+{
+    return reserved < most / 4 ? reserved : most / 4;
+}
+
+const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
+{
+    const struct hg_options *o = slots->options;
+    if (slots->count > o->max_connections)
+        return "the daemon has as many connections as it takes (max-connections)";
+    if (slot->own)
+        return NULL;
+    if (slots->count >
+        o->max_connections - hg_slots_kept(o->max_connections, o->reserved_connections))
+        return "the daemon has as many connections as it takes (max-connections); the last are "
+               "kept for its own user (reserved-connections)";
+    if (slot->source->connections > o->max_per_address)
+        return "this address has as many connections as one may have (max-per-address)";
+    if (slot->network && slot->network->connections > o->max_per_network)
+        return "this network has as many connections as one may have (max-per-network)";
+    if (is_dropped_early(slots))
+        return "too many connections are opening at this moment (max-handshakes)";
+    return NULL;
+}

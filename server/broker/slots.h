@@ -1,0 +1,37 @@
+// slots.h - which connections get a slot: limits in all, by address, by network; slots kept for the
+// daemon's own user; early drop of those that open.
+// Floor 6 (broker). Thread: the loop.
+#ifndef HG_BROKER_SLOTS_H
+#define HG_BROKER_SLOTS_H
+
+#include "server/broker/options.h"
+#include "server/broker/peer_table.h"
+#include "server/broker/transport.h"
+
+// Zero-initialised but for the options = no connections.
+struct hg_slots {
+    const struct hg_options *options;
+    struct hg_peer_table peers;
+    uint32_t count;
+    uint32_t opening; // of these, those whose session is not open
+    uint64_t random;  // state of the early drop
+};
+
+// Of one connection.
+struct hg_slot {
+    struct hg_peer_entry *source, *network; // NULL: not counted
+    bool own;                               // of the daemon's own user on this machine
+    bool opening;
+};
+
+// Counts a connection. HG_E_NOMEM; hg_slots_leave takes it back in any case.
+enum hg_status hg_slots_take(
+    struct hg_slots *slots, const struct hg_peer *peer, struct hg_slot *slot) HG_MUST_CHECK;
+// Why a counted connection may not stay; NULL: it may.
+const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot);
+void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot); // its session is open
+void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns);
+// Of `most` slots so many are kept for the privileged: at most a quarter.
+uint32_t hg_slots_kept(uint32_t most, uint32_t reserved);
+
+#endif

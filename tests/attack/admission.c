@@ -1,0 +1,376 @@
+// admission.c - attacks on the way in: silent and talkative connections, guessed, stolen and
+// revoked tokens, slots, ids of scenes.
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "tests/system/daemon.h"
+
+enum { MIB = 1 << 20 };
+
+static bool says(const struct peer *p, const char *text)
+{
+    const struct hgp_str *reason = &p->m.error.reason;
+    return memmem(reason->data, reason->size, text, strlen(text)) != NULL;
+}
+
+// The next message is an error of this status that says so; then the connection ends.
+static void refused_for(struct peer *p, enum hg_status status, const char *text)
+{
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_error);
+    assert_int_equal(p->m.error.code, status);
+    assert_true(says(p, text));
+    peer_end(p);
+    peer_close(p);
+}
+
+// Opens a session by tcp with a token.
+static void enter(struct peer *p, struct daemon *d, const char *token)
+{
+    peer_connect(p, d, true);
+    peer_hello(p);
+    peer_auth(p, token);
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_auth_ok);
+}
+
+// The same with a token that is refused.
+static void turned_away(
+    struct peer *p, struct daemon *d, const char *token, enum hg_status status, const char *text)
+{
+    peer_connect(p, d, true);
+    peer_hello(p);
+    peer_auth(p, token);
+    refused_for(p, status, text);
+}
+
+// Says hello without waiting for what comes.
+static void say_hello(struct peer *p, struct daemon *d)
+{
+    peer_connect(p, d, true);
+    peer_raw(p, HGP_PREFACE, HGP_PREFACE_BYTES);
+    peer_tell(p, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
+}
+
+static void is_served(struct peer *p)
+{
+    peer_call(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+}
+
+// Sends pings for as long as the daemon takes them, and reads nothing. False: it took all of them.
+static bool is_stopped(struct peer *p, int pings)
+{
+    uint8_t ping[HGP_HEADER_BYTES + 8] = {0};
+    hgp_header_encode(&(struct hgp_header){.type = HGP_T_ping, .request = 1, .length = 8}, ping);
+    for (int i = 0; i < pings; i++)
+        if (write(p->fd, ping, sizeof ping) != (ssize_t)sizeof ping)
+            return true;
+    return false;
+}
+
+static void pings_before_login_are_few(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer flood, honest;
+    signal(SIGPIPE, SIG_IGN);
+    daemon_init_tokens(&d);
+    daemon_start(&d);
+    peer_open_view(&honest, &d, 32, 32);
+    uint64_t before = daemon_rss_bytes(&d), deadline_ns = hg_clock_now_ns() + 60000000000u;
+    for (int i = 0; i < 8; i++) {
+        peer_connect(&flood, &d, true);
+        peer_hello(&flood);
+        // The daemon closes after a few; what it answered is all that it kept.
+        while (!is_stopped(&flood, 1000))
+            assert_true(hg_clock_now_ns() < deadline_ns);
+        peer_close(&flood);
+        is_served(&honest);
+    }
+    assert_true(daemon_rss_bytes(&d) < before + 4 * MIB);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static void the_own_user_always_gets_in(void **state)
+{
+    (void)state;
+    enum { SLOTS = 16, OTHERS = SLOTS - SLOTS / 4 };
+    struct daemon d;
+    struct peer silent[OTHERS], extra, own;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "max-connections", "16");
+    daemon_option(&d, "max-handshakes", "1000");
+    daemon_start(&d);
+    for (int i = 0; i < OTHERS; i++) {
+        peer_connect(&silent[i], &d, true);
+        peer_hello(&silent[i]);
+    }
+    say_hello(&extra, &d);
+    refused_for(&extra, HG_E_LIMIT, "reserved-connections");
+    peer_open_view(&own, &d, 32, 32);
+    is_served(&own);
+    peer_close(&own);
+    for (int i = 0; i < OTHERS; i++)
+        peer_close(&silent[i]);
+    daemon_finish(&d);
+}
+
+static void addresses_have_a_share(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p[3], extra;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "max-per-address", "3");
+    daemon_start(&d);
+    for (int i = 0; i < 3; i++)
+        enter(&p[i], &d, "view-token-1");
+    say_hello(&extra, &d);
+    refused_for(&extra, HG_E_LIMIT, "max-per-address");
+    peer_close(&p[0]); // its slot is free again
+    uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
+    for (bool opened = false; !opened;) {
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        say_hello(&extra, &d);
+        assert_true(peer_next(&extra));
+        opened = extra.header.type == HGP_T_welcome;
+        peer_close(&extra);
+    }
+    peer_close(&p[1]);
+    peer_close(&p[2]);
+    daemon_finish(&d);
+}
+
+// Who floods with connections that never finish cannot keep all others out.
+static void handshakes_are_dropped_at_random(void **state)
+{
+    (void)state;
+    enum { MOST = 40, TRIES = 200 };
+    static struct peer p[TRIES];
+    struct daemon d;
+    int stayed = 0;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "max-handshakes", "40");
+    daemon_option(&d, "max-per-address", "1000");
+    daemon_option(&d, "max-per-network", "1000");
+    daemon_option(&d, "max-connections", "1000");
+    daemon_option(&d, "handshake-timeout", "600");
+    daemon_start(&d);
+    for (int i = 0; i < TRIES; i++) {
+        say_hello(&p[i], &d);
+        assert_true(peer_next(&p[i]));
+        bool welcome = p[i].header.type == HGP_T_welcome;
+        assert_true(welcome || says(&p[i], "max-handshakes"));
+        assert_true(welcome || i >= MOST / 2); // up to half of it everybody gets in
+        stayed += welcome;
+        if (!welcome)
+            peer_end(&p[i]);
+    }
+    assert_in_range(stayed, MOST / 2 + 1, MOST);
+    for (int i = 0; i < TRIES; i++)
+        peer_close(&p[i]);
+    daemon_finish(&d);
+}
+
+static void tokens_have_a_share_of_sessions(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer a, b, extra, other, admin;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "max-sessions", "4");
+    daemon_option(&d, "max-sessions-per-token", "2");
+    daemon_start(&d);
+    enter(&a, &d, "view-token-1");
+    enter(&b, &d, "view-token-1");
+    turned_away(&extra, &d, "view-token-1", HG_E_LIMIT, "max-sessions-per-token");
+    enter(&other, &d, "edit-token-1");
+    turned_away(&extra, &d, "edit-token-1", HG_E_LIMIT, "reserved-sessions");
+    enter(&admin, &d, "admin-token-1");
+    peer_close(&a);
+    peer_close(&b);
+    peer_close(&other);
+    peer_close(&admin);
+    daemon_finish(&d);
+}
+
+static void guessing_is_slow_and_knowing_is_not_refused(void **state)
+{
+    (void)state;
+    const uint64_t second_ns = 1000000000;
+    struct daemon d;
+    struct peer p;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "auth-failures", "2");
+    daemon_start(&d);
+    for (int i = 0; i < 3; i++) {
+        uint64_t sent_ns = hg_clock_now_ns();
+        turned_away(&p, &d, "view-token-2", HG_E_AUTH, "not known");
+        assert_true(i < 2 || hg_clock_now_ns() - sent_ns >= second_ns);
+    }
+    // Whoever shares the address and knows a token waits as long, and gets in.
+    uint64_t sent_ns = hg_clock_now_ns();
+    enter(&p, &d, "view-token-1");
+    assert_true(hg_clock_now_ns() - sent_ns >= 2 * second_ns);
+    daemon_wait_log(&d, "3 wrong ones in all");
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void revoked_tokens_end_their_sessions(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer revoked, kept;
+    daemon_init_tokens(&d);
+    daemon_start(&d);
+    enter(&revoked, &d, "view-token-1");
+    enter(&kept, &d, "edit-token-1");
+    daemon_write(&d, "tokens", "edit-token-1 edit bert\nadmin-token-1 admin\n");
+    daemon_signal(&d, SIGHUP);
+    refused_for(&revoked, HG_E_AUTH, "revoked");
+    peer_call(&kept, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    daemon_write(&d, "tokens", "edit-token-1 view bert\nadmin-token-1 admin\n");
+    daemon_signal(&d, SIGHUP);
+    refused_for(&kept, HG_E_AUTH, "another role");
+    daemon_finish(&d);
+}
+
+static void tokens_expire(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, late;
+    char text[128], date[32];
+    daemon_init_tokens(&d);
+    daemon_start(&d);
+    time_t end = time(NULL) + 3;
+    strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", gmtime(&end));
+    snprintf(text, sizeof text, "short-lived view anna expires=%s\n", date);
+    daemon_write(&d, "tokens", text);
+    daemon_signal(&d, SIGHUP);
+    daemon_wait_log(&d, "reloaded: 1 tokens");
+    enter(&p, &d, "short-lived");
+    refused_for(&p, HG_E_AUTH, "expired"); // when its time has come
+    turned_away(&late, &d, "short-lived", HG_E_AUTH, "expired");
+    daemon_finish(&d);
+}
+
+static void scopes_name_scenes(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init_tokens(&d);
+    daemon_write(&d, "tokens", "scoped-token edit anna scenes=hall-*\n");
+    daemon_start(&d);
+    enter(&p, &d, "scoped-token");
+    peer_refused(
+        &p, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make("office")}, HG_E_PERM);
+    peer_scene(&p, "hall-2");
+    peer_call(&p, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+    peer_scene(&p, ""); // its own
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// Counts lines of the audit log that have both texts.
+static int count_lines(struct daemon *d, const char *name, const char *one, const char *other)
+{
+    char *log = daemon_read(d, name), *rest = log;
+    int count = 0;
+    for (char *line; (line = strsep(&rest, "\n"));)
+        count += strstr(line, one) && strstr(line, other);
+    free(log);
+    return count;
+}
+
+static void everything_is_audited(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    char path[TEST_FOLDER_MAX + 8];
+    daemon_init_tokens(&d);
+    snprintf(path, sizeof path, "%s/audit", d.folder);
+    daemon_option(&d, "audit", path);
+    daemon_start(&d);
+    for (int i = 0; i < 5; i++)
+        turned_away(&p, &d, "wrong-token", HG_E_AUTH, "not known");
+    enter(&p, &d, "edit-token-1");
+    peer_scene(&p, "hall \"1\"");
+    peer_call(&p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p.first_id, .path = hgp_str_make("demo:")},
+        HGP_T_asset_loaded);
+    peer_refused(&p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p.first_id + 1, .path = hgp_str_make("fail")},
+        HG_E_FORMAT);
+    peer_close(&p);
+    peer_open(&p, &d);
+    peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    assert_int_equal(count_lines(&d, "audit", "\"login\"", "\"result\":\"auth\""), 5);
+    assert_int_equal(count_lines(&d, "audit", "\"name\":\"bert\"", "\"login\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"scene_open\"", "hall \\\"1\\\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"ok\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"format\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"sessions_query\"", "\"ADMIN\""), 1);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// Ranges of ids come back: a scene cannot be made unjoinable by opening it.
+static void ids_come_back(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer owner, p;
+    daemon_begin(&d);
+    peer_open_scene(&owner, &d, "shared");
+    peer_call(&owner, HGP_T_node_set, &(struct hgp_node_set){.node = owner.first_id}, HGP_T_ok);
+    peer_open_scene(&p, &d, "shared");
+    uint32_t first_id = p.first_id;
+    for (int i = 0; i < 4100; i++) {
+        peer_call(&p, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+        peer_scene(&p, "shared");
+    }
+    assert_int_equal(p.first_id, first_id);
+    // A range with objects in it stays its own until they are removed.
+    const struct hgp_node_set node = {.node = first_id};
+    const struct hgp_object_remove removal = {.kind = HGP_object_kind_NODE, .object = first_id};
+    peer_call(&p, HGP_T_node_set, &node, HGP_T_ok);
+    peer_call(&p, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+    peer_scene(&p, "shared");
+    assert_true(p.first_id != first_id);
+    peer_call(&p, HGP_T_object_remove, &removal, HGP_T_ok);
+    peer_close(&p);
+    peer_close(&owner);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pings_before_login_are_few),
+        cmocka_unit_test(the_own_user_always_gets_in),
+        cmocka_unit_test(addresses_have_a_share),
+        cmocka_unit_test(handshakes_are_dropped_at_random),
+        cmocka_unit_test(tokens_have_a_share_of_sessions),
+        cmocka_unit_test(guessing_is_slow_and_knowing_is_not_refused),
+        cmocka_unit_test(revoked_tokens_end_their_sessions),
+        cmocka_unit_test(tokens_expire),
+        cmocka_unit_test(scopes_name_scenes),
+        cmocka_unit_test(everything_is_audited),
+        cmocka_unit_test(ids_come_back),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

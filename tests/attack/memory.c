@@ -1,0 +1,183 @@
+// memory.c - attacks on the daemon's memory: readers that do not read, or hardly.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "tests/system/daemon.h"
+
+enum { MIB = 1 << 20, SIDE = 1024, FRAME = SIDE * SIDE * 4 };
+
+static uint64_t allowed(uint64_t bytes)
+{
+#ifdef __SANITIZE_THREAD__
+    return bytes * 5; // shadow memory
+#else
+    return bytes;
+#endif
+}
+
+// The daemon takes no more than `bytes` while an honest client is served 50 times.
+static void stays_within(struct daemon *d, struct peer *honest, uint64_t before, uint64_t bytes)
+{
+    uint64_t most = 0;
+    for (int i = 0; i < 50; i++) {
+        peer_call(honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+        uint64_t rss = daemon_rss_bytes(d);
+        most = rss > most ? rss : most;
+        usleep(20000);
+    }
+    print_message(
+        "memory +%.1f MiB of %.0f\n", ((double)most - (double)before) / MIB, (double)bytes / MIB);
+    assert_true(most < before + allowed(bytes));
+}
+
+static void frames_are_charged_when_granted(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer slow, honest;
+    daemon_init(&d);
+    daemon_option(&d, "output-limit", "8");
+    daemon_start(&d);
+    peer_open_view(&honest, &d, 64, 64);
+    peer_open_view(&slow, &d, SIDE, SIDE);
+    uint64_t before = daemon_rss_bytes(&d);
+    for (int i = 0; i < 64; i++) // 256 MiB in all
+        peer_send(&slow, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    stays_within(&d, &honest, before, 8 * MIB + 3 * FRAME);
+    for (int i = 0; i < 64; i++) { // all come when it reads
+        assert_true(peer_next(&slow));
+        assert_int_equal(slow.header.type, HGP_T_frame);
+    }
+    peer_close(&slow);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static void queries_are_charged_when_granted(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer slow, honest;
+    daemon_init(&d);
+    daemon_option(&d, "output-limit", "8");
+    daemon_start(&d);
+    peer_open_view(&honest, &d, 64, 64);
+    peer_open_scene(&slow, &d, "");
+    uint64_t before = daemon_rss_bytes(&d);
+    for (int i = 0; i < 2000; i++) // 2 GiB in all
+        peer_send(&slow, HGP_T_info_query, &(struct hgp_info_query){0});
+    stays_within(&d, &honest, before, (8 + 4) * MIB);
+    for (int i = 0; i < 100; i++) {
+        assert_true(peer_next(&slow));
+        assert_int_equal(slow.header.type, HGP_T_json);
+    }
+    peer_close(&slow);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+// Subscriptions of many views take turns within the same limit.
+static void views_take_turns(void **state)
+{
+    (void)state;
+    enum { VIEWS = 8 };
+    struct daemon d;
+    struct peer p;
+    uint32_t frames[VIEWS] = {0};
+    daemon_init(&d);
+    daemon_option(&d, "output-limit", "1");
+    daemon_start(&d);
+    peer_open_scene(&p, &d, "");
+    for (uint32_t i = 0; i < VIEWS; i++) {
+        peer_view(&p, i + 1, 512, 512); // a MiB each
+        peer_call(&p, HGP_T_subscribe,
+            &(struct hgp_subscribe){.view = i + 1, .credit_frames = 1024}, HGP_T_ok);
+    }
+    for (int i = 0; i < 20 * VIEWS; i++) {
+        assert_true(peer_next(&p));
+        if (p.header.type == HGP_T_frame)
+            frames[p.m.frame.view - 1]++;
+        // What it sees changes, so that every view has something to show.
+        peer_tell(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id + (uint32_t)i});
+    }
+    for (uint32_t i = 0; i < VIEWS; i++)
+        assert_true(frames[i] >= 5);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void drips_are_closed(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer drip, honest;
+    daemon_init(&d);
+    daemon_option(&d, "peer-timeout", "1");
+    daemon_option(&d, "min-drain", "1024");
+    daemon_start(&d);
+    peer_open_view(&honest, &d, 64, 64);
+    peer_open_view(&drip, &d, SIDE, SIDE);
+    for (int i = 0; i < 60; i++)
+        peer_send(&drip, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
+    // A little of what waits, again and again: some progress, but not enough.
+    static char some[65536];
+    bool open = true;
+    while (open) {
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        open = read(drip.fd, some, sizeof some) > 0;
+        char *log = daemon_read(&d, "log");
+        open = open && !strstr(log, "min-drain");
+        free(log);
+        usleep(200000);
+    }
+    daemon_wait_log(&d, "min-drain");
+    peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_close(&drip);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static void slow_readers_share_what_there_is(void **state)
+{
+    (void)state;
+    enum { READERS = 6 };
+    struct daemon d;
+    struct peer slow[READERS], honest;
+    daemon_init(&d);
+    daemon_option(&d, "output-limit", "64");
+    daemon_option(&d, "output-total", "32");
+    daemon_start(&d);
+    peer_open_view(&honest, &d, 64, 64);
+    uint64_t before = daemon_rss_bytes(&d);
+    for (int i = 0; i < READERS; i++) { // 6 times 64 MiB, if it were not for output-total
+        peer_open_view(&slow[i], &d, SIDE, SIDE);
+        for (int n = 0; n < 30; n++)
+            peer_send(&slow[i], HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    }
+    stays_within(&d, &honest, before, 32 * MIB + 64 * MIB);
+    peer_call(&honest, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    for (int i = 0; i < READERS; i++)
+        peer_close(&slow[i]);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(frames_are_charged_when_granted),
+        cmocka_unit_test(queries_are_charged_when_granted),
+        cmocka_unit_test(views_take_turns),
+        cmocka_unit_test(drips_are_closed),
+        cmocka_unit_test(slow_readers_share_what_there_is),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

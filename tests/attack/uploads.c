@@ -1,0 +1,121 @@
+// uploads.c - attacks on the store of uploads: announcements, many small files, uploads that stop.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/sha256.h"
+#include "tests/system/daemon.h"
+
+static struct hgp_upload content_of(const void *data, uint32_t size)
+{
+    struct hgp_upload m = {.total = size, .data = {data, size}};
+    assert_int_equal(hg_sha256(data, size, m.hash), HG_OK);
+    return m;
+}
+
+static bool is_there(struct peer *p, const uint8_t hash[32])
+{
+    struct hgp_content content;
+    memcpy(content.hash, hash, 32);
+    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
+        HGP_T_upload_have);
+    return p->m.upload_have.have.items[0].value;
+}
+
+static void enter(struct peer *p, struct daemon *d, const char *token)
+{
+    peer_connect(p, d, true);
+    peer_hello(p);
+    peer_auth(p, token);
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_auth_ok);
+}
+
+static void announcements_evict_nothing(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    struct hgp_upload mine = content_of("mine", 4);
+    daemon_init_tokens(&d);
+    daemon_option(&d, "upload-store", "16");
+    daemon_start(&d);
+    enter(&honest, &d, "edit-token-1");
+    peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
+    enter(&hostile, &d, "admin-token-1");
+    for (uint8_t i = 0; i < 16; i++) { // all of the store, sixteen times
+        struct hgp_upload huge = {
+            .total = 16 << 20, .hash = {i}, .data = {(const uint8_t *)"x", 1}};
+        peer_tell(&hostile, HGP_T_upload, &huge);
+    }
+    peer_call(&hostile, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    assert_true(is_there(&honest, mine.hash));
+    mine = content_of("more", 4); // and it is not full
+    peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static void quotas_survive_reconnecting(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    struct hgp_upload mine = content_of("mine", 4), first = content_of("first", 5);
+    daemon_init_tokens(&d);
+    daemon_option(&d, "max-upload-files", "50");
+    daemon_start(&d);
+    enter(&honest, &d, "edit-token-1");
+    peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
+    for (int round = 0; round < 4; round++) {
+        enter(&hostile, &d, "admin-token-1");
+        if (!round)
+            peer_call(&hostile, HGP_T_upload, &first, HGP_T_ok);
+        for (int i = 0; i < 20; i++) {
+            int data = 1000 * round + i;
+            struct hgp_upload small = content_of(&data, sizeof data);
+            peer_call(&hostile, HGP_T_upload, &small, HGP_T_ok);
+        }
+        peer_close(&hostile);
+    }
+    assert_true(is_there(&honest, mine.hash));
+    assert_false(is_there(&honest, first.hash)); // it went when its owner's quota was full
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static void uploads_that_stop_are_given_up(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    struct hgp_upload half = {.total = 2, .hash = {1}, .data = {(const uint8_t *)"x", 1}};
+    daemon_init(&d);
+    daemon_option(&d, "upload-timeout", "0.5");
+    daemon_start(&d);
+    peer_open(&p, &d);
+    peer_tell(&p, HGP_T_upload, &half);
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_notice);
+    assert_int_equal(p.m.notice.code, HG_E_TIMEOUT);
+    assert_false(daemon_has_file(&d, "cache/uploads/.incoming.1"));
+    half.offset = 1; // the rest learns why
+    peer_refused(&p, HGP_T_upload, &half, HG_E_TIMEOUT);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(announcements_evict_nothing),
+        cmocka_unit_test(quotas_survive_reconnecting),
+        cmocka_unit_test(uploads_that_stop_are_given_up),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,96 @@
+#!/usr/bin/env python3
+"""helio bench flight: laps through a scene in which a body moves, under small budgets. Once everything has been
+seen, neither the worker's resident memory nor any counter of memory grows from lap to lap, and all stay
+within their budgets.
+
+    flight.py --helio build/bin/helio --scene FILE [--laps 9] [--size 96x54]     bounded, as the test suite does
+    flight.py --helio build/bin/helio --scene FILE --minutes 60 [--target-ms 40]  the long flight
+"""
+import argparse
+import os
+import sys
+import tempfile
+
+import bench_report
+from bench_report import check
+
+WARM_UP = 0.5     # share of the laps before growth counts: two of every three rests
+RSS_ROOM = 4      # MiB that resident memory may vary by
+BUDGETS = {"texture": 16, "geometry": 64, "host": 64}  # MiB
+# Counts of what was done, that may rise for ever; and highest marks.
+FLOWS = ("read_bytes", "written_bytes", "uploaded_bytes", "pack_bytes", "peak_rss_bytes")
+
+
+def counters(stats, path=""):
+    """Everything that is memory: names and bytes."""
+    for key, value in stats.items():
+        if isinstance(value, dict):
+            yield from counters(value, path + key + ".")
+        elif key.endswith("bytes") and key not in FLOWS and path + key != "process.rss_bytes":
+            yield path + key, value
+
+
+def judge(laps):
+    """What grew after the warm-up."""
+    first = int(len(laps) * WARM_UP)
+    before, after = laps[:first], laps[first:]
+    grown = []
+    for name, value in counters(after[-1]["stats"]):
+        most = max(dict(counters(lap["stats"])).get(name, 0) for lap in before)
+        if value > most:
+            grown.append("%s: %d bytes, at most %d in the first %d laps" % (name, value, most, first))
+    rss = [lap["stats"]["process"]["rss_bytes"] / 2**20 for lap in laps]
+    if min(rss[first:]) > max(rss[:first]) + RSS_ROOM or rss[-1] > max(rss[:first]) + 2 * RSS_ROOM:
+        grown.append("resident memory: %s MiB" % ", ".join("%.1f" % value for value in rss))
+    return grown
+
+
+def check_budgets(stats):
+    for kind in ("texture", "geometry"):
+        pool = stats[kind]
+        check(0 < pool["resident_bytes"] <= pool["budget_bytes"] == BUDGETS[kind] << 20, kind, pool)
+
+
+def check_judge():
+    """Laps that grow are found."""
+    def lap(rss, atlas):
+        return {"stats": {"process": {"rss_bytes": rss << 20, "peak_rss_bytes": rss << 20},
+                          "light": {"atlas_bytes": atlas}, "texture": {"read_bytes": rss}}}
+    check(judge([lap(100, 5)] * 4) == [], "flat laps grow")
+    check(len(judge([lap(100, 5), lap(100, 5), lap(100, 5), lap(100, 6)])) == 1, "a counter that grew")
+    check(len(judge([lap(100 + 5 * k, 5) for k in range(8)])) == 1, "resident memory that grew")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--helio", required=True)
+    parser.add_argument("--scene", required=True)
+    parser.add_argument("--size", default="96x54")
+    parser.add_argument("--laps", type=int, default=9)
+    parser.add_argument("--minutes", type=float, default=0)
+    parser.add_argument("--target-ms", type=float, default=0)
+    options = parser.parse_args()
+    check_judge()
+    width, height = map(int, options.size.split("x"))
+    poses = [{"eye": [0.3 * (k % 5 - 2), 1.7, 9 - 2.5 * k], "target": [0.4 * k, 1.5, -9 - 2.5 * k]}
+             for k in range(6)]
+    settings = dict(scene=os.path.abspath(options.scene), width=width, height=height, rounds=options.laps,
+                    time_s=60 * options.minutes, target_ms=options.target_ms, path=poses)
+    budgets = [word for kind, mib in BUDGETS.items()
+               for word in ("--%s-budget" % kind, str(mib))]
+    with tempfile.TemporaryDirectory() as folder:
+        report = bench_report.bench(options.helio, "flight", folder, settings, *budgets)
+    laps = report["laps"]
+    check(len(laps) >= options.laps and laps[0]["frames"] == 2 * len(poses), len(laps))
+    check_budgets(laps[-1]["stats"])
+    for name, value in sorted(counters(laps[-1]["stats"])):
+        print("%-36s %10.2f MiB" % (name, value / 2**20))
+    print("%d laps, %d frames, %.1f MiB resident after the first, %.1f after the last" % (
+        len(laps), laps[-1]["frames"], laps[0]["stats"]["process"]["rss_bytes"] / 2**20,
+        laps[-1]["stats"]["process"]["rss_bytes"] / 2**20))
+    grown = judge(laps)
+    check(not grown, *grown)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
