@@ -33,12 +33,12 @@
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
 #define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
-#define HG_VIEW_MIRRORS_NONE   1 // as enum hg_view_mirrors
+#define HG_VIEW_MIRRORS_NONE          1 // as enum hg_view_mirrors
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 #define HG_VIEW_TEMPORAL_AUTO         1
 #define HG_VIEW_TEMPORAL_CHECKERBOARD 2
-#define HG_VIEW_SHADOWS_AUTO    0 // as enum hg_view_shadow_maps
-#define HG_VIEW_SHADOWS_VIRTUAL 2
+#define HG_VIEW_SHADOWS_AUTO          0 // as enum hg_view_shadow_maps
+#define HG_VIEW_SHADOWS_VIRTUAL       2
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
