@@ -4,7 +4,7 @@ _helio()
     local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]}
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W 'render info compare run bake cache bench ping stats sessions --help --version' -- "$cur"))
+        COMPREPLY=($(compgen -W 'render info compare run bake cache bench ping stats quarantine sessions --help --version' -- "$cur"))
         return
     fi
     case "${COMP_WORDS[1]} $prev" in
@@ -42,6 +42,7 @@ _helio()
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --progress --help' ;;
     ping) options='--count --connect --token --token-file --timeout --help' ;;
     stats) options='--connect --token --token-file --timeout --help' ;;
+    quarantine) options='--json --connect --token --token-file --timeout --help' ;;
     sessions) options='--json --connect --token --token-file --timeout --help' ;;
     esac
     case "$cur" in

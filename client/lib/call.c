@@ -325,7 +325,8 @@ enum hg_status helio_query_json(
     struct helio_message *answer;
     union hgp_any query = {0};
     *text = NULL;
-    if (type != HGP_T_stats_query && type != HGP_T_info_query && type != HGP_T_sessions_query)
+    if (type != HGP_T_stats_query && type != HGP_T_info_query && type != HGP_T_sessions_query &&
+        type != HGP_T_quarantine_query)
         return hg_error_set(err, HG_E_INVAL, "query", NULL, "not a query answered with JSON");
     if (type == HGP_T_stats_query)
         query.stats_query.view = view;

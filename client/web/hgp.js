@@ -818,6 +818,18 @@ export const messages = {
             { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
+    // files that workers died at; answered by the broker; json: quarantine[] with key, tenant, file, deaths, refused_s (0: suspected only)
+    quarantine_query: {
+        type: 0x0410, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [],
+    },
+    // forget what files did; ok; not-found when none is meant
+    quarantine_clear: {
+        type: 0x0411, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "key", kind: "str", max: 64, since: 1 },
+        ],
+    },
     // the worker accepts sessions
     worker_ready: {
         type: 0x0501, direction: "W2B", state: "OPEN", role: "NONE", since: 1,

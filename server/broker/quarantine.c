@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/log.h"
+#include "base/sha256.h"
 
 static const uint64_t suspicion_ns = 3600000000000u, second_ns = 1000000000u;
 static const uint64_t longest_ns = 86400000000000u;
@@ -76,6 +77,20 @@ void hg_quarantine_note(
     entry->until_ns = now_ns + ns;
     hg_warn(SESSION, "quarantined for %llu s: %s of %s, at which a worker died %u times",
         (unsigned long long)(ns / second_ns), entry->what, entry->tenant, entry->deaths);
+}
+
+uint32_t hg_quarantine_clear(struct hg_quarantine *q, const char *digits, size_t length)
+{
+    uint32_t count = 0;
+    char hex[HG_SHA256_HEX];
+    for (uint32_t i = 0; i < HG_QUARANTINE_ENTRIES && length < sizeof hex; i++) {
+        hg_sha256_hex(q->entries[i].key, hex);
+        if (!q->entries[i].tenant[0] || strncmp(hex, digits, length) != 0)
+            continue;
+        q->entries[i] = (struct hg_quarantine_entry){0};
+        count++;
+    }
+    return count;
 }
 
 void hg_quarantine_forget(struct hg_quarantine *q, const char *tenant, const uint8_t key[32])

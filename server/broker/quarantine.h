@@ -10,6 +10,7 @@
 #define HG_BROKER_QUARANTINE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 enum { HG_QUARANTINE_ENTRIES = 512, HG_QUARANTINE_S = 600 };
@@ -35,6 +36,8 @@ bool hg_quarantine_refuses(const struct hg_quarantine_entry *entry, uint64_t now
 // A worker died while it was loaded; `alone`: and nothing else ran.
 void hg_quarantine_note(
     struct hg_quarantine *q, const struct hg_quarantine_entry *file, bool alone, uint64_t now_ns);
+// Forgets those whose key begins with these hexadecimal digits; returns how many.
+uint32_t hg_quarantine_clear(struct hg_quarantine *q, const char *digits, size_t length);
 // It was loaded well.
 void hg_quarantine_forget(struct hg_quarantine *q, const char *tenant, const uint8_t key[32]);
 

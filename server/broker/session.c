@@ -140,6 +140,23 @@ static void relay_checked(struct hg_session *s, struct hg_packet *packet, const 
     hg_session_request_relay(s, packet);
 }
 
+static void clear_quarantine(
+    struct hg_session *s, uint32_t request, const struct hgp_quarantine_clear *m)
+{
+    struct hg_error err = {0};
+    char detail[80];
+    uint32_t count =
+        hg_quarantine_clear(s->table->quarantine, m->key.size ? m->key.data : "", m->key.size);
+    if (!count && m->key.size)
+        hg_error_set(&err, HG_E_NOTFOUND, "quarantine_clear", "key", "no file's key begins so");
+    snprintf(detail, sizeof detail, "%u files", count);
+    hg_session_audit(s, "quarantine_clear", err.status, detail);
+    if (err.status)
+        hg_conn_fail(s->conn, request, &err);
+    else if (request)
+        hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+}
+
 void hg_session_message(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
 {
     uint32_t request = packet->header.request;
@@ -159,6 +176,13 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
     case HGP_T_sessions_query:
         hg_session_audit(s, "sessions_query", HG_OK, NULL);
         hg_session_list(s, request);
+        return;
+    case HGP_T_quarantine_query:
+        hg_session_audit(s, "quarantine_query", HG_OK, NULL);
+        hg_session_list_quarantine(s, request);
+        return;
+    case HGP_T_quarantine_clear:
+        clear_quarantine(s, request, &m->quarantine_clear);
         return;
     default:
         relay_checked(s, packet, m);

@@ -61,6 +61,15 @@ static void files_are_quarantined(void **state)
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
     assert_true(says(&hostile, "quarantine"));
     peer_call(&hostile, HGP_T_asset_load, &good, HGP_T_asset_loaded);
+    // An administrator sees it, and may let it in again.
+    peer_call(&hostile, HGP_T_quarantine_query, &(struct hgp_quarantine_query){0}, HGP_T_json);
+    const struct hgp_str *json = &hostile.m.json.text;
+    assert_non_null(memmem(json->data, json->size, "\"file\":\"poison\",\"deaths\":2", 26));
+    peer_refused(&hostile, HGP_T_quarantine_clear,
+        &(struct hgp_quarantine_clear){.key = hgp_str_make("no-such-key")}, HG_E_NOTFOUND);
+    peer_call(&hostile, HGP_T_quarantine_clear, &(struct hgp_quarantine_clear){0}, HGP_T_ok);
+    poison.asset++;
+    peer_call(&hostile, HGP_T_asset_load, &poison, HGP_T_asset_loaded);
     // Another tenant may load what it likes under that name.
     struct hgp_asset_load own = load_of(&honest, "poison");
     peer_call(&honest, HGP_T_asset_load, &own, HGP_T_asset_loaded);
