@@ -105,8 +105,11 @@ struct hg_gather_key {
 struct hg_view_gather {
     struct hg_path *path; // while it is gathered
     struct hg_gather_key key;
-    bool begun, done;          // for `key`
+    bool begun, lit, done;     // for `key`; lit: `light` is there
     struct hg_gpu_image light; // shaders/shared/gi.h
+    // RGBA32F: what transmissive surfaces send to the eye, times the share of the pixel that they
+    // cover, and that share. None: there are no such surfaces.
+    struct hg_gpu_image glass;
     struct hg_path_stats stats; // of what is gathered, or was last
 };
 

@@ -209,7 +209,7 @@ enum hg_status hg_temporal_view_targets(
     if (draw->request->drawn.width == 0)
         return HG_OK;
     draw->targets = t;
-    draw->gathered = NULL; // per pixel of the whole size
+    draw->gathered = draw->glass = NULL; // per pixel of the whole size
     const VkExtent2D size = hg_draw_size(draw->request);
     if (t->depth.width != size.width || t->depth.height != size.height)
         destroy_images(view->context->gpu, t);
