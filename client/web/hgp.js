@@ -507,6 +507,7 @@ export const messages = {
             { name: "ao", kind: "enum", values: "ao", since: 1, optional: true },
             { name: "mirrors", kind: "enum", values: "mirrors", since: 1, optional: true },
             { name: "shadow_maps", kind: "enum", values: "shadow_maps", since: 1, optional: true },
+            { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view

@@ -70,6 +70,7 @@ struct hg_view_settings {
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
     float scale;     // of the sides of pictures in motion; 0 = as target_ms needs
+    float sharpen;   // strength, of pictures in motion, 0 .. 1
     uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
 };

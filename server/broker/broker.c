@@ -131,6 +131,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .conns = &b->conns,
         .pool = &b->pool,
         .audit = &b->audit,
+        .quarantine = &b->quarantine,
         .scenes = {.pool = &b->pool, .store = b->store}};
     if (hg_worker_pool_init(&b->pool, &like))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");

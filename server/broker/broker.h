@@ -5,7 +5,7 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   json
+//   json quarantine
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
 //   transport                                    bytes of a peer
 //   packet listener peer_table                   whole messages; where clients come in, and from
@@ -16,6 +16,7 @@
 //   session_state                                what is kept of sessions
 //   session_audit
 //   session_view session_upload
+//   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
 //   session                                      begin and end, the client's messages
 //   session_answer                               what the worker says
@@ -34,6 +35,7 @@ struct hg_broker {
     char *const *argv; // for reloads
     struct hg_tokens tokens;
     struct hg_audit audit;
+    struct hg_quarantine quarantine;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;

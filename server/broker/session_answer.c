@@ -6,6 +6,7 @@
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
+#include "server/broker/trial.h"
 
 // A view_set of the same number that is already on its way creates the view again.
 static void close_view(
@@ -166,6 +167,8 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
         note_refused(s, request);
     else
         note_accepted(s, request);
+    hg_trial_passed(s, request->packet); // loaded or refused: the worker lives
+    request->answered = true;
     note_size(s, request, packet);
     if (request->client_id)
         relay_answer(s, packet, request->client_id);

@@ -4,8 +4,7 @@
 
 #include "base/alloc.h"
 #include "server/broker/session_view.h"
-
-static const uint64_t suspect_patience_ns = 3000000000u;
+#include "server/broker/trial.h"
 
 static size_t packet_bytes(const struct hg_packet *packet)
 {
@@ -87,16 +86,6 @@ void hg_session_request_lost(struct hg_session *s, struct hg_request *request)
     give_back(s, request);
 }
 
-// The request that ran alone is done: others may have waited for it.
-static void end_suspicion(struct hg_session *s, const struct hg_request *request)
-{
-    struct hg_link *link = s->scene->link;
-    if (!link->suspect.session || link->suspect.id != request->link_id || !request->sent)
-        return;
-    link->suspect.session = NULL;
-    link->pump = true;
-}
-
 void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
 {
     *(request->prev ? &request->prev->next : &s->first) = request->next;
@@ -105,7 +94,8 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
     s->frame_count -= is_frame_request(request->packet);
     s->request_bytes -= packet_bytes(request->packet);
     give_back(s, request);
-    end_suspicion(s, request);
+    hg_trial_clear(s, request);
+    hg_trial_leave(s, request);
     hg_packet_unref(request->packet);
     hg_free(request);
 }
@@ -168,20 +158,10 @@ static void send_request(struct hg_session *s, struct hg_request *request)
     charge(s, request);
     struct hg_packet *packet = type == HGP_T_subscribe ? windowed_subscribe(s, request->packet)
                                                        : hg_packet_ref(request->packet);
-    if (request->deaths) {
-        link->suspect = (struct hg_link_suspect){
-            .session = s, .id = request->link_id, .sent_ns = link->loop->now_ns};
-    }
+    request->sent_ns = link->loop->now_ns;
+    if (request->suspect)
+        hg_trial_begin(s, request);
     hg_link_send_packet(link, s->number, request->link_id, packet);
-}
-
-// A request that was under way when the worker died runs alone, so that the next death, if it is
-// its fault, is blamed on nothing else. After a while it is taken for harmless.
-static bool must_wait(const struct hg_session *s, const struct hg_request *request)
-{
-    const struct hg_link *link = s->scene->link;
-    return request->deaths && link->suspect.session &&
-           link->loop->now_ns - link->suspect.sent_ns < suspect_patience_ns;
 }
 
 static bool has_room(struct hg_session *s, const struct hg_request *request)
@@ -196,12 +176,14 @@ void hg_session_request_pump(struct hg_session *s)
         next = it->next;
         if (it->sent)
             continue;
-        if (must_wait(s, it) || !has_room(s, it))
+        if (hg_trial_must_wait(s, it) || !has_room(s, it))
             return;
         send_request(s, it);
     }
-    if (s->attached)
-        settle_cameras(s);
+    if (!s->attached)
+        return;
+    settle_cameras(s);
+    hg_trial_subscribe(s);
 }
 
 // Two cameras of one view in a row are one.
@@ -226,12 +208,14 @@ void hg_session_request_relay(struct hg_session *s, struct hg_packet *packet)
     uint16_t type = packet->header.type;
     if (type == HGP_T_view_camera && merge_camera(s, packet))
         return;
-    if (!add_request(s, packet, packet->header.request)) {
+    struct hg_request *request = add_request(s, packet, packet->header.request);
+    if (!request) {
         struct hg_error err = {0};
         hg_error_set(&err, HG_E_NOMEM, "request", NULL, "no memory for the request");
         hg_conn_fail(s->conn, packet->header.request, &err);
         return;
     }
+    hg_trial_meet(s, request);
     hg_session_request_pump(s);
 }
 
@@ -245,10 +229,8 @@ static void restore_view(struct hg_session *s, struct hg_session_view *view)
     hg_link_send_packet(link, s->number, hg_link_next_id(link), hg_packet_ref(view->params));
     if (view->camera)
         hg_link_send_packet(link, s->number, hg_link_next_id(link), hg_packet_ref(view->camera));
-    if (view->subscribed)
-        hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_subscribe,
-            &(struct hgp_subscribe){
-                .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
+    if (view->subscribed && !view->held)
+        hg_session_view_subscribe(s, view);
 }
 
 void hg_session_request_attach(struct hg_session *s)

@@ -4,6 +4,7 @@
 
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
+#include "server/broker/trial.h"
 
 static enum hg_status check_load(
     const struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
@@ -70,7 +71,7 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
         return hg_error_set(
             err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");
     case HGP_T_asset_load:
-        if (check_load(s, &m->asset_load, err))
+        if (check_load(s, &m->asset_load, err) || hg_trial_check(s, packet, err))
             return err->status;
         return check_journal(s, packet, err);
     case HGP_T_environment_set:
@@ -78,7 +79,7 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
             !hg_upload_store_has(s->table->store, m->environment_set.hash))
             return hg_error_set(
                 err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
-        return HG_OK;
+        return hg_trial_check(s, packet, err);
     case HGP_T_image_query:
         return hg_session_upload_verify(s, &m->image_query, err);
     case HGP_T_view_set:

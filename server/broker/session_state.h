@@ -6,11 +6,12 @@
 #include "server/broker/audit.h"
 #include "server/broker/auth.h"
 #include "server/broker/conn.h"
+#include "server/broker/quarantine.h"
 #include "server/broker/scene.h"
 
 enum {
     HG_SESSION_UPLOADS = 16, // contents of one session that may alternate
-    HG_SESSION_TRIES = 2,    // deaths of the worker after which a request is given up
+    HG_SESSION_TRIES = 4,    // deaths beside others after which a request is given up
     HG_SESSION_POISONS = 3,  // given-up requests after which a session is closed
 };
 
@@ -22,7 +23,11 @@ struct hg_request {
     uint32_t client_id; // 0 = no answer requested
     struct hg_packet *packet;
     bool sent;
-    uint8_t deaths;  // of the worker while this was under way
+    bool suspect; // it is tried alone
+    bool answered;
+    uint8_t deaths;   // of the worker while this was under way
+    uint64_t sent_ns; // when it was sent
+    uint64_t ran_ns;  // how long until the worker died
     uint64_t charge; // bytes that its answer may have; counted in granted_bytes while it is sent
 };
 
@@ -38,7 +43,11 @@ struct hg_session_view {
     uint32_t granted; // of these, given to the worker
     uint64_t frame_bytes; // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
-    uint64_t turn; // of the newest credit; smaller = longer ago
+    uint64_t turn;      // of the newest credit; smaller = longer ago
+    uint64_t credit_ns; // when that was given
+    uint64_t ran_ns;    // how long until the worker died
+    bool suspect;       // its subscription is tried alone
+    bool held;          // and waits for that
 };
 
 // The newest upload that failed: its other pieces may still come, and fail the same way.
@@ -87,6 +96,7 @@ struct hg_session_table {
     const struct hg_conn_table *conns;
     struct hg_worker_pool *pool;
     struct hg_audit *audit;
+    struct hg_quarantine *quarantine;
     struct hg_scene_table scenes;
     struct hg_session *first;
     uint32_t count, last_number;

@@ -119,12 +119,25 @@ void hg_session_view_reset(struct hg_session_view *view)
     view->last_number = view->number_base = 0;
 }
 
+void hg_session_view_clear(struct hg_session *s, struct hg_session_view *view)
+{
+    struct hg_link *link = s->scene->link;
+    if (!view->suspect)
+        return;
+    view->suspect = view->held = false;
+    link->trial.waiting--;
+    link->pump = true;
+    if (link->trial.session == s && !link->trial.id && link->trial.view == view->number)
+        link->trial.session = NULL;
+}
+
 void hg_session_view_remove(struct hg_session *s, struct hg_session_view *view)
 {
     struct hg_session_view **link = &s->views;
     while (*link != view)
         link = &(*link)->next;
     *link = view->next;
+    hg_session_view_clear(s, view);
     hg_session_view_reset(view);
     hg_free(view);
 }
@@ -162,7 +175,16 @@ uint32_t hg_session_view_take_window(struct hg_session *s, struct hg_session_vie
         view->granted < most && (!view->granted || hg_session_view_may_grant(s, view->frame_bytes)))
         view->granted++;
     view->turn = ++s->answers.turns;
+    view->credit_ns = s->table->loop->now_ns;
     return view->granted;
+}
+
+void hg_session_view_subscribe(struct hg_session *s, struct hg_session_view *view)
+{
+    struct hg_link *link = s->scene->link;
+    hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_subscribe,
+        &(struct hgp_subscribe){
+            .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
 }
 
 // One frame more.
@@ -179,6 +201,7 @@ static void grant(struct hg_session *s, struct hg_session_view *view)
         &(struct hgp_credit){.view = view->number, .frames = 1});
     view->granted++;
     view->turn = ++s->answers.turns;
+    view->credit_ns = s->table->loop->now_ns;
 }
 
 // Whose turn it is: of those that may have one more, the one whose turn is longest ago.
@@ -186,7 +209,8 @@ static struct hg_session_view *next_view(struct hg_session *s)
 {
     struct hg_session_view *best = NULL;
     for (struct hg_session_view *it = s->views; it; it = it->next)
-        if (it->accepted && it->granted < most_credit(s, it) && (!best || it->turn < best->turn))
+        if (it->accepted && !it->held && it->granted < most_credit(s, it) &&
+            (!best || it->turn < best->turn))
             best = it;
     return best;
 }

@@ -13,6 +13,10 @@ enum hg_status hg_session_view_ask(
 enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
 // A view_camera that took effect: a new worker gets it.
 void hg_session_view_note_camera(struct hg_session *session, struct hg_packet *packet);
+// Its subscription is no suspect any more, or is gone.
+void hg_session_view_clear(struct hg_session *session, struct hg_session_view *view);
+// Sends the subscription that the client made to a worker that does not have it.
+void hg_session_view_subscribe(struct hg_session *session, struct hg_session_view *view);
 void hg_session_view_reset(struct hg_session_view *view); // as if the worker had never taken it
 void hg_session_view_remove(struct hg_session *session, struct hg_session_view *view);
 // The first credit of a subscription: at least one frame, if the client gave credit.

@@ -9,6 +9,7 @@
 #include "server/broker/loop.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
+#include "server/broker/quarantine.h"
 
 enum { HG_LINK_DEATHS_KEPT = 64 };
 
@@ -39,11 +40,22 @@ struct hg_link_replay {
     uint64_t start_ns;
 };
 
-// A request that may have killed a worker and runs alone now. Of the layer above.
-struct hg_link_suspect {
-    struct hg_session *session; // NULL: none
-    uint32_t id;
-    uint64_t sent_ns;
+// Files whose load was under way when the session that asked for it ended.
+enum { HG_LINK_LEFT = 16 };
+struct hg_link_left {
+    struct hg_quarantine_entry files[HG_LINK_LEFT]; // ring
+    uint32_t count;
+};
+
+// What may have killed a worker is tried again, one thing at a time and with nothing beside it. Of
+// the layer above.
+struct hg_link_trial {
+    struct hg_session *session; // whose; NULL: nothing is tried at this moment
+    uint32_t id;                // of the request; 0: the subscription of a view
+    uint32_t view;
+    uint64_t sent_ns, patience_ns; // after which it is taken for harmless
+    uint32_t waiting;              // suspects, that one included
+    struct hg_link_left left;
 };
 
 // Whom it works for. Of the pool.
@@ -75,7 +87,7 @@ struct hg_link {
     bool broken;          // could not queue a message: replaced at the end of the round
     bool pump;            // sessions may have something to send
     struct hg_link_replay replay;
-    struct hg_link_suspect suspect;
+    struct hg_link_trial trial;
 };
 
 // Path of the worker's program; false when there is none.

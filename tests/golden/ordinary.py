@@ -17,14 +17,13 @@ import argparse
 import concurrent.futures
 import os
 import shutil
-import struct
 import subprocess
 import sys
-import zlib
 
 import ordinary_scenes
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
+import png_files
 from daemon import daemon
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -51,47 +50,9 @@ ALIKE = {"blender.dae": ("blender.glb", 0.04), "blender.fbx": ("blender.glb", 0.
          "huge.obj": ("cube.obj", 0.02)}
 
 
-def read_png(path):
-    """(width, height, channels, rows of bytes) of an 8-bit PNG."""
-    with open(path, "rb") as file:
-        data = file.read()
-    at, body, head = 8, b"", None
-    while at < len(data):
-        size, kind = struct.unpack(">I4s", data[at:at + 8])
-        if kind == b"IHDR":
-            head = struct.unpack(">IIBBBBB", data[at + 8:at + 21])
-        body += data[at + 8:at + 8 + size] if kind == b"IDAT" else b""
-        at += size + 12
-    width, height, bits, kind = head[:4]
-    assert bits == 8 and kind in (2, 6), "not an 8-bit RGB or RGBA PNG"
-    channels = 3 if kind == 2 else 4
-    raw, stride = zlib.decompress(body), width * channels
-    rows, before = [], bytearray(stride)
-    for y in range(height):
-        mode = raw[y * (stride + 1)]
-        row = bytearray(raw[y * (stride + 1) + 1:(y + 1) * (stride + 1)])
-        for i in range(stride):
-            left = row[i - channels] if i >= channels else 0
-            up, corner = before[i], before[i - channels] if i >= channels else 0
-            if mode == 1:
-                row[i] = (row[i] + left) & 255
-            elif mode == 2:
-                row[i] = (row[i] + up) & 255
-            elif mode == 3:
-                row[i] = (row[i] + (left + up) // 2) & 255
-            elif mode == 4:
-                guess = left + up - corner
-                near = min((abs(guess - left), 0, left), (abs(guess - up), 1, up),
-                           (abs(guess - corner), 2, corner))
-                row[i] = (row[i] + near[2]) & 255
-        rows.append(bytes(row))
-        before = row
-    return width, height, channels, rows
-
-
 def mask_of(path):
     """Pixels that the scene covers."""
-    width, height, channels, rows = read_png(path)
+    width, height, channels, rows = png_files.read(path)
     assert channels == 4, "the picture without background has no alpha"
     return [[rows[y][4 * x + 3] >= 128 for x in range(width)] for y in range(height)]
 
@@ -102,7 +63,7 @@ def mean(values):
 
 def look(picture, mask, asked):
     """What is wrong with a picture."""
-    width, height, channels, rows = read_png(picture)
+    width, height, channels, rows = png_files.read(picture)
     pixel = lambda x, y: rows[y][channels * x:channels * x + 3]
     inside = [(x, y) for y in range(height) for x in range(width) if mask[y][x]]
     if not inside:

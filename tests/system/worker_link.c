@@ -227,6 +227,45 @@ static void test_lights_need_the_size_of_their_kind(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &none), HG_E_INVAL, "radius");
 }
 
+// Profiles are photometric files, textures have to be there; a light does without one that is
+// removed.
+static void test_lights_with_profile_and_texture(void **state)
+{
+    struct rig *rig = *state;
+    static const char ies[] = "TILT=NONE\n1 -1 1 2 1 1 1 0 0 0\n1 1 20\n0 180\n0\n250 50\n";
+    static const uint8_t pixel[4] = {255, 0, 0, 255};
+    link_attach(rig, 1, "a");
+    struct hgp_light_set light = {.light = FIRST_ID,
+        .has_kind = true,
+        .kind = HGP_light_kind_SPOT,
+        .has_profile = true,
+        .profile = {(const uint8_t *)"TILT=NONE\n1 x", 13}};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &light), HG_E_FORMAT, "line 2");
+    light.profile = (struct hgp_bytes){(const uint8_t *)ies, sizeof ies - 1};
+    light.has_texture = true;
+    light.texture = FIRST_ID + 1;
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &light), HG_E_NOTFOUND, "texture");
+    struct hgp_object_remove remove = {.kind = HGP_object_kind_LIGHT, .object = FIRST_ID};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_object_remove, &remove), HG_E_NOTFOUND, NULL);
+    struct hgp_texture_set texture = {.texture = FIRST_ID + 1,
+        .format = HGP_pixel_format_RGBA8_SRGB,
+        .width = 1,
+        .height = 1,
+        .pixels = {pixel, sizeof pixel}};
+    link_expect(rig, link_ask(rig, 1, HGP_T_texture_set, &texture), HGP_T_ok);
+    light.has_lumens = light.has_profile_absolute = true;
+    light.lumens = 800;
+    link_expect(rig, link_ask(rig, 1, HGP_T_light_set, &light), HGP_T_ok);
+    link_expect(
+        rig, link_ask(rig, 1, HGP_T_texture_set, &texture), HGP_T_ok); // its image is made anew
+    remove.kind = HGP_object_kind_TEXTURE;
+    remove.object = FIRST_ID + 1;
+    link_expect(rig, link_ask(rig, 1, HGP_T_object_remove, &remove), HGP_T_ok);
+    light.has_texture = false;
+    light.profile.size = 0; // none
+    link_expect(rig, link_ask(rig, 1, HGP_T_light_set, &light), HGP_T_ok);
+}
+
 static void test_refused_edits_make_no_objects(void **state)
 {
     struct rig *rig = *state;
@@ -400,6 +439,7 @@ int main(void)
         TEST(test_an_assets_transform_moves_it_and_goes_with_it),
         TEST(test_comparison_of_bytes_that_are_no_image),
         TEST(test_lights_need_the_size_of_their_kind),
+        TEST(test_lights_with_profile_and_texture),
         TEST(test_refused_edits_make_no_objects),
         TEST(test_scene_open_without_a_session_is_answered),
         TEST(test_a_peer_may_leave_without_reading),
