@@ -28,12 +28,16 @@ struct hg_lighting {
     struct hg_jobs *jobs;
     struct hg_lighting_params params;
     struct hg_env_device env;
-    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries, tables;
+    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
     struct {
-        uint32_t *words; // what `tables` holds
+        struct hg_gpu_buffer buffer;
+        uint32_t *words; // what it holds
         uint64_t hash;
     } tabled;
     struct hg_gpu_image atlas;
+    struct {
+        uint64_t atlas, shape; // of the atlas, and of the shapes drawn into it
+    } revisions;
     struct hg_light_set set;
     struct hg_clusters cells;
     struct hg_light_cuts cuts;
@@ -44,7 +48,6 @@ struct hg_lighting {
         uint32_t due;                  // maps of the plan behind `count`
         bool pay;                      // the newest picture in motion gains by them
     } pages;
-    uint64_t drawn_shape_revision, atlas_revision;
     struct {
         uint32_t deferred; // maps that this picture does without
         uint32_t unseen;   // maps that it has no use for
@@ -116,7 +119,7 @@ void hg_lighting_destroy(struct hg_lighting *l)
     hg_env_device_finish(&l->env, l->gpu);
     hg_gpu_image_destroy(l->gpu, &l->atlas);
     struct hg_gpu_buffer *buffers[] = {
-        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tables};
+        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tabled.buffer};
     for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
         hg_gpu_buffer_destroy(l->gpu, buffers[i]);
     hg_free(l->tabled.words);
@@ -156,8 +159,8 @@ static const struct hg_shadow_map *find_drawn(
 // It is known where casters moved since the atlas was drawn.
 static bool knows_moved(const struct hg_lighting *l, const struct hg_lighting_view *view)
 {
-    return l->drawn_shape_revision == view->shape_revision ||
-           (view->moved && view->shape_before == l->drawn_shape_revision);
+    return l->revisions.shape == view->shape_revision ||
+           (view->moved && view->shape_before == l->revisions.shape);
 }
 
 // A map is kept when the atlas holds the same projection in the same place and nothing moved; where
@@ -165,7 +168,7 @@ static bool knows_moved(const struct hg_lighting *l, const struct hg_lighting_vi
 static enum hg_status mark_stale(
     struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
 {
-    const bool moved = l->drawn_shape_revision != view->shape_revision;
+    const bool moved = l->revisions.shape != view->shape_revision;
     bool known = knows_moved(l, view);
     if (l->plan.atlas_px && l->plan.atlas_px != l->atlas.width) {
         struct hg_gpu_image next = {0};
@@ -209,7 +212,7 @@ static enum hg_status sync_pages(
     const struct hg_shadow_map *pool = plan->paged ? &plan->maps[plan->pool] : NULL;
     hg_shadow_pages_begin(
         l->pages.table, pool ? &pool->gpu : NULL, pool ? &pool[1].gpu : NULL, view->camera);
-    const bool moved = l->drawn_shape_revision != view->shape_revision;
+    const bool moved = l->revisions.shape != view->shape_revision;
     if (!knows_moved(l, view))
         hg_shadow_pages_forget(l->pages.table);
     else if (moved)
@@ -312,17 +315,17 @@ uint64_t hg_lighting_shadow_table_bytes(const struct hg_lighting *l)
 
 uint64_t hg_lighting_shape_revision(const struct hg_lighting *l)
 {
-    return l->drawn_shape_revision;
+    return l->revisions.shape;
 }
 
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *l)
 {
-    return l->atlas_revision;
+    return l->revisions.atlas;
 }
 
 void hg_lighting_note_drawn(struct hg_lighting *l)
 {
-    l->atlas_revision++;
+    l->revisions.atlas++;
 }
 
 // --- sync ----------------------------------------------------------------------------------------
@@ -367,7 +370,7 @@ static enum hg_status upload_tables(struct hg_lighting *l, struct hg_error *err)
     hg_light_set_tables(&l->set, l->tabled.words);
     if (l->set.left_out > 0)
         hg_warn(LIGHT, "profiles or images of %u lights have no room", l->set.left_out);
-    enum hg_status status = put(l, &l->tables, "light tables", l->tabled.words, bytes, err);
+    enum hg_status status = put(l, &l->tabled.buffer, "light tables", l->tabled.words, bytes, err);
     if (!status)
         l->tabled.hash = hash;
     return status;
@@ -425,7 +428,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_lights = l->entries.address,
         .irradiance = l->env.irradiance.address,
         .dfg = l->dfg.address,
-        .tables = l->tables.address,
+        .tables = l->tabled.buffer.address,
         .light_count = cut ? l->cuts.count : l->set.count,
         .global_count = cut ? l->set.directional_count : l->set.global_count,
         .clustered = l->cells.used,
@@ -491,7 +494,7 @@ enum hg_status hg_lighting_sync(
         status = sync_pages(l, view, err);
     if (status)
         return status;
-    l->drawn_shape_revision = view->shape_revision;
+    l->revisions.shape = view->shape_revision;
     l->moves = view->moves;
     defer_unseen(l, view);
     defer_maps(l, many && view->moves);
@@ -601,5 +604,5 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
                         l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
                         l->dfg.memory.size_bytes + l->lights.memory.size_bytes +
                         l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
-                        l->entries.memory.size_bytes + l->tables.memory.size_bytes;
+                        l->entries.memory.size_bytes + l->tabled.buffer.memory.size_bytes;
 }

@@ -28,7 +28,7 @@ struct hg_request {
     uint8_t deaths;   // of the worker while this was under way
     uint64_t sent_ns; // when it was sent
     uint64_t ran_ns;  // how long until the worker died
-    uint64_t charge; // bytes that its answer may have; counted in granted_bytes while it is sent
+    uint64_t charge;  // bytes that its answer may have; counted in granted_bytes while it is sent
 };
 
 struct hg_session_view {
