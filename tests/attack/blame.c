@@ -20,12 +20,16 @@ static void begin(struct daemon *d)
 
 static void enter(struct peer *p, struct daemon *d, const char *token)
 {
-    peer_connect(p, d, true);
-    peer_hello(p);
-    peer_auth(p, token);
-    assert_true(peer_next(p));
-    assert_int_equal(p->header.type, HGP_T_auth_ok);
+    peer_enter(p, d, token);
     peer_scene(p, "");
+}
+
+// Takes a tripwire away.
+static void disarm(const struct daemon *d, const char *name)
+{
+    char path[TEST_FOLDER_MAX + 32];
+    snprintf(path, sizeof path, "%s/%s", d->folder, name);
+    assert_int_equal(unlink(path), 0);
 }
 
 static struct hgp_asset_load load_of(const struct peer *p, const char *path)
@@ -33,10 +37,12 @@ static struct hgp_asset_load load_of(const struct peer *p, const char *path)
     return (struct hgp_asset_load){.asset = p->first_id, .path = hgp_str_make(path)};
 }
 
-static bool says(const struct peer *p, const char *text)
+static void begin_both(struct daemon *d, struct peer *honest, struct peer *hostile)
 {
-    const struct hgp_str *reason = &p->m.error.reason;
-    return memmem(reason->data, reason->size, text, strlen(text)) != NULL;
+    begin(d);
+    enter(honest, d, "edit-token-1");
+    peer_view(honest, 1, 8, 8);
+    enter(hostile, d, "admin-token-1");
 }
 
 // A file that ended a worker twice is refused, also in another session, and nobody else's is.
@@ -45,21 +51,16 @@ static void files_are_quarantined(void **state)
     (void)state;
     struct daemon d;
     struct peer honest, hostile;
-    begin(&d);
-    enter(&honest, &d, "edit-token-1");
-    peer_view(&honest, 1, 8, 8);
-    enter(&hostile, &d, "admin-token-1");
+    begin_both(&d, &honest, &hostile);
     struct hgp_asset_load poison = load_of(&hostile, "poison"), good = load_of(&hostile, "good");
     daemon_write(&d, "kill.asset_load", "");
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
-    char tripwire[TEST_FOLDER_MAX + 32];
-    snprintf(tripwire, sizeof tripwire, "%s/kill.asset_load", d.folder);
-    assert_int_equal(unlink(tripwire), 0);
+    disarm(&d, "kill.asset_load");
     peer_close(&hostile);
     enter(&hostile, &d, "admin-token-1");
     poison.asset = good.asset = hostile.first_id;
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
-    assert_true(says(&hostile, "quarantine"));
+    assert_true(peer_says(&hostile, "quarantine"));
     peer_call(&hostile, HGP_T_asset_load, &good, HGP_T_asset_loaded);
     // An administrator sees it, and may let it in again.
     peer_call(&hostile, HGP_T_quarantine_query, &(struct hgp_quarantine_query){0}, HGP_T_json);
@@ -98,7 +99,7 @@ static void leaving_does_not_help(void **state)
     daemon_write(&d, "die.asset_load", "");
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
-    assert_true(says(&hostile, "quarantine"));
+    assert_true(peer_says(&hostile, "quarantine"));
     peer_close(&hostile);
     daemon_finish(&d);
 }
@@ -109,17 +110,12 @@ static void subscriptions_are_blamed(void **state)
     (void)state;
     struct daemon d;
     struct peer honest, hostile;
-    begin(&d);
-    enter(&honest, &d, "edit-token-1");
-    peer_view(&honest, 1, 8, 8);
-    enter(&hostile, &d, "admin-token-1");
+    begin_both(&d, &honest, &hostile);
     peer_view(&hostile, 1, 8, 8);
     daemon_write(&d, "kill.subscribe", "");
     peer_tell(&hostile, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 10});
     daemon_wait_log(&d, "it is not tried again"); // the request that made it
-    char tripwire[TEST_FOLDER_MAX + 32];
-    snprintf(tripwire, sizeof tripwire, "%s/kill.subscribe", d.folder);
-    assert_int_equal(unlink(tripwire), 0);
+    disarm(&d, "kill.subscribe");
     peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
     peer_close(&hostile);
     peer_close(&honest);
@@ -133,10 +129,7 @@ static void innocents_are_not_blamed(void **state)
     struct daemon d;
     struct peer honest, hostile;
     uint32_t asked[20];
-    begin(&d);
-    enter(&honest, &d, "edit-token-1");
-    peer_view(&honest, 1, 8, 8);
-    enter(&hostile, &d, "admin-token-1");
+    begin_both(&d, &honest, &hostile);
     struct hgp_asset_load poison = load_of(&hostile, "poison");
     daemon_write(&d, "kill.asset_load", "");
     uint32_t load = peer_send(&hostile, HGP_T_asset_load, &poison);
@@ -145,9 +138,7 @@ static void innocents_are_not_blamed(void **state)
         usleep(5000);
     }
     peer_error(&hostile, load, HG_E_WORKER);
-    char tripwire[TEST_FOLDER_MAX + 32];
-    snprintf(tripwire, sizeof tripwire, "%s/kill.asset_load", d.folder);
-    assert_int_equal(unlink(tripwire), 0);
+    disarm(&d, "kill.asset_load");
     for (int i = 0; i < 20; i++)
         peer_answer(&honest, asked[i], HGP_T_frame);
     peer_close(&hostile);

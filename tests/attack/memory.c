@@ -37,15 +37,27 @@ static void stays_within(struct daemon *d, struct peer *honest, uint64_t before,
     assert_true(most < before + allowed(bytes));
 }
 
+static void begin(struct daemon *d, struct peer *honest)
+{
+    daemon_init(d);
+    daemon_option(d, "output-limit", "8");
+    daemon_start(d);
+    peer_open_view(honest, d, 64, 64);
+}
+
+static void end(struct daemon *d, struct peer *honest, struct peer *slow)
+{
+    peer_close(slow);
+    peer_close(honest);
+    daemon_finish(d);
+}
+
 static void frames_are_charged_when_granted(void **state)
 {
     (void)state;
     struct daemon d;
     struct peer slow, honest;
-    daemon_init(&d);
-    daemon_option(&d, "output-limit", "8");
-    daemon_start(&d);
-    peer_open_view(&honest, &d, 64, 64);
+    begin(&d, &honest);
     peer_open_view(&slow, &d, SIDE, SIDE);
     uint64_t before = daemon_rss_bytes(&d);
     for (int i = 0; i < 64; i++) // 256 MiB in all
@@ -55,9 +67,7 @@ static void frames_are_charged_when_granted(void **state)
         assert_true(peer_next(&slow));
         assert_int_equal(slow.header.type, HGP_T_frame);
     }
-    peer_close(&slow);
-    peer_close(&honest);
-    daemon_finish(&d);
+    end(&d, &honest, &slow);
 }
 
 static void queries_are_charged_when_granted(void **state)
@@ -65,10 +75,7 @@ static void queries_are_charged_when_granted(void **state)
     (void)state;
     struct daemon d;
     struct peer slow, honest;
-    daemon_init(&d);
-    daemon_option(&d, "output-limit", "8");
-    daemon_start(&d);
-    peer_open_view(&honest, &d, 64, 64);
+    begin(&d, &honest);
     peer_open_scene(&slow, &d, "");
     uint64_t before = daemon_rss_bytes(&d);
     for (int i = 0; i < 2000; i++) // 2 GiB in all
@@ -78,9 +85,7 @@ static void queries_are_charged_when_granted(void **state)
         assert_true(peer_next(&slow));
         assert_int_equal(slow.header.type, HGP_T_json);
     }
-    peer_close(&slow);
-    peer_close(&honest);
-    daemon_finish(&d);
+    end(&d, &honest, &slow);
 }
 
 // Subscriptions of many views take turns within the same limit.
@@ -140,9 +145,7 @@ static void drips_are_closed(void **state)
     }
     daemon_wait_log(&d, "min-drain");
     peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
-    peer_close(&drip);
-    peer_close(&honest);
-    daemon_finish(&d);
+    end(&d, &honest, &drip);
 }
 
 static void slow_readers_share_what_there_is(void **state)

@@ -468,6 +468,21 @@ void peer_open(struct peer *p, struct daemon *d)
     assert_false(p->m.welcome.auth_required);
 }
 
+void peer_enter(struct peer *p, struct daemon *d, const char *token)
+{
+    peer_connect(p, d, true);
+    peer_hello(p);
+    peer_auth(p, token);
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_auth_ok);
+}
+
+bool peer_says(const struct peer *p, const char *text)
+{
+    const struct hgp_str *reason = &p->m.error.reason;
+    return memmem(reason->data, reason->size, text, strlen(text)) != NULL;
+}
+
 void peer_scene(struct peer *p, const char *name)
 {
     peer_call(p, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make(name)},

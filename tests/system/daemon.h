@@ -56,6 +56,8 @@ void peer_connect(struct peer *p, struct daemon *d, bool tcp); // only the socke
 void peer_hello(struct peer *p);                               // preface, hello, welcome
 void peer_auth(struct peer *p, const char *token);             // auth, no answer awaited
 void peer_open(struct peer *p, struct daemon *d);              // unix, open session
+void peer_enter(struct peer *p, struct daemon *d, const char *token); // tcp, open session
+bool peer_says(const struct peer *p, const char *text); // the error that came has it as its reason
 void peer_scene(struct peer *p, const char *name);
 void peer_open_scene(struct peer *p, struct daemon *d, const char *name); // both
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height);
