@@ -57,6 +57,7 @@ void daemon_init(struct daemon *d)
     daemon_option(d, "worker", worker ? worker : text);
     daemon_option(d, "log", "debug");
     daemon_option(d, "isolation", "shared");
+    daemon_option(d, "sandbox", "best-effort"); // worker_sandbox tests the other way
 }
 
 void daemon_init_tokens(struct daemon *d)

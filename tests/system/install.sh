@@ -41,7 +41,7 @@ grep -q "^ExecStart=$prefix/bin/heliod " "$here/lib/systemd/system/heliod.servic
 unset HELIO_WORKER HELIO_BENCH
 PATH=/usr/bin:/bin
 expect 0 "$here/bin/helio" render demo: -o "$temp/a.png" --size 64x48 --samples 1
-"$here/bin/heliod" --listen "unix:$temp/sock" --log warn &
+"$here/bin/heliod" --listen "unix:$temp/sock" --sandbox best-effort --log warn &
 daemon=$!
 answers() { "$here/bin/helio" ping --count 1 --connect "unix:$temp/sock" >/dev/null 2>&1; }
 until_true answers
