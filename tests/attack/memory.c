@@ -13,15 +13,6 @@
 
 enum { MIB = 1 << 20, SIDE = 1024, FRAME = SIDE * SIDE * 4 };
 
-static uint64_t allowed(uint64_t bytes)
-{
-#ifdef __SANITIZE_THREAD__
-    return bytes * 5; // shadow memory
-#else
-    return bytes;
-#endif
-}
-
 // The daemon takes no more than `bytes` while an honest client is served 50 times.
 static void stays_within(struct daemon *d, struct peer *honest, uint64_t before, uint64_t bytes)
 {
@@ -34,7 +25,7 @@ static void stays_within(struct daemon *d, struct peer *honest, uint64_t before,
     }
     print_message(
         "memory +%.1f MiB of %.0f\n", ((double)most - (double)before) / MIB, (double)bytes / MIB);
-    assert_true(most < before + allowed(bytes));
+    assert_true(most < before + daemon_allowed(bytes));
 }
 
 static void begin(struct daemon *d, struct peer *honest)

@@ -41,6 +41,7 @@ char *daemon_read(struct daemon *d, const char *name);       // caller frees
 void daemon_wait_log(struct daemon *d, const char *text);    // until the log contains it
 pid_t daemon_worker(struct daemon *d, pid_t other_than);     // newest worker, once it is another
 uint64_t daemon_rss_bytes(struct daemon *d);
+uint64_t daemon_allowed(uint64_t bytes); // more under sanitizers, which keep what was freed
 
 struct peer {
     int fd;
