@@ -303,7 +303,7 @@ pid_t daemon_worker(struct daemon *d, pid_t other_than)
 uint64_t daemon_allowed(uint64_t bytes)
 {
 #if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
-    return bytes * 5 + (UINT64_C(256) << 20); // shadow memory, quarantine
+    return bytes * 5 + (UINT64_C(512) << 20); // shadow memory, quarantine
 #else
     return bytes;
 #endif
