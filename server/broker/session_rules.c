@@ -7,14 +7,14 @@
 #include "server/broker/trial.h"
 
 static enum hg_status check_load(
-    const struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
+    struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
 {
     if (m->asset < s->first_id || m->asset - s->first_id >= HG_SCENE_ID_RANGE)
         return hg_error_set(err, HG_E_INVAL, "asset_load", "asset",
             "%u is outside this session's range %u to %u", m->asset, s->first_id,
             s->first_id + HG_SCENE_ID_RANGE - 1);
     for (uint32_t i = 0; i < m->files.count; i++)
-        if (!hg_upload_store_has(s->table->store, m->files.items[i].hash)) {
+        if (!hg_session_upload_has(s, m->files.items[i].hash)) {
             char place[128];
             snprintf(place, sizeof place, "files[%u].hash", i);
             return hg_error_set(err, HG_E_NOTFOUND, "asset_load", place,
@@ -75,8 +75,7 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
             return err->status;
         return check_journal(s, packet, err);
     case HGP_T_environment_set:
-        if (m->environment_set.has_hash &&
-            !hg_upload_store_has(s->table->store, m->environment_set.hash))
+        if (m->environment_set.has_hash && !hg_session_upload_has(s, m->environment_set.hash))
             return hg_error_set(
                 err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
         return hg_trial_check(s, packet, err);

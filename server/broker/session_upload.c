@@ -22,13 +22,14 @@ static struct hg_upload **free_slot(struct hg_session *s)
     return NULL;
 }
 
-// Who the session's uploads are counted for: whoever has its token, or the daemon's own user. NULL:
-// no memory.
+// Whose the session's uploads are: its tenant's. NULL: no memory.
 static struct hg_upload_owner *owner_of(const struct hg_session *s)
 {
+    uint8_t key[32];
     const struct hg_options *o = s->table->options;
-    struct hg_upload_owner *owner =
-        s->conn ? hg_upload_store_owner(s->table->store, s->conn->auth.hash) : NULL;
+    if (hg_sha256(s->tenant, strlen(s->tenant), key))
+        return NULL;
+    struct hg_upload_owner *owner = hg_upload_store_owner(s->table->store, key);
     if (owner) // a file that is verified counts as long as the worker has it
         hg_upload_owner_set_quota(
             owner, &(struct hg_upload_usage){.bytes = o->max_upload_bytes > s->verified_bytes
@@ -36,6 +37,13 @@ static struct hg_upload_owner *owner_of(const struct hg_session *s)
                                                           : 0,
                        .files = o->max_upload_files});
     return owner;
+}
+
+bool hg_session_upload_has(struct hg_session *s, const uint8_t hash[32])
+{
+    const struct hg_upload_owner *owner = owner_of(s);
+    return owner &&
+           hg_upload_store_has(s->table->store, s->table->pool->is_shared ? NULL : owner, hash);
 }
 
 static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
@@ -122,7 +130,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         return;
     }
     // Another session has sent it meanwhile: nothing is stored twice.
-    if (!running && hg_upload_store_has(s->table->store, m->hash))
+    if (!running && hg_session_upload_has(s, m->hash))
         done = m->offset + m->data.size >= m->total;
     else
         status = take_piece(s, m, &done, &err);
@@ -139,8 +147,7 @@ void hg_session_upload_query(
 {
     struct hgp_flag flags[1024];
     for (uint32_t i = 0; i < m->contents.count; i++)
-        flags[i] = (struct hgp_flag){
-            .value = hg_upload_store_has(s->table->store, m->contents.items[i].hash)};
+        flags[i] = (struct hgp_flag){.value = hg_session_upload_has(s, m->contents.items[i].hash)};
     if (request)
         hg_conn_send(s->conn, request, HGP_T_upload_have,
             &(struct hgp_upload_have){.have = {flags, m->contents.count}});
