@@ -1,8 +1,11 @@
 // task.c - loads and comparisons on threads of their own.
 #include "server/worker/task.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -37,6 +40,14 @@ static bool report_progress(void *user, const char *stage, uint64_t done, uint64
     return !atomic_load(&task->cancel);
 }
 
+// Clients do not learn where files lie: the last name tells them which one it is.
+static void hide_folder(struct hg_error *err)
+{
+    const char *slash = strrchr(err->what, '/');
+    if (err->what[0] == '/' && slash[1])
+        memmove(err->what, slash + 1, strlen(slash));
+}
+
 // Checks a stored upload against its hash, and copies it.
 static enum hg_status take_upload(const char *path, const uint8_t hash[32], const uint8_t *data,
     size_t size, struct hg_refbuf **out, struct hg_error *err)
@@ -68,6 +79,8 @@ static enum hg_status read_upload(const struct worker_options *options, const ui
     status = hg_file_read(path, limit_bytes, &data, &size, err);
     if (!status)
         status = take_upload(path, hash, data, size, out, err);
+    if (status)
+        hide_folder(err);
     hg_free(data);
     hg_free(path);
     return status;
@@ -142,6 +155,32 @@ static enum hg_status go_on(struct task *task, const char *what)
     return hg_error_set(&task->err, HG_E_CANCELLED, what, NULL, "the session ended");
 }
 
+// The content of the store has the hash that it is named by.
+static enum hg_status verify_upload(const char *path, const uint8_t hash[32], struct hg_error *err)
+{
+    enum { CHUNK = 1 << 20 };
+    uint8_t digest[32], *chunk = hg_calloc(CHUNK, 1);
+    struct hg_sha256 *hasher = chunk ? hg_sha256_create() : NULL;
+    int fd = hasher ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    ssize_t got = fd < 0 ? -1 : 1;
+    while (got > 0 && (got = read(fd, chunk, CHUNK)) > 0)
+        hg_sha256_update(hasher, chunk, (size_t)got);
+    const int e = errno;
+    if (hasher)
+        hg_sha256_end(hasher, digest);
+    if (fd >= 0)
+        close(fd);
+    hg_free(chunk);
+    if (!hasher)
+        return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory to verify it");
+    if (got < 0)
+        return hg_error_set(
+            err, hg_status_from_errno(e), path, NULL, "cannot be read: %s", strerror(e));
+    return memcmp(digest, hash, 32) == 0 ? HG_OK
+                                         : hg_error_set(err, HG_E_HASH, path, NULL,
+                                               "the stored upload is damaged; send it again");
+}
+
 static enum hg_status load_environment(struct task *task)
 {
     const struct hgp_environment_set *m = &task->message.environment_set;
@@ -150,9 +189,12 @@ static enum hg_status load_environment(struct task *task)
     enum hg_status status = m->has_hash
                                 ? hg_asset_path_upload(options, m->hash, &path, &task->err)
                                 : hg_asset_path_resolve(options, m->path, &path, &task->err);
+    if (!status && m->has_hash)
+        status = verify_upload(path, m->hash, &task->err);
+    if (!status)
+        status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
     if (status)
-        return status;
-    status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
+        hide_folder(&task->err);
     hg_free(path);
     return status;
 }

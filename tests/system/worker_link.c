@@ -10,8 +10,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/vfs.h>
+#include <unistd.h>
 
+#include "base/sha256.h"
 #include "tests/system/worker_link_rig.h"
 
 // ---- tests --------------------------------------------------------------------------------------
@@ -423,6 +426,29 @@ static void test_a_whole_file_after_a_part(void **state)
     assert_int_equal(send_part(rig, 2, 1, &one), HG_E_INVAL);
 }
 
+// What the store has under a hash must have it; the error does not tell where that lies.
+static void test_damaged_uploads_are_refused(void **state)
+{
+    struct rig *rig = *state;
+    char folder[4200], path[4400], hex[HG_SHA256_HEX];
+    struct hgp_environment_set set = {
+        .has_kind = true, .kind = HGP_environment_kind_FILE, .has_hash = true};
+    assert_int_equal(hg_sha256("what was sent", 13, set.hash), HG_OK);
+    hg_sha256_hex(set.hash, hex);
+    snprintf(folder, sizeof folder, "%s/uploads", link_cache_folder(path, sizeof path));
+    mkdir(folder, 0700);
+    snprintf(path, sizeof path, "%s/%s", folder, hex);
+    test_file_write(path, "something else", 14);
+    link_attach(rig, 1, "damaged");
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_environment_set, &set), HG_E_HASH, NULL);
+    const struct hgp_str *what = &rig->message.error.what;
+    assert_null(memchr(what->data, '/', what->size));
+    assert_int_equal(unlink(path), 0);
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_environment_set, &set), HG_E_NOTFOUND, NULL);
+    what = &rig->message.error.what;
+    assert_null(memchr(what->data, '/', what->size));
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, link_start, link_stop)
@@ -448,6 +474,8 @@ int main(void)
         TEST(test_a_whole_file_after_a_part),
         cmocka_unit_test_setup_teardown(
             test_verified_files_take_no_memory, link_start_with_cache, link_stop),
+        cmocka_unit_test_setup_teardown(
+            test_damaged_uploads_are_refused, link_start_with_cache, link_stop),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }
