@@ -9,6 +9,7 @@
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
 // hello, auth and some pings; what is answered to them is small.
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
+enum { RESTED_BEFORE_TRIM = 64 };
 static const uint64_t rest_ns = 2000000000;
 
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
@@ -331,7 +332,7 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
         conn->table->events->due(conn);
     }
     if (now_ns - conn->received_ns > rest_ns)
-        hgp_framer_rest(&conn->in);
+        conn->table->rested += hgp_framer_rest(&conn->in);
     if (conn->state == HG_CONN_OPEN)
         check_idle(conn, now_ns);
 }
@@ -461,6 +462,10 @@ void hg_conn_check_times(struct hg_conn_table *table)
     for (struct hg_conn *it = table->first, *next; it; it = next) {
         next = it->next;
         check_time(it, now_ns);
+    }
+    if (table->rested >= RESTED_BEFORE_TRIM) { // the heap keeps what was freed in its middle
+        hg_alloc_trim();
+        table->rested = 0;
     }
 }
 

@@ -82,6 +82,7 @@ struct hg_conn_table {
     void *owner; // for `events`
     struct hg_conn *first, *dead;
     uint32_t paused_count;
+    uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool was_short;           // of memory for output, at the last check
     bool closing;             // one began to close: `ended` comes at the end of the round

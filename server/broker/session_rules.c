@@ -1,6 +1,7 @@
 #include "server/broker/session_rules.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
@@ -24,21 +25,49 @@ static enum hg_status check_load(
     return HG_OK;
 }
 
+struct journals {
+    uint64_t all, own; // bytes of all scenes, of those of one tenant
+};
+
+static struct journals sum_journals(const struct hg_session *s)
+{
+    struct journals sum = {0};
+    for (const struct hg_shared_scene *it = s->table->scenes.first; it; it = it->next) {
+        uint64_t bytes = hg_journal_get_stats(it->journal).bytes;
+        sum.all += bytes;
+        sum.own += strcmp(it->tenant, s->tenant) == 0 ? bytes : 0;
+    }
+    return sum;
+}
+
+// While journals take more than half of journal-total, no tenant may have more than half of that.
+static bool exceeds_total(const struct hg_session *s, uint64_t more)
+{
+    const uint64_t most = s->table->options->journal_total_bytes;
+    const struct journals sum = sum_journals(s);
+    return sum.all + more > most || (sum.all + more > most / 2 && sum.own + more > most / 4);
+}
+
 static enum hg_status check_journal(
     const struct hg_session *s, const struct hg_packet *packet, struct hg_error *err)
 {
-    struct hg_journal_stats stats = hg_journal_get_stats(s->scene->journal);
-    uint64_t need = stats.bytes + s->request_bytes + packet->header.length;
-    bool removes =
-        packet->header.type == HGP_T_object_remove || packet->header.type == HGP_T_asset_unload;
-    if (!hg_journal_wants(packet->header.type) || removes ||
-        need <= s->table->options->journal_limit_bytes)
+    const struct hg_options *o = s->table->options;
+    const uint16_t type = packet->header.type;
+    const uint64_t more = s->request_bytes + packet->header.length;
+    const uint64_t need = hg_journal_get_stats(s->scene->journal).bytes + more;
+    if (!hg_journal_wants(type) || type == HGP_T_object_remove || type == HGP_T_asset_unload)
         return HG_OK;
-    return hg_error_set(err, HG_E_LIMIT, hgp_find(packet->header.type)->name, NULL,
-        "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
-        "remove objects or upload assets instead",
-        (unsigned long long)(need >> 20),
-        (unsigned long long)(s->table->options->journal_limit_bytes >> 20));
+    if (need > o->journal_limit_bytes)
+        return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
+            "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
+            "remove objects or upload assets instead",
+            (unsigned long long)(need >> 20), (unsigned long long)(o->journal_limit_bytes >> 20));
+    if (exceeds_total(s, more))
+        return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
+            "the edits of all scenes take what journal-total allows (%llu MiB), or this tenant's "
+            "its share",
+            (unsigned long long)(o->journal_total_bytes >> 20));
+    return HG_OK;
 }
 
 static enum hg_status check_view(

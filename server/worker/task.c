@@ -206,9 +206,40 @@ static enum hg_status read_side(struct hgp_bytes bytes, const char *name, bool a
         as_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, out, err);
 }
 
-// 8-bit pictures are compared as they are; anything deeper in float.
-static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, struct hg_error *err)
+// Half of what the worker may take, a quarter of the machine where no limit is set.
+static uint64_t most_bytes(const struct worker_options *o)
 {
+    if (o->memory_limit_bytes)
+        return o->memory_limit_bytes / 2;
+    return (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
+}
+
+// Both images, the difference, and what the metric keeps of each pixel meanwhile.
+static enum hg_status check_size(
+    const struct task *task, const struct hg_image_info *side, bool as_float, struct hg_error *err)
+{
+    static const uint32_t kept[] = {[HG_METRIC_PSNR] = 4,
+        [HG_METRIC_SSIM] = 48,
+        [HG_METRIC_FLIP] = 84,
+        [HG_METRIC_RMSE] = 4,
+        [HG_METRIC_MAX] = 4};
+    const uint64_t pixel = kept[task->message.compare.metric] + 4 + 2 * (as_float ? 16 : 4);
+    const uint64_t bytes = (uint64_t)side->width * side->height * pixel;
+    const uint64_t most = most_bytes(&task->to.w->options);
+    if (bytes <= most)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, "compare", NULL,
+        "%u x %u pixels would take %llu MiB with this metric, more than the %llu that one "
+        "comparison "
+        "may have; compare parts",
+        side->width, side->height, (unsigned long long)(bytes >> 20),
+        (unsigned long long)(most >> 20));
+}
+
+// 8-bit pictures are compared as they are; anything deeper in float.
+static enum hg_status probe_sides(struct task *task, bool *as_float, struct hg_error *err)
+{
+    const struct hgp_compare *m = &task->message.compare;
     struct hg_image_info a, b;
     enum hg_status status = hg_image_probe_memory(
         &(struct hg_image_bytes){m->a.data, m->a.size, "first image"}, &a, err);
@@ -219,7 +250,8 @@ static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, s
     if (status)
         return status;
     *as_float = a.is_float || b.is_float || a.is_16bit || b.is_16bit;
-    return HG_OK;
+    status = check_size(task, &a, *as_float, err);
+    return status ? status : check_size(task, &b, *as_float, err);
 }
 
 struct comparison {
@@ -230,7 +262,7 @@ static enum hg_status read_sides(struct task *task, struct comparison *c)
 {
     const struct hgp_compare *m = &task->message.compare;
     bool as_float;
-    enum hg_status status = probe_sides(m, &as_float, &task->err);
+    enum hg_status status = probe_sides(task, &as_float, &task->err);
     if (status)
         return status;
     status = read_side(m->a, "first image", as_float, &c->a, &task->err);

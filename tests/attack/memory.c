@@ -164,6 +164,61 @@ static void slow_readers_share_what_there_is(void **state)
     daemon_finish(&d);
 }
 
+// Sessions that do nothing give their buffers back.
+static void idle_sessions_are_small(void **state)
+{
+    (void)state;
+    enum { SESSIONS = 400, EACH = 8 * 1024 };
+    static struct peer idle[SESSIONS];
+    struct daemon d;
+    daemon_init(&d);
+    daemon_option(&d, "max-sessions", "1000");
+    daemon_option(&d, "max-connections", "1000");
+    daemon_start(&d);
+    uint64_t before = daemon_rss_bytes(&d), deadline_ns = hg_clock_now_ns() + 60000000000u;
+    for (int i = 0; i < SESSIONS; i++)
+        peer_open(&idle[i], &d);
+    uint64_t after;
+    do {
+        usleep(100000);
+        after = daemon_rss_bytes(&d);
+    } while (after > before + daemon_allowed(SESSIONS * EACH) && hg_clock_now_ns() < deadline_ns);
+    print_message("%.1f KiB a session\n", ((double)after - (double)before) / 1024 / SESSIONS);
+    assert_true(after <= before + daemon_allowed(SESSIONS * EACH));
+    for (int i = 0; i < SESSIONS; i++)
+        peer_close(&idle[i]);
+    daemon_finish(&d);
+}
+
+// Journals of all scenes have a limit, and a tenant its share: another one can still edit.
+static void journals_share_what_there_is(void **state)
+{
+    (void)state;
+    enum { SIZE = 600000 };
+    struct daemon d;
+    struct peer hostile, honest;
+    uint8_t *points = calloc(SIZE, 1);
+    struct hgp_mesh_part part = {.positions = {points, SIZE}};
+    daemon_init_tokens(&d);
+    daemon_option(&d, "journal-total", "8");
+    daemon_start(&d);
+    peer_enter(&hostile, &d, "edit-token-1");
+    peer_scene(&hostile, "one");
+    struct hgp_mesh_set mesh = {.mesh = hostile.first_id, .parts = {&part, 1}};
+    for (int i = 0; i < 6; i++, mesh.mesh++) // 3.4 MiB: more than a quarter, less than half
+        peer_call(&hostile, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    peer_refused(&hostile, HGP_T_mesh_set, &mesh, HG_E_LIMIT);
+    assert_true(peer_says(&hostile, "journal-total"));
+    peer_enter(&honest, &d, "admin-token-1");
+    peer_scene(&honest, "two");
+    mesh.mesh = honest.first_id;
+    peer_call(&honest, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    free(points);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -172,6 +227,8 @@ int main(void)
         cmocka_unit_test(views_take_turns),
         cmocka_unit_test(drips_are_closed),
         cmocka_unit_test(slow_readers_share_what_there_is),
+        cmocka_unit_test(idle_sessions_are_small),
+        cmocka_unit_test(journals_share_what_there_is),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

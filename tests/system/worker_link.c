@@ -426,6 +426,19 @@ static void test_a_whole_file_after_a_part(void **state)
     assert_int_equal(send_part(rig, 2, 1, &one), HG_E_INVAL);
 }
 
+// A few bytes that claim much are refused before memory is taken for them.
+static void test_huge_comparisons_are_refused(void **state)
+{
+    struct rig *rig = *state;
+    static const char huge[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 16384\n";
+    const struct hgp_bytes bytes = {(const uint8_t *)huge, sizeof huge - 1};
+    link_attach(rig, 1, "huge");
+    link_expect_error(rig,
+        link_ask(rig, 1, HGP_T_compare,
+            &(struct hgp_compare){.metric = HGP_metric_FLIP, .a = bytes, .b = bytes}),
+        HG_E_LIMIT, NULL);
+}
+
 // What the store has under a hash must have it; the error does not tell where that lies.
 static void test_damaged_uploads_are_refused(void **state)
 {
@@ -474,6 +487,10 @@ int main(void)
         TEST(test_a_whole_file_after_a_part),
         cmocka_unit_test_setup_teardown(
             test_verified_files_take_no_memory, link_start_with_cache, link_stop),
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // they pass any limit
+        cmocka_unit_test_setup_teardown(
+            test_huge_comparisons_are_refused, link_start_with_limit, link_stop),
+#endif
         cmocka_unit_test_setup_teardown(
             test_damaged_uploads_are_refused, link_start_with_cache, link_stop),
     };

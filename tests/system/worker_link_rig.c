@@ -59,6 +59,11 @@ int link_start_with_cache(void **state)
     return start_with(state, "--cache-dir", link_cache_folder(folder, sizeof folder));
 }
 
+int link_start_with_limit(void **state)
+{
+    return start_with(state, "--memory-limit", "1024");
+}
+
 static void forget_answer(struct rig *rig)
 {
     free(rig->payload);

@@ -24,6 +24,8 @@ struct rig {
 int link_start(void **state); // set-up of a test
 // With a folder for what is large; on a disk, where the build is on one.
 int link_start_with_cache(void **state);
+// With a GiB of memory.
+int link_start_with_limit(void **state);
 char *link_cache_folder(char *path, size_t size);
 // Tear-down: the worker has to end with exit code 0.
 int link_stop(void **state);
