@@ -99,8 +99,8 @@ static bool is_for_worker(const char *variable)
     static const char *const prefixes[] = {"HELIO_", "VK_", "MESA_", "LP_", "GALLIUM_", "LIBGL_",
         "EGL_", "__GL", "__VK", "__EGL", "NVIDIA_", "CUDA_", "AMD_", "RADV_", "ANV_", "INTEL_",
         "DRI_", "DISABLE_", "ENABLE_", "XDG_", "LC_", "ASAN_", "UBSAN_", "TSAN_", "LSAN_", "OIIO_",
-        "OPENIMAGEIO_",
-        "LD_LIBRARY_PATH=", "PATH=", "HOME=", "LANG=", "TZ=", "TMPDIR=", "LLVM_PROFILE_FILE="};
+        "OPENIMAGEIO_", "LD_LIBRARY_PATH=", "LD_PRELOAD=", "PATH=", "HOME=", "LANG=", "TZ=",
+        "TMPDIR=", "LLVM_PROFILE_FILE="};
     for (size_t i = 0; i < sizeof prefixes / sizeof *prefixes; i++)
         if (strncmp(variable, prefixes[i], strlen(prefixes[i])) == 0)
             return true;
