@@ -18,8 +18,8 @@
 enum { BUCKETS = 65536, BLOCK_BYTES = 4096, MARK_DIGITS = 32 };
 
 struct content {
-    struct content *chain;         // of its bucket
-    struct content *older, *newer; // those that may be evicted, by their last use
+    struct content *chain;           // of its bucket
+    struct content *older, *newer;   // those that may be evicted, by their last use
     struct hg_upload_owner **owners; // [owner_count] who has sent all of it
     size_t owner_count, owner_capacity;
     uint8_t hash[32];

@@ -388,7 +388,7 @@ static void store_evicts_what_nobody_uses(void **state)
     put(store, owner, 1, 1000, a); // two blocks each
     put(store, owner, 2, 1000, b);
     assert_true(hg_upload_store_has(store, NULL, a)); // used: b is the oldest now
-    put(store, owner, 3, BLOCK + 1, c);         // three
+    put(store, owner, 3, BLOCK + 1, c);               // three
     assert_true(hg_upload_store_has(store, NULL, a) && !hg_upload_store_has(store, NULL, b) &&
                 hg_upload_store_has(store, NULL, c));
     assert_int_equal(hg_upload_store_pin(store, a), HG_OK);

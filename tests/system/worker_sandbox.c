@@ -320,6 +320,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_files),
         cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_signals),
-        cmocka_unit_test(test_processes), cmocka_unit_test(test_require), cmocka_unit_test(test_programs_sockets_and_memory)};
+        cmocka_unit_test(test_processes), cmocka_unit_test(test_require),
+        cmocka_unit_test(test_programs_sockets_and_memory)};
     return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);
 }
