@@ -51,7 +51,7 @@ static enum hg_status check_session(
     return HG_OK;
 }
 
-// Of somebody without a session.
+// Logs the refusal of a client that has no session.
 static void audit_refusal(
     const struct hg_conn *conn, const char *name, enum hg_status status, const char *reason)
 {

@@ -20,6 +20,8 @@ static void subscribe(struct hg_session *s, const struct hgp_subscribe *m)
     view->credit = m->credit_frames;
     view->subscribed = m->credit_frames > 0;
     view->resubscribe = false;
+    if (!view->subscribed)
+        hg_session_view_clear(s, view); // a suspect that is stopped need not be tried
 }
 
 // Scenes without a name are the session's own.

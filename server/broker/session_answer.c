@@ -19,6 +19,7 @@ static void close_view(
             hgp_decode(HGP_VERSION_MAX, HGP_T_view_set,
                 hg_reader_make(packet->payload, packet->header.length), NULL, &m, NULL) == HG_OK &&
             m.view == view->number) {
+            hg_session_view_clear(s, view);
             hg_session_view_reset(view);
             return;
         }

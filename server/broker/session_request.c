@@ -164,9 +164,11 @@ static void send_request(struct hg_session *s, struct hg_request *request)
     hg_link_send_packet(link, s->number, request->link_id, packet);
 }
 
+// Suspects have it in any case: the other sessions wait for them.
 static bool has_room(struct hg_session *s, const struct hg_request *request)
 {
-    return !request->client_id || hg_session_view_may_grant(s, answer_bytes(s, request->packet));
+    return !request->client_id || request->suspect ||
+           hg_session_view_may_grant(s, answer_bytes(s, request->packet));
 }
 
 void hg_session_request_pump(struct hg_session *s)

@@ -25,6 +25,9 @@ static enum hg_status check_load(
     return HG_OK;
 }
 
+// Journals up to here are not added up: their number is limited by that of sessions.
+enum { LITTLE_JOURNAL = 1 << 20 };
+
 struct journals {
     uint64_t all, own; // bytes of all scenes, of those of one tenant
 };
@@ -62,7 +65,7 @@ static enum hg_status check_journal(
             "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
             "remove objects or upload assets instead",
             (unsigned long long)(need >> 20), (unsigned long long)(o->journal_limit_bytes >> 20));
-    if (exceeds_total(s, more))
+    if (need > LITTLE_JOURNAL && exceeds_total(s, more))
         return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
             "the edits of all scenes take what journal-total allows (%llu MiB), or this tenant's "
             "its share",

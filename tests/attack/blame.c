@@ -1,5 +1,6 @@
 // blame.c - files and views that end workers: who is blamed, and for how long.
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -122,6 +123,31 @@ static void subscriptions_are_blamed(void **state)
     daemon_finish(&d);
 }
 
+// A suspect subscription that its client stops does not hold the other sessions up.
+static void stopped_suspects_hold_nobody_up(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "restart-delay", "1"); // time to stop it in
+    daemon_start(&d);
+    enter(&honest, &d, "edit-token-1");
+    peer_view(&honest, 1, 8, 8);
+    enter(&hostile, &d, "admin-token-1");
+    peer_view(&hostile, 1, 8, 8);
+    peer_call(&hostile, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 10},
+        HGP_T_ok);
+    assert_int_equal(kill(daemon_worker(&d, 0), SIGKILL), 0);
+    daemon_wait_log(&d, "it is replaced");
+    peer_tell(&hostile, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 0});
+    peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_call(&hostile, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
 // Fresh requests wait while suspects are tried: none of them is taken for the guilty one.
 static void innocents_are_not_blamed(void **state)
 {
@@ -152,6 +178,7 @@ int main(void)
         cmocka_unit_test(files_are_quarantined),
         cmocka_unit_test(leaving_does_not_help),
         cmocka_unit_test(subscriptions_are_blamed),
+        cmocka_unit_test(stopped_suspects_hold_nobody_up),
         cmocka_unit_test(innocents_are_not_blamed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

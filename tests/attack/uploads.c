@@ -17,15 +17,6 @@ static struct hgp_upload content_of(const void *data, uint32_t size)
     return m;
 }
 
-static bool is_there(struct peer *p, const uint8_t hash[32])
-{
-    struct hgp_content content;
-    memcpy(content.hash, hash, 32);
-    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
-        HGP_T_upload_have);
-    return p->m.upload_have.have.items[0].value;
-}
-
 static void announcements_evict_nothing(void **state)
 {
     (void)state;
@@ -44,7 +35,7 @@ static void announcements_evict_nothing(void **state)
         peer_tell(&hostile, HGP_T_upload, &huge);
     }
     peer_call(&hostile, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
-    assert_true(is_there(&honest, mine.hash));
+    assert_true(peer_has_upload(&honest, mine.hash));
     mine = content_of("more", 4); // and it is not full
     peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
     peer_close(&hostile);
@@ -74,8 +65,8 @@ static void quotas_survive_reconnecting(void **state)
         }
         peer_close(&hostile);
     }
-    assert_true(is_there(&honest, mine.hash));
-    assert_false(is_there(&honest, first.hash)); // it went when its owner's quota was full
+    assert_true(peer_has_upload(&honest, mine.hash));
+    assert_false(peer_has_upload(&honest, first.hash)); // it went when its owner's quota was full
     peer_close(&honest);
     daemon_finish(&d);
 }

@@ -506,6 +506,15 @@ void peer_open_scene(struct peer *p, struct daemon *d, const char *name)
     peer_scene(p, name);
 }
 
+bool peer_has_upload(struct peer *p, const uint8_t hash[32])
+{
+    struct hgp_content content;
+    memcpy(content.hash, hash, 32);
+    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
+        HGP_T_upload_have);
+    return p->m.upload_have.have.items[0].value;
+}
+
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)
 {
     peer_call(p, HGP_T_view_set,

@@ -59,6 +59,7 @@ void peer_auth(struct peer *p, const char *token);             // auth, no answe
 void peer_open(struct peer *p, struct daemon *d);              // unix, open session
 void peer_enter(struct peer *p, struct daemon *d, const char *token); // tcp, open session
 bool peer_says(const struct peer *p, const char *text); // the error that came has it as its reason
+bool peer_has_upload(struct peer *p, const uint8_t hash[32]); // upload_query of one content
 void peer_scene(struct peer *p, const char *name);
 void peer_open_scene(struct peer *p, struct daemon *d, const char *name); // both
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height);

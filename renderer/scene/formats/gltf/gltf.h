@@ -89,7 +89,7 @@ const char *hg_gltf_string(const struct hg_gltf_at *at, const char *key); // NUL
 // Up to `count` numbers; absent: out is untouched and false is returned.
 bool hg_gltf_numbers(const struct hg_gltf_at *at, const char *key, float *out, size_t count);
 // Of extras: a number above 0 and at most `most` under one of the names, NULL last; 0: there is
-// none. What is no such number is told, as of the owner ("light").
+// none. Any other value is reported as a notice that names the owner ("light").
 float hg_gltf_read_extra(struct hg_gltf *g, const struct hg_gltf_at *extras, const char *owner,
     const char *const *names, float most);
 // Index into an array of the file; -1 when absent.
