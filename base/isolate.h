@@ -13,10 +13,12 @@
 
 // What a process is asked for; who makes and reads arguments and results is named behind.
 enum hg_isolate_op {
-    HG_ISOLATE_IMPORT = 1, // renderer/scene/formats/import
-    HG_ISOLATE_DRACO,      // renderer/scene/formats/gltf
-    HG_ISOLATE_IMAGE_OPEN, // renderer/image, as the rest
+    HG_ISOLATE_IMPORT = 1,   // renderer/scene/formats/import
+    HG_ISOLATE_DRACO,        // renderer/scene/formats/gltf: decodes a mesh
+    HG_ISOLATE_DRACO_VALUES, // of that mesh
+    HG_ISOLATE_IMAGE_OPEN,   // renderer/image, as the rest
     HG_ISOLATE_IMAGE_PART,
+    HG_ISOLATE_IMAGE_MIP,
     HG_ISOLATE_IMAGE_TEXT,
     HG_ISOLATE_IMAGE_READ,
     HG_ISOLATE_OPS
@@ -71,7 +73,7 @@ struct hg_isolate_request {
     enum hg_isolate_op op;
     struct hg_reader args;
     const char *name;    // of the file, for messages
-    const uint8_t *data; // [data_size] mapped until the process ends; NULL: none
+    const uint8_t *data; // [data_size] mapped until more comes; NULL: none
     size_t data_size;
     int file;    // -1: none; the process's
     void *state; // kept from call to call; at first NULL

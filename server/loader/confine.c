@@ -1,8 +1,10 @@
 #include "server/loader/confine.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <linux/landlock.h>
 #include <seccomp.h>
+#include <sched.h>
 #include <signal.h>
 #include <stddef.h>
 #include <string.h>
@@ -71,12 +73,21 @@ static bool allow_memory(scmp_filter_ctx filter)
                SCMP_A2(SCMP_CMP_MASKED_EQ, code, no_code)) == 0;
 }
 
+// Image libraries have pools of threads; there are no processes.
+static bool allow_threads(scmp_filter_ctx filter)
+{
+    return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1,
+               SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD)) == 0 &&
+           // Its flags lie in memory, where a filter cannot look; the C library takes clone then.
+           seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0) == 0;
+}
+
 static bool enter_seccomp(void)
 {
-    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(1)); // EPERM
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
     if (!filter)
         return false;
-    bool ok = allow_memory(filter);
+    bool ok = allow_memory(filter) && allow_threads(filter);
     for (size_t i = 0; i < sizeof allowed_calls / sizeof *allowed_calls; i++)
         ok &= allowed_calls[i] < 0 ||
               seccomp_rule_add(filter, SCMP_ACT_ALLOW, allowed_calls[i], 0) == 0;

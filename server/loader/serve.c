@@ -6,11 +6,19 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "renderer/image/input.h"
 #include "renderer/scene/formats/formats.h"
 #include "server/loader/wire.h"
 
 static hg_isolate_serve_fn *const servers[HG_ISOLATE_OPS] = {
     [HG_ISOLATE_IMPORT] = hg_import_serve,
+    [HG_ISOLATE_DRACO] = hg_draco_serve,
+    [HG_ISOLATE_DRACO_VALUES] = hg_draco_serve,
+    [HG_ISOLATE_IMAGE_OPEN] = hg_input_serve,
+    [HG_ISOLATE_IMAGE_PART] = hg_input_serve,
+    [HG_ISOLATE_IMAGE_MIP] = hg_input_serve,
+    [HG_ISOLATE_IMAGE_TEXT] = hg_input_serve,
+    [HG_ISOLATE_IMAGE_READ] = hg_input_serve,
 };
 
 // ---- requests ----------------------------------------------------------------------------------
@@ -43,9 +51,14 @@ static bool receive(int fd, struct loader_request *request, size_t *size, int fd
     return true;
 }
 
-// The data is there for as long as the process: an image is read by several requests.
+// Data stays until the next comes: an image is read by several requests.
 static void take_data(const struct loader_request *from, int fd, struct hg_isolate_request *to)
 {
+    if (from->has_data && to->data) {
+        munmap((void *)to->data, to->data_size);
+        to->data = NULL;
+        to->data_size = 0;
+    }
     if (from->has_data && from->data_size) {
         void *data = mmap(NULL, (size_t)from->data_size, PROT_READ, MAP_PRIVATE, fd, 0);
         if (data == MAP_FAILED)

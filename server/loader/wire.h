@@ -11,7 +11,7 @@
 
 #include "base/isolate.h"
 
-enum { LOADER_NAME_BYTES = 256, LOADERS_AT_A_TIME = 64 };
+enum { LOADER_NAME_BYTES = 256, LOADERS_AT_A_TIME = 256 };
 enum { LOADER_EXIT_MEMORY = 20, LOADER_EXIT_SANDBOX = 21, LOADER_EXIT_PROTOCOL = 22 };
 
 struct loader_spawned {

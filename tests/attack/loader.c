@@ -237,6 +237,36 @@ static void readers_end_with_their_session(void **state)
     show(rig);
 }
 
+// A picture that claims to be large, and one that says nothing more.
+static void images_end_by_rule(void **state)
+{
+    struct rig *rig = *state;
+    static const uint8_t tiff[] = {'I', 'I', '*', 0, 8, 0, 0, 0, 8, 0, // 30000 x 30000, grey
+        0, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0, 1, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0, 2, 1, 3,
+        0, 1, 0, 0, 0, 8, 0, 0, 0, 3, 1, 3, 0, 1, 0, 0, 0, 5, 0, 0, 0, 6, 1, 3, 0, 1, 0, 0, 0, 1, 0,
+        0, 0, 0x11, 1, 4, 0, 1, 0, 0, 0, 8, 0, 0, 0, 0x16, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0,
+        0x17, 1, 4, 0, 1, 0, 0, 0, 100, 0, 0, 0, 0, 0, 0, 0};
+    static const char *const names[] = {"bomb.tif", "cut.webp"};
+    static const enum hg_status codes[] = {HG_E_LIMIT, HG_E_FORMAT}; // one strip of 900 MB; no end
+    begin(rig);
+    FILE *file = begin_file(rig, names[0]);
+    assert_int_equal(fwrite(tiff, sizeof tiff, 1, file), 1);
+    assert_int_equal(fclose(file), 0);
+    test_text_write(rig->root, names[1], "RIFF....WEBPVP8L");
+    for (int i = 0; i < 2; i++) {
+        const struct hgp_environment_set m = {.has_kind = true,
+            .kind = HGP_environment_kind_FILE,
+            .has_path = true,
+            .path = hgp_str_make(names[i])};
+        link_expect_error(rig, link_ask(rig, ATTACKER, HGP_T_environment_set, &m), codes[i], NULL);
+        const struct hgp_error *e = &rig->message.error;
+        assert_non_null(memmem(e->what.data, e->what.size, names[i], strlen(names[i])));
+        assert_true(e->reason.size > 0);
+        show(rig);
+    }
+    await_files_being_read(rig, 0);
+}
+
 // Formats that have readers of our own, in the worker: nothing is taken that is not there.
 static void own_readers_hold(void **state)
 {
@@ -267,6 +297,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(files_end_by_rule, start, link_stop),
         cmocka_unit_test_setup_teardown(answers_have_a_time, start_impatient, link_stop),
         cmocka_unit_test_setup_teardown(readers_end_with_their_session, link_start, link_stop),
+        cmocka_unit_test_setup_teardown(images_end_by_rule, start, link_stop),
         cmocka_unit_test_setup_teardown(own_readers_hold, link_start, link_stop),
     };
     return cmocka_run_group_tests_name("attack_loader", tests, NULL, NULL);

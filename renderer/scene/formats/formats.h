@@ -19,6 +19,7 @@ typedef enum hg_status hg_format_load_fn(const struct hg_load_params *params,
 // params->fetch. References `main`.
 enum hg_status hg_gltf_load(const struct hg_load_params *params, struct hg_refbuf *main,
     const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
+hg_isolate_serve_fn hg_draco_serve HG_MUST_CHECK; // of HG_ISOLATE_DRACO and HG_ISOLATE_DRACO_VALUES
 
 // mesh/
 hg_format_load_fn hg_ply_load HG_MUST_CHECK;
