@@ -12,7 +12,7 @@
 #include "base/alloc.h"
 #include "tests/system/daemon.h"
 
-enum { MIB = 1 << 20, MESSAGES = 16, SIDE = 512, FRAMES = 30 };
+enum { MIB = 1 << 20, MESSAGES = 16, HOSTILE = 3, SIDE = 512, FRAMES = 30 };
 
 static void ping(struct peer *p)
 {
@@ -47,37 +47,43 @@ static pid_t flood(struct peer *p)
     return child;
 }
 
-// A worker does not read, and more than input-limit waits for it: who has sent that is not read,
+// A worker does not read, and more than input-limit waits for it: those who sent that are not read,
 // another client whose scene is in the same worker is.
 static void pings_pass_a_full_worker(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer honest, hostile;
+    struct peer honest, hostile[HOSTILE];
     const struct hgp_frame_request frame = frame_of_1();
+    pid_t child[HOSTILE];
     int how;
     daemon_init(&d);
     daemon_option(&d, "input-limit", "2");
     daemon_option(&d, "worker-timeout", "600");
     daemon_start(&d);
     peer_open_view(&honest, &d, 8, 8);
-    peer_open_scene(&hostile, &d, "");
+    for (int i = 0; i < HOSTILE; i++)
+        peer_open_scene(&hostile[i], &d, "");
     const pid_t worker = daemon_worker(&d, 0);
     assert_int_equal(kill(worker, SIGSTOP), 0);
-    const pid_t child = flood(&hostile);
+    for (int i = 0; i < HOSTILE; i++)
+        child[i] = flood(&hostile[i]);
     for (int i = 0; i < 100; i++) {
         ping(&honest);
         usleep(5000);
     }
     const uint32_t asked = peer_send(&honest, HGP_T_frame_request, &frame);
     ping(&honest);
-    assert_int_equal(waitpid(child, &how, WNOHANG), 0); // most of it was not taken
+    for (int i = 0; i < HOSTILE; i++) // most of it was not taken
+        assert_int_equal(waitpid(child[i], &how, WNOHANG), 0);
     assert_int_equal(kill(worker, SIGCONT), 0);
     peer_answer(&honest, asked, HGP_T_frame);
-    assert_int_equal(waitpid(child, &how, 0), child);
-    assert_int_equal(how, 0);
-    ping(&hostile);
-    peer_close(&hostile);
+    for (int i = 0; i < HOSTILE; i++) {
+        assert_int_equal(waitpid(child[i], &how, 0), child[i]);
+        assert_int_equal(how, 0);
+        ping(&hostile[i]);
+        peer_close(&hostile[i]);
+    }
     peer_close(&honest);
     daemon_finish(&d);
 }
