@@ -27,6 +27,7 @@ struct hg_outq_item;
 // Zero-initialised = empty.
 struct hg_outq {
     struct hg_outq_item *head, **tail;
+    struct hg_outq_item *urgent; // newest of those that overtook others; NULL: none is left
     size_t bytes;         // not yet taken by the transport
     uint64_t progress_ns; // when the transport last took something, or the queue became non-empty
     // When the queue became non-empty, or was last judged; what was taken since then.
@@ -36,6 +37,9 @@ struct hg_outq {
 // Takes over the caller's reference, also on failure. HG_E_NOMEM.
 enum hg_status hg_outq_push(
     struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel) HG_MUST_CHECK;
+// Likewise, before all that nothing of was written yet and that is not urgent.
+enum hg_status hg_outq_push_urgent(
+    struct hg_outq *q, struct hg_packet *packet, uint32_t request) HG_MUST_CHECK;
 // Writes what the transport takes now, at most about a MiB. HG_OK (also when some is left),
 // HG_E_CLOSED, HG_E_IO.
 enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t) HG_MUST_CHECK;
