@@ -332,6 +332,7 @@ static bool must_wait(const struct hg_conn *conn)
     const struct hg_session *s = conn->session;
     const struct hg_link *link = s->scene ? s->scene->link : NULL;
     return hg_session_request_is_full(s) ||
+           (s->scene && hg_state_log_is_behind(s->table->scenes.log)) ||
            (link && link->out.bytes > conn->table->options->input_limit_bytes);
 }
 

@@ -46,6 +46,8 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     else if (!may_open(s, m->name))
         hg_error_set(&err, HG_E_PERM, "scene_open", "name",
             "this token may open scenes named '%s' only", s->scope.scenes);
+    else if (hg_session_rules_may_change(table, "scene_open", &err))
+        ; // err says why
     else if (hg_shared_scene_join(&table->scenes,
                  &(struct hg_scene_wish){s->tenant, m->name, s->number}, &scene, &existed, &err))
         ; // err says why
@@ -64,6 +66,7 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     }
     s->scene = scene;
     s->first_id = first_id;
+    hg_outq_hold(&s->conn->out, scene->logged);
     if (scene->in_worker)
         hg_session_request_attach(s);
     hg_conn_send(s->conn, request, HGP_T_scene_opened,
@@ -153,6 +156,7 @@ static void clear_quarantine(
         hg_error_set(&err, HG_E_NOTFOUND, "quarantine_clear", "key", "no file's key begins so");
     snprintf(detail, sizeof detail, "%u files", count);
     hg_session_audit(s, "quarantine_clear", err.status, detail);
+    hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
     if (err.status)
         hg_conn_fail(s->conn, request, &err);
     else if (request)

@@ -27,6 +27,15 @@ static void close_view(
     hg_session_view_remove(s, view);
 }
 
+// Its answer waits until it is durable.
+static void log_edit(struct hg_session *s, const struct hg_request *request)
+{
+    uint64_t position = hg_state_put_edit(
+        s->table->scenes.log, s->scene->number, s->scene->revision, request->packet);
+    if (s->conn && request->client_id)
+        hg_outq_hold(&s->conn->out, position);
+}
+
 // What an accepted request changes in the broker's picture of the session.
 static void note_accepted(struct hg_session *s, struct hg_request *request)
 {
@@ -38,6 +47,8 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         if (status)
             hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, s->number,
                 "an edit is not in the journal of scene '%s'", s->scene->key);
+        else
+            log_edit(s, request);
     } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
         s->batch_open = type == HGP_T_batch_begin;
     } else if (type == HGP_T_view_set || type == HGP_T_view_close) {

@@ -69,6 +69,18 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     return hg_upload_begin(s->table->store, owner, m->hash, m->total, *slot, err);
 }
 
+// With a state log the content is on the disk before its answer is sent: edits name it.
+static enum hg_status commit(struct hg_session *s, struct hg_upload *upload, struct hg_error *err)
+{
+    struct hg_state_log *log = s->table->scenes.log;
+    int fd = log ? hg_upload_dup(upload) : -1;
+    enum hg_status status = hg_upload_commit(upload, err);
+    hg_state_log_sync_file(log, fd);
+    if (log && !status)
+        hg_state_log_sync_file(log, hg_upload_store_open_folder(s->table->store));
+    return status;
+}
+
 static enum hg_status take_piece(
     struct hg_session *s, const struct hgp_upload *m, bool *done, struct hg_error *err)
 {
@@ -89,7 +101,7 @@ static enum hg_status take_piece(
     if (*done || status)
         *slot = NULL;
     if (*done)
-        status = hg_upload_commit(upload, err);
+        status = commit(s, upload, err);
     else if (status)
         hg_upload_abort(upload);
     return status;
@@ -138,8 +150,10 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         tell_audit(s, m, status);
     if (status)
         refuse(s, request, m, &err);
-    else if (done && request)
+    else if (done && request) {
+        hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+    }
 }
 
 void hg_session_upload_query(
