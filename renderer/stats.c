@@ -57,9 +57,8 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
         ",\"process\":{\"rss_bytes\":%llu,\"peak_rss_bytes\":%llu,\"heap_bytes\":%llu,"
         "\"spilled_bytes\":%llu,\"spilled_peak_bytes\":%llu,\"spill_refused_bytes\":%llu}",
         (unsigned long long)status_bytes("VmRSS"), (unsigned long long)hg_renderer_peak_rss_bytes(),
-        (unsigned long long)heap_bytes(),
-        (unsigned long long)spill.bytes, (unsigned long long)spill.peak_bytes,
-        (unsigned long long)spill.refused_bytes);
+        (unsigned long long)heap_bytes(), (unsigned long long)spill.bytes,
+        (unsigned long long)spill.peak_bytes, (unsigned long long)spill.refused_bytes);
 }
 
 static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)

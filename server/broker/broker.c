@@ -17,6 +17,8 @@
 #include "server/broker/notify.h"
 #include "server/broker/recovery.h"
 #include "server/broker/session.h"
+#include "server/broker/session_park.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/state.h"
@@ -417,6 +419,8 @@ static void tick(struct hg_broker *b)
     if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
         b->tokens_checked_ns = now_ns;
         hg_client_dispatch_check_tokens(&b->conns);
+        hg_session_record_cameras(&b->sessions);
+        hg_session_check_parked(&b->sessions);
         if (b->state)
             hg_state_log_sync_file(b->state, hg_audit_dup(&b->audit));
     }

@@ -17,12 +17,13 @@
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
-//   session_audit
+//   session_audit session_record
 //   session_view session_upload
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
+//   session_park
 //   session                                      begin and end, the client's messages
-//   session_answer                               what the worker says
+//   session_answer resume                        what the worker says; on another connection
 //   recovery client_dispatch state               a new worker; what a client may say, and when;
 //   restarts broker                                       start, signals, reload, the janitor,
 //   drain main

@@ -158,6 +158,7 @@ struct hg_shared_scene *hg_shared_scene_restore(
     if (!scene)
         return NULL;
     scene->number = like->number;
+    scene->sessions = 1;
     if (table->last_number < like->number)
         table->last_number = like->number;
     snprintf(scene->tenant, sizeof scene->tenant, "%.*s", (int)like->tenant.size,
@@ -176,7 +177,8 @@ bool hg_shared_scene_place(
     give_worker(scene, link);
     hg_journal_mark_ids(scene->journal, HG_SCENE_ID_RANGE, scene->ranges, HG_SCENE_RANGES);
     scene->kept_until_ns = until_ns;
-    scene->sessions++;
+    if (!until_ns)
+        scene->sessions--;
     return true;
 }
 

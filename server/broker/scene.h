@@ -54,13 +54,14 @@ struct hg_scene_wish {
 // HG_E_LIMIT: no worker is left for the tenant. HG_E_NOMEM.
 enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct hg_scene_wish *wish,
     struct hg_shared_scene **out, bool *existed, struct hg_error *err) HG_MUST_CHECK;
-// A scene of the state log, without a worker and without a session.
+// A scene of the state log, without a worker, held by the daemon.
 // NULL: no memory, or there is one of this number.
 struct hg_shared_scene *hg_shared_scene_restore(
     struct hg_scene_table *table, const struct hg_state_scene *like) HG_MUST_CHECK;
 // NULL: none.
 struct hg_shared_scene *hg_shared_scene_by_number(struct hg_scene_table *table, uint32_t number);
-// Gives a restored scene a worker and keeps it until then. False: no worker is left for its tenant.
+// Gives a restored scene a worker; the daemon holds it until then (0: no longer). False: no worker
+// is left for its tenant.
 bool hg_shared_scene_place(
     struct hg_scene_table *table, struct hg_shared_scene *scene, uint64_t until_ns);
 // Attached sessions keep it in the worker from here on.

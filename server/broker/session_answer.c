@@ -3,6 +3,7 @@
 #include "base/log.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
@@ -51,16 +52,20 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
             log_edit(s, request);
     } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
         s->batch_open = type == HGP_T_batch_begin;
+        hg_session_record(s);
     } else if (type == HGP_T_view_set || type == HGP_T_view_close) {
         if (hgp_decode(HGP_VERSION_MAX, type,
                 hg_reader_make(packet->payload, packet->header.length), NULL, &any, NULL))
             return;
         struct hg_session_view *view = hg_session_view_find(
             s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
-        if (view && type == HGP_T_view_close)
+        if (view && type == HGP_T_view_close) {
+            hg_session_record_view_end(s, view);
             close_view(s, view, request);
-        else if (view && hg_session_view_merge(&view->params, packet) == HG_OK)
+        } else if (view && hg_session_view_merge(&view->params, packet) == HG_OK) {
             view->accepted = true;
+            hg_session_record_view(s, view);
+        }
     } else if (type == HGP_T_view_camera) {
         hg_session_view_note_camera(s, packet);
     }

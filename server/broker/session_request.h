@@ -19,6 +19,8 @@ void hg_session_request_fail_all(struct hg_session *session, const struct hg_err
 void hg_session_request_pump(struct hg_session *session);
 // The session must not be read while it has too much under way.
 bool hg_session_request_is_full(const struct hg_session *session);
+// Makes the views again in the worker that has the session, with their subscriptions.
+void hg_session_request_restore(struct hg_session *session);
 // The scene is in the worker: attaches the session, restores its views, sends its requests.
 void hg_session_request_attach(struct hg_session *session);
 

@@ -16,6 +16,10 @@ enum hg_state_kind {
     HG_STATE_SCENE_END = 3,      // nobody holds it any more
     HG_STATE_QUARANTINE = 4,     // a file ended a worker; replaces an older record of it
     HG_STATE_QUARANTINE_END = 5, // it was loaded well, or forgiven
+    HG_STATE_SESSION = 6,        // a session with a ticket; replaces an older record of it
+    HG_STATE_SESSION_END = 7,
+    HG_STATE_VIEW = 8, // of such a session; replaces an older record of it
+    HG_STATE_VIEW_END = 9,
 };
 
 struct hg_state_scene {
@@ -37,12 +41,29 @@ struct hg_state_suspect {
     uint64_t seen_s, until_s;
 };
 
+struct hg_state_session {
+    uint32_t number, scene; // scene 0: none is open
+    uint32_t first_id;
+    uint8_t role;
+    bool has_token, batch_open;
+    uint8_t token[32], ticket[32]; // hashes
+    struct hgp_str name, tenant;
+};
+
+struct hg_state_view {
+    uint32_t session, number;
+    uint32_t credit;                 // of its subscription; 0: it has none
+    struct hgp_bytes params, camera; // payloads of view_set and view_camera; camera may be empty
+};
+
 struct hg_state_record {
     enum hg_state_kind kind;
     union {
         struct hg_state_scene scene; // SCENE_END: its number
         struct hg_state_edit edit;
         struct hg_state_suspect suspect; // QUARANTINE_END: tenant and key
+        struct hg_state_session session; // SESSION_END: its number
+        struct hg_state_view view;       // VIEW_END: session and number
     } of;
 };
 
@@ -58,5 +79,9 @@ uint64_t hg_state_put_edit(
 uint64_t hg_state_put_suspect(struct hg_state_log *log, const struct hg_state_suspect *suspect);
 uint64_t hg_state_put_suspect_end(
     struct hg_state_log *log, const char *tenant, const uint8_t key[32]);
+uint64_t hg_state_put_session(struct hg_state_log *log, const struct hg_state_session *session);
+uint64_t hg_state_put_session_end(struct hg_state_log *log, uint32_t number);
+uint64_t hg_state_put_view(struct hg_state_log *log, const struct hg_state_view *view);
+uint64_t hg_state_put_view_end(struct hg_state_log *log, uint32_t session, uint32_t number);
 
 #endif
