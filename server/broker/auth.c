@@ -75,22 +75,6 @@ static bool parse_scope(char *word, struct hg_token *out)
 
 // ---- lines --------------------------------------------------------------------------------------
 
-static int hex_digit(char c)
-{
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-static bool parse_hash(const char *hex, uint8_t out[32])
-{
-    for (int i = 0; i < 32; i++) {
-        int high = hex_digit(hex[2 * i]), low = high < 0 ? -1 : hex_digit(hex[2 * i + 1]);
-        if (low < 0)
-            return false;
-        out[i] = (uint8_t)(high << 4 | low);
-    }
-    return !hex[64];
-}
-
 enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32])
 {
     return hg_sha256(token.data ? token.data : "", token.size, out);
@@ -103,7 +87,7 @@ static enum hg_status parse_token(
     size_t length = strlen(word);
     *plain = strncmp(word, prefix, sizeof prefix - 1) != 0;
     if (!*plain)
-        return parse_hash(word + sizeof prefix - 1, out->hash)
+        return hg_sha256_parse(word + sizeof prefix - 1, sizeof out->hash, out->hash)
                    ? HG_OK
                    : hg_error_set(
                          err, HG_E_INVAL, NULL, NULL, "expected 64 digits 0-9 a-f after 'sha256:'");

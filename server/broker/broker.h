@@ -10,6 +10,8 @@
 //   transport                                    bytes of a peer
 //   packet listener peer_table                   whole messages; where clients come in, and from
 //   slots                                        who gets a connection
+//   worker_home                                  the folders of a worker
+//   worker_process                               starts its program
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name

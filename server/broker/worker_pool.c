@@ -1,13 +1,18 @@
 #include "server/broker/worker_pool.h"
 
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/wait.h>
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "server/broker/worker_process.h"
 
-enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like)
+static const uint64_t seed_delay_ns = 2000000000; // spares first
+
+enum hg_status hg_worker_pool_init(
+    struct hg_worker_pool *pool, const struct hg_link *like, struct hg_upload_store *store)
 {
     const struct hg_options *o = like->options;
     bool is_shared = strcmp(o->isolation, "shared") == 0;
@@ -17,8 +22,12 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
     if (!pool->links)
         return HG_E_NOMEM;
     pool->count = count;
+    pool->homes = (struct hg_homes){
+        .cache_dir = o->cache_dir, .store = store, .rest_bytes = o->cache_limit_bytes / 2};
     for (uint32_t i = 0; i < count; i++) {
         pool->links[i] = *like;
+        pool->links[i].whose.home =
+            (struct hg_home){.homes = is_shared ? NULL : &pool->homes, .number = i};
         pool->links[i].whose.wanted = is_shared || i == 0;
         pool->links[i].source.fd = pool->links[i].transport.fd = -1;
     }
@@ -30,12 +39,18 @@ void hg_worker_pool_start(struct hg_worker_pool *pool)
     for (uint32_t i = 0; i < pool->count; i++)
         if (pool->links[i].whose.wanted)
             hg_link_start(&pool->links[i]);
+    if (!pool->is_shared && pool->links[0].options->seed_shaders)
+        pool->seeder.due_ns = pool->links[0].loop->now_ns + seed_delay_ns;
 }
 
 void hg_worker_pool_finish(struct hg_worker_pool *pool)
 {
-    for (uint32_t i = 0; i < pool->count; i++)
+    if (pool->seeder.pid)
+        kill(pool->seeder.pid, SIGKILL);
+    for (uint32_t i = 0; i < pool->count; i++) {
         hg_link_stop(&pool->links[i]);
+        hg_home_leave(&pool->links[i].whose.home);
+    }
     hg_free(pool->links);
     *pool = (struct hg_worker_pool){0};
 }
@@ -89,6 +104,7 @@ static void release(struct hg_link *link, const char *reason)
 {
     hg_info(WORKER, "worker %d of %s is stopped: %s", (int)link->pid, link->whose.tenant, reason);
     hg_link_end(link);
+    hg_home_leave(&link->whose.home);
     link->whose.wanted = false;
     link->whose.tenant[0] = 0;
     link->deaths = 0;
@@ -110,6 +126,14 @@ static void keep_spare(struct hg_worker_pool *pool)
         want(place);
 }
 
+static void take(struct hg_link *spare, const char *tenant)
+{
+    struct hg_error err = {0};
+    snprintf(spare->whose.tenant, sizeof spare->whose.tenant, "%s", tenant);
+    if (hg_home_give(&spare->whose.home, tenant, &err))
+        hg_warn(WORKER, "%s begins without what it had: %s: %s", tenant, err.what, err.reason);
+}
+
 struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *tenant)
 {
     if (pool->is_shared)
@@ -122,9 +146,41 @@ struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *te
         release(idle, "another tenant needs its place");
     if (!find_free(pool) || !spare) // the last place is the spare's
         return NULL;
-    snprintf(spare->whose.tenant, sizeof spare->whose.tenant, "%s", tenant);
+    take(spare, tenant);
     keep_spare(pool);
     return spare;
+}
+
+// ---- compiled shaders ---------------------------------------------------------------------------
+
+static void check_seeder(struct hg_worker_pool *pool)
+{
+    const struct hg_link *any = &pool->links[0];
+    if (!pool->seeder.due_ns || any->loop->now_ns < pool->seeder.due_ns)
+        return;
+    pool->seeder.due_ns = 0;
+    const struct hg_worker_start start = {.options = any->options, .fd = -1, .seed = true};
+    int rc = hg_worker_process_start(&start, &pool->seeder.pid);
+    if (rc)
+        hg_warn(WORKER, "shaders are not compiled in advance: %s", strerror(rc));
+}
+
+// A spare that was there before has met nobody: its place is for one that begins with all of them.
+static void end_seeder(struct hg_worker_pool *pool, int status)
+{
+    struct hg_link *spare = find(pool, "");
+    pool->seeder.pid = 0;
+    if (!WIFEXITED(status) || WEXITSTATUS(status)) {
+        hg_warn(WORKER, "shaders are not compiled in advance: the process ended with %d",
+            WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
+        return;
+    }
+    hg_info(WORKER, "shaders are compiled in advance");
+    if (!spare)
+        return;
+    hg_link_end(spare);
+    hg_home_leave(&spare->whose.home);
+    want(spare);
 }
 
 // ---- time ---------------------------------------------------------------------------------------
@@ -141,10 +197,13 @@ static void check_idle(struct hg_link *link)
 void hg_worker_pool_reap(struct hg_worker_pool *pool)
 {
     int status;
-    for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;)
+    for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
+        if (pid == pool->seeder.pid)
+            end_seeder(pool, status);
         for (uint32_t i = 0; i < pool->count; i++)
             if (pool->links[i].pid == pid)
                 hg_link_exited(&pool->links[i], status);
+    }
 }
 
 void hg_worker_pool_check_times(struct hg_worker_pool *pool)
@@ -158,6 +217,7 @@ void hg_worker_pool_check_times(struct hg_worker_pool *pool)
         link->pump |= link->trial.session != NULL; // its patience may be over
     }
     keep_spare(pool);
+    check_seeder(pool);
 }
 
 void hg_worker_pool_end_round(struct hg_worker_pool *pool, uint64_t now_ns)

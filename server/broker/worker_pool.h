@@ -6,7 +6,8 @@
 // only, and never of another one afterwards: it is stopped when its tenant has had no scene for
 // worker-idle, and a spare that has met nobody yet is kept running for the next tenant. With
 // `shared` there are shared-workers of them for everybody. The policy is one place:
-// hg_worker_pool_route.
+// hg_worker_pool_route. Each worker of a tenant has folders of its own (worker_home.h). A process
+// that reads no tenant's files compiles shaders in advance, which all homes begin with.
 #ifndef HG_BROKER_WORKER_POOL_H
 #define HG_BROKER_WORKER_POOL_H
 
@@ -16,11 +17,16 @@ struct hg_worker_pool {
     struct hg_link *links; // [count]; those that are not `wanted` have no process
     uint32_t count;
     bool is_shared;
+    struct hg_homes homes;
+    struct hg_pool_seeder {
+        pid_t pid;       // 0 = does not run
+        uint64_t due_ns; // when it starts; 0 = has been started, or is not wanted
+    } seeder;
 };
 
 // `like` has the loop, options and events of every link. HG_E_NOMEM. No process is started.
-enum hg_status hg_worker_pool_init(
-    struct hg_worker_pool *pool, const struct hg_link *like) HG_MUST_CHECK;
+enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
+    struct hg_upload_store *store) HG_MUST_CHECK;
 void hg_worker_pool_start(struct hg_worker_pool *pool);
 void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one
 

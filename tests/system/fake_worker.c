@@ -11,6 +11,7 @@
 //   hang.NAME  removed, then nothing happens any more      busy.NAME   removed, then pulses report
 //                                                                      a step that does not end
 //   die.start  removed at start, then exit before worker_ready
+//   die.compile  removed by the process that compiles shaders, which then fails
 // The folder also gets: pid, and count.NAME, one byte per message of that name.
 #include <errno.h>
 #include <fcntl.h>
@@ -561,6 +562,8 @@ int main(int argc, char **argv)
         if (strcmp(argv[i], "--device-info") == 0) {
             puts("{\"name\":\"fake\"}");
             return 7; // whatever it is, the daemon passes it on
+        } else if (strcmp(argv[i], "--compile-shaders") == 0) {
+            return trip("die", "compile", false); // there are none
         }
     char pid[32];
     int n = snprintf(pid, sizeof pid, "%d\n", (int)getpid());
