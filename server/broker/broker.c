@@ -136,7 +136,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .audit = &b->audit,
         .quarantine = &b->quarantine,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, &like, b->store))
+    if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
     return HG_OK;
 }
@@ -435,6 +435,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
+    if (!status)
+        status = hg_machine_init(&b->machine, &b->options, err);
     if (!status)
         status = wire_up(b, err);
     if (!status && !hg_worker_process_find(&b->options, path, sizeof path))

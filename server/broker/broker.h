@@ -10,6 +10,8 @@
 //   transport                                    bytes of a peer
 //   packet listener peer_table                   whole messages; where clients come in, and from
 //   slots                                        who gets a connection
+//   cgroup
+//   worker_share                                 what of the machine a worker gets
 //   worker_home                                  the folders of a worker
 //   worker_process                               starts its program
 //   conn worker_link scene_journal               a client; a worker; accepted edits
@@ -44,6 +46,7 @@ struct hg_broker {
     struct hg_admission admission;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
+    struct hg_machine machine;
     struct hg_worker_pool pool;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };

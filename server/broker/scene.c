@@ -28,7 +28,7 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct h
         scene->sessions++;
         return HG_OK;
     }
-    struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant);
+    struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant, wish->weight);
     if (!link)
         return hg_error_set(err, HG_E_LIMIT, "scene_open", NULL,
             "as many tenants have scenes open as may (max-workers); try again later");

@@ -47,7 +47,8 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
         hg_error_set(&err, HG_E_PERM, "scene_open", "name",
             "this token may open scenes named '%s' only", s->scope.scenes);
     else if (hg_shared_scene_join(&table->scenes,
-                 &(struct hg_scene_wish){s->tenant, m->name, s->number}, &scene, &existed, &err))
+                 &(struct hg_scene_wish){s->tenant, m->name, s->number, s->scope.weight}, &scene,
+                 &existed, &err))
         ; // err says why
     else if (!(first_id = hg_shared_scene_claim_ids(scene))) {
         hg_shared_scene_leave(&table->scenes, scene);

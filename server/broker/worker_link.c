@@ -54,6 +54,8 @@ void hg_link_start(struct hg_link *link)
         .home = &link->whose.home,
         .fd = pair[1],
         .no_spill = link->no_spill,
+        .memory_bytes =
+            link->whose.machine ? hg_machine_most_bytes(link->whose.machine, link->options) : 0,
         .warm_up = link->options->warm_up && !link->deaths};
     int rc = hg_worker_process_start(&start, &link->pid);
     close(pair[1]);
@@ -62,6 +64,9 @@ void hg_link_start(struct hg_link *link)
         postpone(link, "start the worker", rc);
         return;
     }
+    link->whose.share = (struct hg_worker_share){0};
+    if (link->whose.machine)
+        hg_cgroup_enter(&link->whose.machine->group, link->whose.home.number, link->pid);
     hg_transport_open(&link->transport, &hg_transport_unix, pair[0]);
     link->in.frames = &hg_packet_frames;
     link->source =

@@ -11,8 +11,8 @@
 
 static const uint64_t seed_delay_ns = 2000000000; // spares first
 
-enum hg_status hg_worker_pool_init(
-    struct hg_worker_pool *pool, const struct hg_link *like, struct hg_upload_store *store)
+enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
+    struct hg_upload_store *store, const struct hg_machine *machine)
 {
     const struct hg_options *o = like->options;
     bool is_shared = strcmp(o->isolation, "shared") == 0;
@@ -22,12 +22,15 @@ enum hg_status hg_worker_pool_init(
     if (!pool->links)
         return HG_E_NOMEM;
     pool->count = count;
+    pool->machine = machine;
     pool->homes = (struct hg_homes){
         .cache_dir = o->cache_dir, .store = store, .rest_bytes = o->cache_limit_bytes / 2};
     for (uint32_t i = 0; i < count; i++) {
         pool->links[i] = *like;
         pool->links[i].whose.home =
             (struct hg_home){.homes = is_shared ? NULL : &pool->homes, .number = i};
+        pool->links[i].whose.machine = machine;
+        pool->links[i].whose.weight = HG_TOKEN_WEIGHT;
         pool->links[i].whose.wanted = is_shared || i == 0;
         pool->links[i].source.fd = pool->links[i].transport.fd = -1;
     }
@@ -49,6 +52,8 @@ void hg_worker_pool_finish(struct hg_worker_pool *pool)
         kill(pool->seeder.pid, SIGKILL);
     for (uint32_t i = 0; i < pool->count; i++) {
         hg_link_stop(&pool->links[i]);
+        if (pool->machine)
+            hg_cgroup_remove(&pool->machine->group, i);
         hg_home_leave(&pool->links[i].whose.home);
     }
     hg_free(pool->links);
@@ -107,6 +112,7 @@ static void release(struct hg_link *link, const char *reason)
     hg_home_leave(&link->whose.home);
     link->whose.wanted = false;
     link->whose.tenant[0] = 0;
+    link->whose.weight = HG_TOKEN_WEIGHT;
     link->deaths = 0;
     link->restart_ns = 0;
 }
@@ -134,19 +140,23 @@ static void take(struct hg_link *spare, const char *tenant)
         hg_warn(WORKER, "%s begins without what it had: %s: %s", tenant, err.what, err.reason);
 }
 
-struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *tenant)
+struct hg_link *hg_worker_pool_route(
+    struct hg_worker_pool *pool, const char *tenant, uint32_t weight)
 {
     if (pool->is_shared)
         return least_loaded(pool);
     struct hg_link *link = find(pool, tenant);
-    if (link)
+    if (link) {
+        link->whose.weight = weight ? weight : HG_TOKEN_WEIGHT;
         return link;
+    }
     struct hg_link *spare = find(pool, ""), *idle = longest_idle(pool);
     if (!find_free(pool) && idle)
         release(idle, "another tenant needs its place");
     if (!find_free(pool) || !spare) // the last place is the spare's
         return NULL;
     take(spare, tenant);
+    spare->whose.weight = weight ? weight : HG_TOKEN_WEIGHT;
     keep_spare(pool);
     return spare;
 }
@@ -206,6 +216,28 @@ void hg_worker_pool_reap(struct hg_worker_pool *pool)
     }
 }
 
+// Shares follow who is there. A worker limits itself when it starts, so it must have started.
+static void share_out(struct hg_worker_pool *pool)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < pool->count; i++)
+        if (pool->links[i].whose.tenant[0] || (pool->is_shared && pool->links[i].whose.wanted))
+            sum += pool->links[i].whose.weight;
+    for (uint32_t i = 0; i < pool->count; i++) {
+        struct hg_link *link = &pool->links[i];
+        const struct hg_link_owner *whose = &link->whose;
+        if (link->state != HG_LINK_UP || !link->pid)
+            continue;
+        const bool counted = whose->tenant[0] || pool->is_shared;
+        const struct hg_worker_share share = hg_machine_share(
+            pool->machine, link->options, whose->weight, sum - (counted ? whose->weight : 0));
+        if (share.weight == whose->share.weight && share.memory_bytes == whose->share.memory_bytes)
+            continue;
+        hg_worker_share_apply(pool->machine, link->options, whose->home.number, link->pid, &share);
+        link->whose.share = share;
+    }
+}
+
 void hg_worker_pool_check_times(struct hg_worker_pool *pool)
 {
     for (uint32_t i = 0; i < pool->count; i++) {
@@ -217,6 +249,8 @@ void hg_worker_pool_check_times(struct hg_worker_pool *pool)
         link->pump |= link->trial.session != NULL; // its patience may be over
     }
     keep_spare(pool);
+    if (pool->machine)
+        share_out(pool);
     check_seeder(pool);
 }
 

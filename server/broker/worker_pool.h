@@ -18,6 +18,7 @@ struct hg_worker_pool {
     uint32_t count;
     bool is_shared;
     struct hg_homes homes;
+    const struct hg_machine *machine; // shared out among the workers; NULL: no limits
     struct hg_pool_seeder {
         pid_t pid;       // 0 = does not run
         uint64_t due_ns; // when it starts; 0 = has been started, or is not wanted
@@ -26,15 +27,16 @@ struct hg_worker_pool {
 
 // `like` has the loop, options and events of every link. HG_E_NOMEM. No process is started.
 enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
-    struct hg_upload_store *store) HG_MUST_CHECK;
+    struct hg_upload_store *store, const struct hg_machine *machine) HG_MUST_CHECK;
 void hg_worker_pool_start(struct hg_worker_pool *pool);
 void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one
 
 // The worker for a new scene of a tenant. Shared: of those that run (of all, if none does) the one
 // with fewest scenes. Else the tenant's, or the spare, which is its from now on; where max-workers
 // have tenants, the one that has been without a scene for longest is stopped for it. NULL: all of
-// them have scenes.
-struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *tenant);
+// them have scenes. `weight` is the tenant's from now on, 0 the usual one.
+struct hg_link *hg_worker_pool_route(
+    struct hg_worker_pool *pool, const char *tenant, uint32_t weight);
 
 void hg_worker_pool_reap(struct hg_worker_pool *pool);        // SIGCHLD
 void hg_worker_pool_check_times(struct hg_worker_pool *pool); // once in a while

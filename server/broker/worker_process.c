@@ -105,7 +105,7 @@ static int make_arguments(struct arguments *a, const struct hg_worker_start *s)
         add_text(a, "--asset-root", o->asset_root.items[i]);
     if (!add_folders(a, s))
         return ENAMETOOLONG;
-    add_mib(a, "--memory-limit", o->memory_limit_bytes);
+    add_mib(a, "--memory-limit", s->memory_bytes);
     add_mib(a, "--texture-budget", o->texture_budget_bytes);
     add_mib(a, "--geometry-budget", o->geometry_budget_bytes);
     add_mib(a, "--host-budget", o->host_budget_bytes);

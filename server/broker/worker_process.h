@@ -12,6 +12,7 @@ struct hg_worker_start {
     const struct hg_options *options;
     const struct hg_home *home; // NULL, or without homes: the daemon's cache folder
     int fd;                     // its end of the link; -1 = none
+    uint64_t memory_bytes;      // the most that it may take; 0 = no limit
     bool no_spill, warm_up;
     bool seed; // compiles shaders into CACHE/seed and ends
 };
