@@ -22,6 +22,7 @@
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/state.h"
+#include "server/broker/worker_process.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
@@ -106,6 +107,8 @@ static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
     if (!status && !folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
     if (!status)
+        status = hg_homes_recover(b->options.cache_dir, err);
+    if (!status)
         status = hg_upload_store_create(folder, b->options.upload_store_bytes, &b->store, err);
     hg_free(folder);
     return status;
@@ -143,7 +146,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .audit = &b->audit,
         .quarantine = &b->quarantine,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, &like))
+    if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
     return HG_OK;
 }
@@ -481,12 +484,14 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     if (!status)
         status = open_store(b, err);
     if (!status)
+        status = hg_machine_init(&b->machine, &b->options, err);
+    if (!status)
         status = wire_up(b, err);
     if (!status)
         status = open_state(b, err);
     if (!status)
         status = open_audit(b, err);
-    if (!status && !hg_link_find_program(&b->options, path, sizeof path))
+    if (!status && !hg_worker_process_find(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
     if (!status)

@@ -13,6 +13,10 @@
 //   state_record
 //   quarantine                                   files that ended workers
 //   slots                                        who gets a connection
+//   cgroup
+//   worker_share                                 what of the machine a worker gets
+//   worker_home                                  the folders of a worker
+//   worker_process                               starts its program
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
@@ -48,6 +52,7 @@ struct hg_broker {
     struct hg_admission admission;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
+    struct hg_machine machine;
     struct hg_worker_pool pool;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };
