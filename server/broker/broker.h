@@ -7,7 +7,7 @@
 // Layers, lowest first:
 //   json
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
-//   transport state_file                         bytes of a peer; of the state log
+//   transport state_file upload                  bytes of a peer; of the state log; of a content
 //   packet listener peer_table state_folder      whole messages; where clients come in, and from
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record
@@ -28,9 +28,9 @@
 //   session_park
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
-//   recovery client_dispatch state               a new worker; what a client may say, and when;
-//   restarts broker                                       start, signals, reload, the janitor,
-//   drain main
+//   recovery client_dispatch state               a new worker; what a client may say; restarts
+//   broker                                       start, signals, reload, the janitor, drain
+//   main
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
