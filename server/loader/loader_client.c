@@ -301,7 +301,7 @@ static enum hg_status await_reply(struct hg_isolated *p, const struct hg_isolate
     const uint64_t deadline_ns = hg_clock_now_ns() + (uint64_t)(seconds * 1e9);
     struct pollfd link = {.fd = p->fd, .events = POLLIN};
     while (poll(&link, 1, TICK_MS) <= 0) {
-        if (call->go_on && !call->go_on(call->user))
+        if (hg_isolate_is_stopped() || (call->go_on && !call->go_on(call->user)))
             return hg_error_set(err, HG_E_CANCELLED, p->name, NULL, "cancelled");
         if (hg_clock_now_ns() > deadline_ns)
             return hg_error_set(err, HG_E_LIMIT, p->name, NULL,

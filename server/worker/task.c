@@ -10,6 +10,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/isolate.h"
 #include "base/spill.h"
 #include "base/log.h"
 #include "base/sha256.h"
@@ -327,6 +328,7 @@ static enum hg_status examine_image(struct task *task)
 static void *task_main(void *arg)
 {
     struct task *task = arg;
+    hg_isolate_watch(&task->cancel);
     switch (task->kind) {
     case TASK_ASSET:
         task->status = load_asset(task);

@@ -148,6 +148,10 @@ static void test_lies(void **state)
     refused("ended.fbx", HG_E_FORMAT, "crashed");
     refused("gone.fbx", HG_E_FORMAT, "crashed");
     refused("silent.fbx", HG_E_LIMIT, "0.3 s");
+    static const _Atomic bool stop = true; // nobody waits any more
+    hg_isolate_watch(&stop);
+    refused("silent.fbx", HG_E_CANCELLED, "cancelled");
+    hg_isolate_watch(NULL);
 }
 
 int main(int argc, char **argv)
