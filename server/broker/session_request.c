@@ -7,7 +7,7 @@
 #include "server/broker/trial.h"
 
 // Of one session before the next; what each may have waiting however much waits in all.
-enum { TURN_BYTES = 128 << 10, LEAST_SHARE = 4 << 10 };
+enum { TURN_BYTES = 32 << 10, LEAST_SHARE = 4 << 10 };
 
 static size_t packet_bytes(const struct hg_packet *packet)
 {
