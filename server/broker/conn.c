@@ -296,7 +296,7 @@ void hg_conn_update(struct hg_conn *conn)
     }
     bool read = !conn->paused && !conn->peer_ended;
     hg_loop_set_events(conn->table->loop, &conn->source,
-        conn->transport.class->wants(&conn->transport, read, conn->out.head != NULL));
+        conn->transport.class->wants(&conn->transport, read, hg_outq_may_send(&conn->out)));
 }
 
 static void resume(struct hg_conn *conn)
@@ -343,6 +343,7 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
             hg_conn_close(conn, &err, "handshake");
         return;
     }
+    hg_outq_excuse(&conn->out, now_ns);
     if (conn->out.head && now_ns > conn->out.progress_ns + o->peer_timeout_ns) {
         hg_conn_kill(conn, "takes nothing of what waits for it (peer-timeout)");
         return;
@@ -385,6 +386,7 @@ static void add_conn(
         .source = {.fd = transport->fd, .events = EPOLLIN, .ready = ready, .owner = conn},
         .transport = *transport,
         .in = {.frames = &hg_packet_frames},
+        .out = {.reached = table->reached},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,
         .received_ns = table->loop->now_ns,
         .rate = {.allowance = MESSAGES_BEFORE_OPEN},
@@ -491,6 +493,12 @@ void hg_conn_check_times(struct hg_conn_table *table)
         hg_alloc_trim();
         table->rested = 0;
     }
+}
+
+void hg_conn_release(struct hg_conn_table *table)
+{
+    for (struct hg_conn *it = table->first; it; it = it->next)
+        hg_conn_update(it);
 }
 
 void hg_conn_resume_paused(struct hg_conn_table *table)

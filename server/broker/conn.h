@@ -75,12 +75,13 @@ struct hg_conn_events {
     void (*ended)(struct hg_conn *conn);
 };
 
-// All connections. Zero-initialised but for the first four members.
+// All connections. Zero-initialised but for the first five members.
 struct hg_conn_table {
     struct hg_loop *loop;
     const struct hg_options *options;
     const struct hg_conn_events *events;
     void *owner; // for `events`
+    const uint64_t *reached; // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
     uint32_t paused_count;
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
@@ -114,6 +115,8 @@ bool hg_conn_is_slow(const struct hg_conn *conn); // more wait
 
 // Once in a while: handshakes, silent and stuck clients.
 void hg_conn_check_times(struct hg_conn_table *table);
+// The state log has gone on: what was held may be sent.
+void hg_conn_release(struct hg_conn_table *table);
 // Reads again from those against which nothing stands any more.
 void hg_conn_resume_paused(struct hg_conn_table *table);
 // At the end of a round: `ended` for those that close or closed; frees the dead.

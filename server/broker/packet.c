@@ -50,6 +50,7 @@ struct hg_outq_item {
     struct hg_outq_item *next;
     struct hg_packet *packet;
     size_t sent; // of header and payload
+    uint64_t hold;
     uint8_t header[HGP_HEADER_BYTES];
 };
 
@@ -94,6 +95,7 @@ enum hg_status hg_outq_push(
     if (!item)
         return HG_E_NOMEM;
     begin_queue(q);
+    item->hold = q->hold;
     insert(q, q->tail, item);
     return HG_OK;
 }
@@ -112,12 +114,36 @@ enum hg_status hg_outq_push_urgent(struct hg_outq *q, struct hg_packet *packet, 
     return HG_OK;
 }
 
+void hg_outq_hold(struct hg_outq *q, uint64_t position)
+{
+    if (position > q->hold)
+        q->hold = position;
+}
+
+static bool is_held(const struct hg_outq *q, const struct hg_outq_item *item)
+{
+    return q->reached && item->hold > *q->reached;
+}
+
+bool hg_outq_may_send(const struct hg_outq *q)
+{
+    return q->head && !is_held(q, q->head);
+}
+
+void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns)
+{
+    if (!q->head || hg_outq_may_send(q))
+        return;
+    q->progress_ns = q->window_ns = now_ns;
+    q->window_bytes = 0;
+}
+
 static int gather(const struct hg_outq *q, struct iovec *parts)
 {
     int count = 0;
     size_t total = 0;
-    for (struct hg_outq_item *item = q->head; item && count + 2 <= 2 * FLUSH_ITEMS;
-         item = item->next) {
+    for (struct hg_outq_item *item = q->head;
+         item && !is_held(q, item) && count + 2 <= 2 * FLUSH_ITEMS; item = item->next) {
         size_t skip = item->sent;
         if (skip < HGP_HEADER_BYTES)
             parts[count++] = (struct iovec){item->header + skip, HGP_HEADER_BYTES - skip};
@@ -159,7 +185,7 @@ static void advance(struct hg_outq *q, size_t sent)
 
 enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t)
 {
-    for (size_t done = 0; q->head && done < FLUSH_BYTES;) {
+    for (size_t done = 0; hg_outq_may_send(q) && done < FLUSH_BYTES;) {
         struct iovec parts[2 * FLUSH_ITEMS];
         size_t sent;
         enum hg_status status = t->class->write(t, parts, gather(q, parts), &sent);

@@ -128,8 +128,10 @@ void hg_session_request_fail_all(struct hg_session *s, const struct hg_error *er
             hg_conn_fail(s->conn, s->first->client_id, err);
         hg_session_request_drop(s, s->first);
     }
-    if (!s->conn) // nothing is left to wait for
-        s->table->ended = true;
+    if (s->conn)
+        return;
+    s->resume.parked_ns = 0; // nothing is left to wait for
+    s->table->ended = true;
 }
 
 // Cameras that have come to the front took effect after all answered requests before them.
@@ -314,6 +316,12 @@ static void restore_view(struct hg_session *s, struct hg_session_view *view)
         hg_session_view_subscribe(s, view);
 }
 
+void hg_session_request_restore(struct hg_session *s)
+{
+    for (struct hg_session_view *it = s->views; it; it = it->next)
+        restore_view(s, it);
+}
+
 void hg_session_request_attach(struct hg_session *s)
 {
     struct hg_link *link = s->scene->link;
@@ -331,8 +339,8 @@ void hg_session_request_attach(struct hg_session *s)
     if (s->batch_open) // before there is a view that could show half of it
         hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_batch_begin,
             &(struct hgp_batch_begin){0});
-    for (struct hg_session_view *it = s->views; it; it = it->next)
-        restore_view(s, it);
+    if (!s->resume.parked_ns)
+        hg_session_request_restore(s);
     if (restore)
         hg_link_send(link, s->number, 0, HGP_T_replay_end,
             &(struct hgp_replay_end){.revision = s->scene->revision});

@@ -23,6 +23,8 @@ void hg_session_request_pump_all(struct hg_session_table *table, struct hg_link 
 bool hg_session_request_is_full(const struct hg_session *session);
 // Nor while too much waits for the worker, and more than its share of it is this session's.
 bool hg_session_request_is_crowded(const struct hg_session *session);
+// Makes the views again in the worker that has the session, with their subscriptions.
+void hg_session_request_restore(struct hg_session *session);
 // The scene is in the worker: attaches the session, restores its views, sends its requests.
 void hg_session_request_attach(struct hg_session *session);
 

@@ -7,6 +7,17 @@
 #include "server/broker/session_view.h"
 #include "server/broker/trial.h"
 
+enum hg_status hg_session_rules_may_change(
+    const struct hg_session_table *table, const char *what, struct hg_error *err)
+{
+    enum hg_status status = hg_state_log_refusal(table->scenes.log);
+    return status ? hg_error_set(err, status, what, NULL,
+                        "scenes cannot be changed now: the daemon's state cannot be written "
+                        "(state-dir): %s; try again later",
+                        hg_status_text(status))
+                  : HG_OK;
+}
+
 static enum hg_status check_load(
     struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
 {
@@ -98,6 +109,8 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
     const char *name = hgp_find(packet->header.type)->name;
     if (!s->scene)
         return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
+    if (hg_journal_wants(packet->header.type) && hg_session_rules_may_change(s->table, name, err))
+        return err->status;
     switch (packet->header.type) {
     case HGP_T_bake:
         return hg_error_set(

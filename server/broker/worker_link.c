@@ -38,7 +38,7 @@ bool hg_link_find_program(const struct hg_options *options, char *path, size_t s
 
 struct arguments {
     char *items[MAX_ARGS];
-    char text[8][32]; // numbers in words
+    char text[16][32]; // numbers in words
     int count, texts;
 };
 
@@ -54,6 +54,14 @@ static void add_mib(struct arguments *a, const char *flag, uint64_t bytes)
         return;
     char *text = a->text[a->texts++];
     snprintf(text, sizeof a->text[0], "%llu", (unsigned long long)(bytes >> 20));
+    add(a, flag);
+    add(a, text);
+}
+
+static void add_number(struct arguments *a, const char *flag, double value)
+{
+    char *text = a->text[a->texts++];
+    snprintf(text, sizeof a->text[0], "%g", value);
     add(a, flag);
     add(a, text);
 }
@@ -88,6 +96,9 @@ static void make_arguments(struct arguments *a, const struct hg_link *link, cons
     if (o->warm_up && !link->deaths)
         add(a, "--warm-up");
     add_text(a, "--sandbox", o->sandbox);
+    add_number(a, "--loader-cpu", (double)o->loader_cpu);
+    add_mib(a, "--loader-memory", o->loader_memory_bytes);
+    add_number(a, "--loader-timeout", (double)o->loader_timeout_ns / 1e9);
     if (link->no_spill)
         add(a, "--no-spill");
 }

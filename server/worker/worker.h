@@ -44,6 +44,7 @@
 #include "base/status.h"
 #include "protocol/hgp.h"
 #include "renderer/scene_gpu/debug_overrides.h"
+#include "server/loader/loader_client.h"
 #include "server/worker/watch.h"
 
 enum { WORKER_EXIT_DISK = 9 };
@@ -68,6 +69,7 @@ struct worker_options {
     uint64_t host_budget_bytes, cache_limit_bytes;
     uint32_t threads; // at most, for one thing at a time; 0 = one per core
     enum hg_sandbox_mode sandbox;
+    struct loader_options loader;
     bool no_spill, device_info, validation, warm_up;
     struct hg_debug_overrides overrides; // from the environment
 };
