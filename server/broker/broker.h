@@ -10,10 +10,11 @@
 //   transport                                    bytes of a peer
 //   packet listener peer_table                   whole messages; where clients come in, and from
 //   slots                                        who gets a connection
-//   cgroup
+//   cgroup privileges                            control groups; the daemon's user
 //   worker_share                                 what of the machine a worker gets
 //   worker_home                                  the folders of a worker
-//   worker_process                               starts its program
+//   worker_process confine                       its arguments; what its process may do
+//   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
@@ -46,6 +47,7 @@ struct hg_broker {
     struct hg_admission admission;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
+    struct hg_launcher launcher;
     struct hg_machine machine;
     struct hg_worker_pool pool;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;

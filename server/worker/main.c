@@ -30,7 +30,7 @@ static const struct option long_options[] = {
     {"fd", required_argument, NULL, 'f'},
     {"asset-root", required_argument, NULL, 'a'},
     {"cache-dir", required_argument, NULL, 'c'},
-    {"upload-dir", required_argument, NULL, 'u'},
+    {"upload-dir", required_argument, NULL, 'U'},
     {"shader-seed", required_argument, NULL, 'S'},
     {"compile-shaders", no_argument, NULL, 'k'},
     {"shader-dir", required_argument, NULL, 's'},
@@ -88,7 +88,7 @@ static bool apply_option(struct worker_options *o, int option)
     case 'c':
         o->cache_dir = optarg;
         return true;
-    case 'u':
+    case 'U':
         o->upload_dir = optarg;
         return true;
     case 'S':

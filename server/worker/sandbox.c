@@ -9,6 +9,7 @@
 #include <seccomp.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -70,7 +71,7 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         "/etc/ld.so.cache", "/etc/alternatives", "/etc/vulkan", "/etc/glvnd", "/etc/xdg",
         "/etc/drirc", "/etc/nvidia", "/etc/localtime"};
     static const char *const devices[] = {"/dev/dri", "/dev/null", "/dev/zero", "/dev/urandom",
-        "/dev/shm", "/dev/nvidia0", "/dev/nvidiactl", "/dev/nvidia-modeset", "/dev/nvidia-uvm",
+        "/dev/nvidia0", "/dev/nvidiactl", "/dev/nvidia-modeset", "/dev/nvidia-uvm",
         "/dev/nvidia-uvm-tools", "/dev/kfd"};
     for (size_t i = 0; i < sizeof libraries / sizeof *libraries; i++)
         allow(ruleset, libraries[i], library_access);
@@ -213,16 +214,12 @@ static const int allowed_calls[] = {
     SCMP_SYS(gettid),
     SCMP_SYS(sched_yield),
     SCMP_SYS(sched_getaffinity),
-    SCMP_SYS(sched_setaffinity),
     SCMP_SYS(sched_getparam),
-    SCMP_SYS(sched_setparam),
     SCMP_SYS(sched_getscheduler),
-    SCMP_SYS(sched_setscheduler),
     SCMP_SYS(sched_get_priority_max),
     SCMP_SYS(sched_get_priority_min),
     SCMP_SYS(sched_getattr),
     SCMP_SYS(getpriority),
-    SCMP_SYS(setpriority),
     SCMP_SYS(arch_prctl),
     SCMP_SYS(restart_syscall),
     SCMP_SYS(prctl),
@@ -307,6 +304,26 @@ static bool allow_call(scmp_filter_ctx filter, int call)
     return call < 0 || seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 0) == 0;
 }
 
+// What could be done to a terminal whose descriptor the worker has: stderr. A filter of its own, as
+// a call that is allowed whatever its arguments are cannot be refused for some of them.
+static bool refuse_terminals(void)
+{
+    static const int commands[] = {TIOCSTI, TIOCLINUX, TIOCSCTTY, TIOCSETD};
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+    bool ok = filter != NULL;
+    for (size_t i = 0; ok && i < sizeof commands / sizeof *commands; i++) {
+        const struct scmp_arg_cmp is_it = {.arg = 1,
+            .op = SCMP_CMP_MASKED_EQ,
+            .datum_a = UINT32_MAX,
+            .datum_b = (scmp_datum_t)commands[i]};
+        ok = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(ioctl), 1, is_it) == 0;
+    }
+    ok = ok && seccomp_load(filter) == 0;
+    if (filter)
+        seccomp_release(filter);
+    return ok;
+}
+
 // Threads, no processes and no namespaces; signals and limits of this process only; memory is never
 // writable and executable at once (compilers of drivers write first, and make it executable then).
 static bool allow_some(scmp_filter_ctx filter)
@@ -317,12 +334,17 @@ static bool allow_some(scmp_filter_ctx filter)
     const struct scmp_arg_cmp is_zero = {.arg = 0, .op = SCMP_CMP_EQ, .datum_a = 0};
     const struct scmp_arg_cmp is_own = {
         .arg = 0, .op = SCMP_CMP_EQ, .datum_a = (scmp_datum_t)getpid()};
+    const struct scmp_arg_cmp who_is_caller = {.arg = 1, .op = SCMP_CMP_EQ, .datum_a = 0};
     const scmp_datum_t both = PROT_WRITE | PROT_EXEC;
     const scmp_datum_t protections[] = {0, PROT_WRITE, PROT_EXEC};
     bool ok = true;
     for (size_t i = 0; i < sizeof own / sizeof *own; i++)
         ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, own[i], 1, is_own) == 0;
-    ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, is_zero) == 0;
+    const int of_caller[] = {SCMP_SYS(prlimit64), SCMP_SYS(sched_setaffinity),
+        SCMP_SYS(sched_setparam), SCMP_SYS(sched_setscheduler)};
+    for (size_t i = 0; i < sizeof of_caller / sizeof *of_caller; i++)
+        ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, of_caller[i], 1, is_zero) == 0;
+    ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(setpriority), 1, who_is_caller) == 0;
     for (size_t i = 0; i < sizeof mappings / sizeof *mappings; i++)
         for (size_t k = 0; k < sizeof protections / sizeof *protections; k++)
             ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, mappings[i], 1,
@@ -336,7 +358,7 @@ static bool allow_some(scmp_filter_ctx filter)
 
 static bool enter_seccomp(void)
 {
-    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
+    scmp_filter_ctx filter = refuse_terminals() ? seccomp_init(SCMP_ACT_ERRNO(EPERM)) : NULL;
     if (!filter)
         return false;
     bool ok = allow_some(filter);
@@ -368,7 +390,7 @@ static bool makes_socket(void)
 static bool limits_parent(void)
 {
     struct rlimit limit;
-    return prlimit(getppid(), RLIMIT_NOFILE, NULL, &limit) == 0;
+    return getppid() && prlimit(getppid(), RLIMIT_NOFILE, NULL, &limit) == 0; // 0: it sees none
 }
 
 static bool maps_code(void)

@@ -110,8 +110,8 @@ static void homes_are_recovered(void **state)
     daemon_reap(&d);
     peer_close(&anna);
     daemon_start(&d);
-    assert_false(has(cache, code)); // of the home nothing is left
     tenant_enter(&anna, &d, "anna-token-1", "hall");
+    assert_false(has(cache, code)); // of the home nothing is left
     pid_t pid = tenant_await_worker(&d, "anna", 0);
     flag_of(pid, "--cache-dir", cache, sizeof cache);
     flag_of(pid, "--upload-dir", uploads, sizeof uploads);
