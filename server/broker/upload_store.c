@@ -16,7 +16,12 @@
 #include "base/log.h"
 #include "base/sha256.h"
 
-enum { BUCKETS = 65536, BLOCK_BYTES = 4096, KEY_DIGITS = 32 };
+enum {
+    BUCKETS = 65536,
+    BLOCK_BYTES = 4096,
+    KEY_DIGITS = 32,
+    LINK_BYTES = PATH_MAX + HG_SHA256_HEX
+};
 
 struct content {
     struct content *chain;           // of its bucket
@@ -164,17 +169,12 @@ static const char *owner_folder(const struct hg_upload_store *store,
     return path;
 }
 
-// Caller frees. NULL: no memory.
-static char *link_path(const struct hg_upload_store *store, const struct content *content,
-    const struct hg_upload_owner *owner)
+static const char *link_path(const struct hg_upload_store *store, const struct content *content,
+    const struct hg_upload_owner *owner, char path[LINK_BYTES])
 {
     char hex[HG_SHA256_HEX], folder[PATH_MAX];
-    const char *above = owner_folder(store, owner, folder, sizeof folder);
     hg_sha256_hex(content->hash, hex);
-    size_t size = strlen(above) + sizeof hex + 1;
-    char *path = hg_calloc(size, 1);
-    if (path)
-        snprintf(path, size, "%s/%s", above, hex);
+    snprintf(path, LINK_BYTES, "%s/%s", owner_folder(store, owner, folder, sizeof folder), hex);
     return path;
 }
 
@@ -200,16 +200,15 @@ static enum hg_status add_owner(struct content *content, struct hg_upload_owner 
 static enum hg_status link_content(const struct hg_upload_store *store,
     const struct content *content, struct hg_upload_owner *owner)
 {
-    char folder[PATH_MAX];
-    char *from = content_path(store, content->hash), *to = link_path(store, content, owner);
-    enum hg_status status = from && to ? HG_OK : HG_E_NOMEM;
+    char folder[PATH_MAX], to[LINK_BYTES];
+    char *from = content_path(store, content->hash);
+    enum hg_status status = from ? HG_OK : HG_E_NOMEM;
     if (!status && mkdir(owner_folder(store, owner, folder, sizeof folder), 0700) != 0 &&
         errno != EEXIST)
         status = hg_status_from_errno(errno);
-    if (!status && link(from, to) != 0 && errno != EEXIST)
+    if (!status && link(from, link_path(store, content, owner, to)) != 0 && errno != EEXIST)
         status = hg_status_from_errno(errno);
     hg_free(from);
-    hg_free(to);
     return status;
 }
 
@@ -225,10 +224,8 @@ static enum hg_status take_owner(
 static void disown(struct hg_upload_store *store, struct content *content, size_t i)
 {
     struct hg_upload_owner *owner = content->owners[i];
-    char *path = link_path(store, content, owner);
-    if (path)
-        unlink(path);
-    hg_free(path);
+    char path[LINK_BYTES];
+    unlink(link_path(store, content, owner, path));
     owner->usage.bytes -= disk_bytes(content->size);
     owner->usage.files--;
     content->owners[i] = content->owners[--content->owner_count];
@@ -673,6 +670,16 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
         hg_error_set(err, status, "upload", NULL, "the content cannot be kept for its tenant");
     hg_free(path);
     return status;
+}
+
+int hg_upload_dup(const struct hg_upload *upload)
+{
+    return fcntl(upload->fd, F_DUPFD_CLOEXEC, 0);
+}
+
+int hg_upload_store_open_folder(const struct hg_upload_store *store)
+{
+    return open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 }
 
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err)

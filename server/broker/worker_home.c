@@ -196,7 +196,10 @@ enum hg_status hg_home_give(struct hg_home *home, const char *tenant, struct hg_
 {
     char folder[HG_HOME_PATH], path[HG_HOME_PATH], store[HG_HOME_PATH];
     uint8_t digest[32];
+    struct stat st;
     enum hg_status status = home_folder(home, folder, err);
+    if (!status && lstat(folder, &st) != 0) // no worker has started in it
+        status = hg_home_make(home, err);
     if (!status && make_key(home, tenant, digest))
         status = hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
     if (status || !join(path, sizeof path, folder, "owner"))

@@ -76,7 +76,7 @@ void hg_link_start(struct hg_link *link)
     }
     link->state = HG_LINK_STARTING;
     link->started_ns = link->pulse_ns = link->loop->now_ns;
-    link->busy_ns = 0;
+    link->hang = (struct hg_link_hang){0};
     link->last_words[0] = 0;
     hg_info(WORKER, "worker %d started", (int)link->pid);
 }
@@ -159,8 +159,9 @@ void hg_link_check_time(struct hg_link *link)
             hg_link_fail(link, "was not ready in time (start-timeout)");
     } else if (now_ns - link->pulse_ns > o->worker_timeout_ns) {
         hg_link_fail(link, "gives no sign of life (worker-timeout)");
-    } else if (link->busy_ns > o->hang_timeout_ns) {
-        hg_link_fail(link, "hangs in one step of rendering (hang-timeout)");
+    } else if (link->hang.busy_ns > o->hang_timeout_ns) {
+        link->hang.fatal = link->hang.told;
+        hg_link_fail(link, "hangs in one piece of work (hang-timeout)");
     }
 }
 
@@ -176,6 +177,11 @@ static void update(struct hg_link *link)
 {
     const struct hg_transport *t = &link->transport;
     hg_loop_set_events(link->loop, &link->source, t->class->wants(t, true, link->out.head));
+}
+
+bool hg_link_has_room(const struct hg_link *link)
+{
+    return link->out.bytes < HG_LINK_AHEAD;
 }
 
 void hg_link_send_packet(
@@ -228,8 +234,15 @@ static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m
         return;
     case HGP_T_pulse:
         link->pulse_ns = link->loop->now_ns;
-        link->busy_ns = m->pulse.busy_ns;
+        link->hang.busy_ns = m->pulse.busy_ns;
         link->rss_bytes = m->pulse.rss_bytes;
+        link->hang.told &= m->pulse.busy_ns > 0;
+        return;
+    case HGP_T_busy:
+        link->hang = (struct hg_link_hang){.channel = m->busy.channel,
+            .request = m->busy.request,
+            .view = m->busy.view,
+            .told = true};
         return;
     case HGP_T_error:
         take_last_words(link, &m->error);
@@ -286,6 +299,7 @@ static void ready(struct hg_source *source, uint32_t events)
     if (events & EPOLLOUT) {
         if (hg_outq_flush(&link->out, &link->transport) == HG_OK)
             update(link);
+        link->feed.pump |= link->feed.starved && hg_link_has_room(link);
         // A broken stream shows in reading, after the last answers.
     }
     if (events & (EPOLLIN | EPOLLHUP | EPOLLERR))

@@ -38,6 +38,14 @@ static void add_mib(struct hg_worker_arguments *a, const char *flag, uint64_t by
     add(a, text);
 }
 
+static void add_number(struct hg_worker_arguments *a, const char *flag, double value)
+{
+    char *text = a->text[a->texts++];
+    snprintf(text, sizeof a->text[0], "%g", value);
+    add(a, flag);
+    add(a, text);
+}
+
 static void add_text(struct hg_worker_arguments *a, const char *flag, const char *text)
 {
     if (!text)
@@ -137,6 +145,9 @@ int hg_worker_arguments_make(struct hg_worker_arguments *a, const struct hg_work
     if (s->seed)
         add(a, "--compile-shaders");
     add_text(a, "--sandbox", o->sandbox);
+    add_number(a, "--loader-cpu", (double)o->loader_cpu);
+    add_mib(a, "--loader-memory", o->loader_memory_bytes);
+    add_number(a, "--loader-timeout", (double)o->loader_timeout_ns / 1e9);
     if (s->no_spill)
         add(a, "--no-spill");
     choose_environment(a->variables, HG_WORKER_ARGUMENTS, has_home(s) || s->seed);

@@ -25,7 +25,7 @@ enum { HG_WORKER_ARGUMENTS = 1024 };
 // What its program is started with.
 struct hg_worker_arguments {
     char *items[HG_WORKER_ARGUMENTS], *variables[HG_WORKER_ARGUMENTS];
-    char text[8][32]; // numbers in words
+    char text[16][32]; // numbers in words
     int count, texts;
     char program[HG_HOME_PATH], cache_dir[HG_HOME_PATH], upload_dir[HG_HOME_PATH];
     char seed[HG_HOME_PATH];

@@ -73,7 +73,7 @@ static void groups_have_weights(void **state)
     struct peer anna, bert;
     char annas[32], berts[32];
     begin(&d, "group");
-    assert_int_equal(number_in(&d, "daemon", "cgroup.procs"), d.pid);
+    await_number(&d, "daemon", "cgroup.procs", (unsigned long long)d.pid);
     char *enabled = daemon_read(&d, "group/cgroup.subtree_control");
     assert_string_equal(enabled, "+pids"); // the last one; a plain file keeps no others
     free(enabled);
