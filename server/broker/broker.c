@@ -15,6 +15,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "server/broker/call_filter.h"
 #include "server/broker/confine.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
@@ -514,6 +515,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     // Before there are threads, each of which has a set of its own.
     if (!status && hg_confine_drop_capabilities())
         status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
+    if (!status && !hg_call_filter_enter())
+        hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
     if (!status)
         status = watch_signals(b, err);
     if (!status)

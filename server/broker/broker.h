@@ -13,7 +13,7 @@
 //   state_record
 //   quarantine                                   files that ended workers
 //   slots                                        who gets a connection
-//   cgroup privileges                            control groups; the daemon's user
+//   cgroup privileges call_filter                control groups; the daemon's user, its calls
 //   worker_share                                 what of the machine a worker gets
 //   worker_home                                  the folders of a worker
 //   worker_process confine                       its arguments; what its process may do
