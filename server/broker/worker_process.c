@@ -83,7 +83,7 @@ static bool add_folders(struct hg_worker_arguments *a, const struct hg_worker_st
         return true;
     }
     if (!hg_home_path(s->home, "cache", a->cache_dir, sizeof a->cache_dir) ||
-        !hg_home_path(s->home, "uploads", a->upload_dir, sizeof a->upload_dir))
+        !hg_home_path(s->home, "given", a->upload_dir, sizeof a->upload_dir))
         return false;
     add_text(a, "--cache-dir", a->cache_dir);
     add_text(a, "--upload-dir", a->upload_dir);
