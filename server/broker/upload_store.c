@@ -14,7 +14,12 @@
 #include "base/log.h"
 #include "base/sha256.h"
 
-enum { BUCKETS = 65536, BLOCK_BYTES = 4096, KEY_DIGITS = 32 };
+enum {
+    BUCKETS = 65536,
+    BLOCK_BYTES = 4096,
+    KEY_DIGITS = 32,
+    LINK_BYTES = PATH_MAX + HG_SHA256_HEX
+};
 
 struct content {
     struct content *chain;           // of its bucket
@@ -150,17 +155,12 @@ static const char *owner_folder(const struct hg_upload_store *store,
     return path;
 }
 
-// Caller frees. NULL: no memory.
-static char *link_path(const struct hg_upload_store *store, const struct content *content,
-    const struct hg_upload_owner *owner)
+static const char *link_path(const struct hg_upload_store *store, const struct content *content,
+    const struct hg_upload_owner *owner, char path[LINK_BYTES])
 {
     char hex[HG_SHA256_HEX], folder[PATH_MAX];
-    const char *above = owner_folder(store, owner, folder, sizeof folder);
     hg_sha256_hex(content->hash, hex);
-    size_t size = strlen(above) + sizeof hex + 1;
-    char *path = hg_calloc(size, 1);
-    if (path)
-        snprintf(path, size, "%s/%s", above, hex);
+    snprintf(path, LINK_BYTES, "%s/%s", owner_folder(store, owner, folder, sizeof folder), hex);
     return path;
 }
 
@@ -183,38 +183,28 @@ static enum hg_status add_owner(struct content *content, struct hg_upload_owner 
     return HG_OK;
 }
 
-static enum hg_status link_content(const struct hg_upload_store *store,
-    const struct content *content, struct hg_upload_owner *owner)
-{
-    char folder[PATH_MAX];
-    char *from = content_path(store, content->hash), *to = link_path(store, content, owner);
-    enum hg_status status = from && to ? HG_OK : HG_E_NOMEM;
-    if (!status && mkdir(owner_folder(store, owner, folder, sizeof folder), 0700) != 0 &&
-        errno != EEXIST)
-        status = hg_status_from_errno(errno);
-    if (!status && link(from, to) != 0 && errno != EEXIST)
-        status = hg_status_from_errno(errno);
-    hg_free(from);
-    hg_free(to);
-    return status;
-}
-
 static enum hg_status take_owner(
     struct hg_upload_store *store, struct content *content, struct hg_upload_owner *owner)
 {
     if (is_owned_by(content, owner))
         return HG_OK;
-    enum hg_status status = link_content(store, content, owner);
+    char folder[PATH_MAX], to[LINK_BYTES];
+    char *from = content_path(store, content->hash);
+    enum hg_status status = from ? HG_OK : HG_E_NOMEM;
+    if (!status && mkdir(owner_folder(store, owner, folder, sizeof folder), 0700) != 0 &&
+        errno != EEXIST)
+        status = hg_status_from_errno(errno);
+    if (!status && link(from, link_path(store, content, owner, to)) != 0 && errno != EEXIST)
+        status = hg_status_from_errno(errno);
+    hg_free(from);
     return status ? status : add_owner(content, owner);
 }
 
 static void disown(struct hg_upload_store *store, struct content *content, size_t i)
 {
     struct hg_upload_owner *owner = content->owners[i];
-    char *path = link_path(store, content, owner);
-    if (path)
-        unlink(path);
-    hg_free(path);
+    char path[LINK_BYTES];
+    unlink(link_path(store, content, owner, path));
     owner->usage.bytes -= disk_bytes(content->size);
     owner->usage.files--;
     content->owners[i] = content->owners[--content->owner_count];
@@ -270,20 +260,19 @@ enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upl
     const char *folder, struct hg_error *err)
 {
     char here[PATH_MAX], there[PATH_MAX];
-    char *moved = folder ? hg_strdup(folder) : NULL;
-    if (folder && !moved)
+    struct hg_upload_owner next = *owner;
+    next.moved = folder ? hg_strdup(folder) : NULL;
+    if (folder && !next.moved)
         return hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
-    struct hg_upload_owner next = {.moved = moved};
-    memcpy(next.key, owner->key, sizeof next.key);
     const char *from = owner_folder(store, owner, here, sizeof here);
     const char *to = owner_folder(store, &next, there, sizeof there);
     // What it has not sent anything to has no folder.
     if (rename(from, to) != 0 && errno != ENOENT) {
-        hg_free(moved);
+        hg_free(next.moved);
         return fail_errno(err, from, "move the folder");
     }
     hg_free(owner->moved);
-    owner->moved = moved;
+    owner->moved = next.moved;
     return HG_OK;
 }
 
@@ -363,34 +352,31 @@ static enum hg_status make_folders(const char *folder, struct hg_error *err)
     return status;
 }
 
-// A link in the folder of an owner. One without its content is removed.
-static enum hg_status index_link(
-    struct hg_upload_store *store, struct hg_upload_owner *owner, int folder, const char *name)
+// A link in the folder of an owner, below that of all contents. One without its content is removed.
+static enum hg_status index_link(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    int above, int folder, const char *name)
 {
     uint8_t hash[32];
     struct stat st;
     if (!hg_sha256_parse(name, 32, hash))
         return HG_OK;
-    char *path = content_path(store, hash);
-    bool is_there = path && lstat(path, &st) == 0;
-    struct content *content = is_there ? find_or_add(store, hash) : NULL;
-    hg_free(path);
-    if (path && !is_there)
+    if (fstatat(above, name, &st, AT_SYMLINK_NOFOLLOW) != 0)
         return unlinkat(folder, name, 0) == 0 ? HG_OK : HG_E_IO;
+    struct content *content = find_or_add(store, hash);
     if (!content)
         return HG_E_NOMEM;
     content->size = (uint64_t)st.st_size;
     return is_owned_by(content, owner) ? HG_OK : add_owner(content, owner);
 }
 
-static enum hg_status index_owner(struct hg_upload_store *store, const uint8_t key[32])
+static enum hg_status index_owner(struct hg_upload_store *store, int above, const uint8_t key[32])
 {
     char folder[PATH_MAX];
     struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
     DIR *dir = owner ? opendir(owner_folder(store, owner, folder, sizeof folder)) : NULL;
     enum hg_status status = dir ? HG_OK : HG_E_NOMEM;
     for (struct dirent *it; !status && (it = readdir(dir));)
-        status = index_link(store, owner, dirfd(dir), it->d_name);
+        status = index_link(store, owner, above, dirfd(dir), it->d_name);
     if (dir)
         closedir(dir);
     return status;
@@ -403,7 +389,7 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
     if (hg_sha256_parse(name, KEY_DIGITS / 2, hash))
-        return index_owner(store, hash);
+        return index_owner(store, dirfd(dir), hash);
     if (!hg_sha256_parse(name, 32, hash) ||
         fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(st.st_mode))
         return HG_OK;
