@@ -629,6 +629,16 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
     return status;
 }
 
+int hg_upload_dup(const struct hg_upload *upload)
+{
+    return fcntl(upload->fd, F_DUPFD_CLOEXEC, 0);
+}
+
+int hg_upload_store_open_folder(const struct hg_upload_store *store)
+{
+    return open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+}
+
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err)
 {
     enum hg_status status = take_in(upload, err);

@@ -61,6 +61,10 @@ uint64_t hg_upload_progress_ns(
 // HG_E_NOSPACE, HG_E_IO.
 enum hg_status hg_upload_append(
     struct hg_upload *upload, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+// Descriptors of the caller's, to be synced: of what has come, and of the folder that names it.
+// -1: none could be made.
+int hg_upload_dup(const struct hg_upload *upload);
+int hg_upload_store_open_folder(const struct hg_upload_store *store);
 // All bytes came: verifies the hash and takes the content into the store. Destroys the upload
 // either way. HG_E_HASH, HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err) HG_MUST_CHECK;
