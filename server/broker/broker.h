@@ -24,13 +24,16 @@
 //   session_park
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
-//   recovery client_dispatch state               a new worker; what a client may say, and when;
-//   restarts broker                                       start, signals, reload, the janitor,
-//   drain main
+//   recovery client_dispatch state               a new worker; what a client may say; restarts
+//   handover                                     all of it, for the next program
+//   takeover                                     SIGUSR2
+//   broker                                       start, signals, reload, the janitor, drain
+//   main
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
 #include "server/broker/client_dispatch.h"
+#include "server/broker/takeover.h"
 
 struct hg_broker {
     struct hg_loop loop;
@@ -49,6 +52,7 @@ struct hg_broker {
     struct hg_conn_table conns;
     struct hg_session_table sessions;
     struct hg_worker_pool pool;
+    struct hg_takeover takeover;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };
 

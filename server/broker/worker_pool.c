@@ -7,11 +7,13 @@
 #include "base/alloc.h"
 #include "base/log.h"
 
-enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like)
+enum hg_status hg_worker_pool_init(
+    struct hg_worker_pool *pool, const struct hg_link *like, uint32_t least)
 {
     const struct hg_options *o = like->options;
     bool is_shared = strcmp(o->isolation, "shared") == 0;
     uint32_t count = is_shared ? o->shared_workers : o->max_workers + 1; // and the spare
+    count = count < least ? least : count;
     *pool = (struct hg_worker_pool){
         .links = hg_calloc(count, sizeof *pool->links), .is_shared = is_shared};
     if (!pool->links)
@@ -19,7 +21,7 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
     pool->count = count;
     for (uint32_t i = 0; i < count; i++) {
         pool->links[i] = *like;
-        pool->links[i].whose.wanted = is_shared || i == 0;
+        pool->links[i].whose.wanted = is_shared ? i < o->shared_workers : i == 0;
         pool->links[i].source.fd = pool->links[i].transport.fd = -1;
     }
     return HG_OK;
@@ -28,7 +30,7 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
 void hg_worker_pool_start(struct hg_worker_pool *pool)
 {
     for (uint32_t i = 0; i < pool->count; i++)
-        if (pool->links[i].whose.wanted)
+        if (pool->links[i].whose.wanted && pool->links[i].state == HG_LINK_DOWN)
             hg_link_start(&pool->links[i]);
 }
 
@@ -138,13 +140,20 @@ static void check_idle(struct hg_link *link)
         release(link, "its tenant has had no scene for worker-idle");
 }
 
-void hg_worker_pool_reap(struct hg_worker_pool *pool)
+bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *other_status)
 {
     int status;
-    for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;)
+    bool found = false;
+    for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
+        if (pid == other) {
+            *other_status = status;
+            found = true;
+        }
         for (uint32_t i = 0; i < pool->count; i++)
             if (pool->links[i].pid == pid)
                 hg_link_exited(&pool->links[i], status);
+    }
+    return found;
 }
 
 void hg_worker_pool_check_times(struct hg_worker_pool *pool)

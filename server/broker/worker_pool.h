@@ -18,9 +18,10 @@ struct hg_worker_pool {
     bool is_shared;
 };
 
-// `like` has the loop, options and events of every link. HG_E_NOMEM. No process is started.
+// `like` has the loop, options and events of every link; `least`: there are at least so many.
+// HG_E_NOMEM. No process is started.
 enum hg_status hg_worker_pool_init(
-    struct hg_worker_pool *pool, const struct hg_link *like) HG_MUST_CHECK;
+    struct hg_worker_pool *pool, const struct hg_link *like, uint32_t least) HG_MUST_CHECK;
 void hg_worker_pool_start(struct hg_worker_pool *pool);
 void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one
 
@@ -30,7 +31,8 @@ void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one
 // them have scenes.
 struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *tenant);
 
-void hg_worker_pool_reap(struct hg_worker_pool *pool);        // SIGCHLD
+// SIGCHLD. True: the process `other` (0 = none) has ended, with *status.
+bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *status);
 void hg_worker_pool_check_times(struct hg_worker_pool *pool); // once in a while
 // At the end of an event loop round: replaces failed workers, restarts those that are due.
 void hg_worker_pool_end_round(struct hg_worker_pool *pool, uint64_t now_ns);

@@ -554,7 +554,7 @@ static void scenes_are_spread_over_workers(void **state)
     (void)state;
     struct hg_worker_pool pool;
     struct hg_options o = {.isolation = (char *)"shared", .shared_workers = 3};
-    assert_int_equal(hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}), HG_OK);
+    assert_int_equal(hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}, 0), HG_OK);
     struct hg_link *links = pool.links;
     assert_false(hg_worker_pool_is_up(&pool));
     for (int i = 0; i < 7; i++) { // none runs yet
