@@ -904,6 +904,22 @@ export const messages = {
             { name: "views", kind: "u32", least: 0, most: 4294967295, since: 1 },
         ],
     },
+    // whose session the channel carries: all sessions of one tenant share its turns; without it those without one share theirs
+    session_tenant: {
+        type: 0x0506, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "tenant", kind: "str", max: 128, since: 1 },
+        ],
+    },
+    // before a pulse: what the thread of its busy_ns is at
+    busy: {
+        type: 0x0507, direction: "W2B", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "channel", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
 };
 
 // ---- codec -------------------------------------------------------------------------------------

@@ -329,7 +329,7 @@ static void begin_drain(struct hg_broker *b)
 
 static bool has_work(const struct hg_conn *conn)
 {
-    return conn->out.head || (conn->session && conn->session->request_count);
+    return conn->out.head || (conn->session && conn->session->load.count);
 }
 
 static void drain_step(struct hg_broker *b)
@@ -478,6 +478,8 @@ static uint64_t round_end(void *user)
         hg_takeover_step(&b->takeover);
     bury(b);
     uint64_t deadline_ns = sooner(b->tick_ns, hg_worker_pool_deadline_ns(&b->pool));
+    if (b->conns.deferred)
+        return now_ns;
     if (b->conns.paused_count)
         deadline_ns = sooner(deadline_ns, now_ns + THROTTLE_NS);
     return deadline_ns;

@@ -276,7 +276,7 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         handle_auth(conn, request, &m->auth);
         return;
     case HGP_T_ping:
-        hg_conn_send(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
         return;
     case HGP_T_pong:
         return;
@@ -340,14 +340,13 @@ static void take_message(struct hg_conn *conn, struct hg_packet *packet)
 
 // ---- the connection's events --------------------------------------------------------------------
 
-// Back-pressure of the session, and of the worker that its scene is in.
+// Back-pressure of the session, and of the worker that its scene is in where much of what waits for
+// that is the session's.
 static bool must_wait(const struct hg_conn *conn)
 {
     const struct hg_session *s = conn->session;
-    const struct hg_link *link = s->scene ? s->scene->link : NULL;
-    return hg_session_request_is_full(s) ||
-           (s->scene && hg_state_log_is_behind(s->table->scenes.log)) ||
-           (link && link->out.bytes > conn->table->options->input_limit_bytes);
+    return hg_session_request_is_full(s) || hg_session_request_is_crowded(s) ||
+           (s->scene && hg_state_log_is_behind(s->table->scenes.log));
 }
 
 static void grant_more(struct hg_conn *conn)

@@ -45,7 +45,8 @@ struct hg_conn {
     struct hg_outq out;
     enum hg_conn_state state;
     bool paused, peer_ended;
-    bool starved; // something waits for room in its output
+    bool starved;  // something waits for room in its output
+    bool deferred; // it has had its turn in this round; the rest of what was read comes in the next
     struct hg_peer peer;
     struct hg_slot slot;
     struct hg_conn_auth auth;
@@ -87,6 +88,7 @@ struct hg_conn_table {
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool was_short;           // of memory for output, at the last check
     bool quiet;               // nothing is read from open sessions
+    bool deferred;            // one has had its turn and more to do
     bool closing;             // one began to close: `ended` comes at the end of the round
     struct hg_slots slots;
     struct hg_peer_log log;
@@ -101,6 +103,9 @@ struct hg_conn *hg_conn_adopt(
 // The session is open: messages are limited by `rate` a second from here on.
 void hg_conn_set_open(struct hg_conn *conn, double rate);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
+// Before all that waits: an answer that must not wait behind data.
+void hg_conn_send_urgent(
+    struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
 // Takes over the reference.
 void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet);
 // Answers `error`, or `notice` when no answer was wanted.

@@ -42,7 +42,7 @@ bool hg_handover_is_quiet(const struct hg_handover *h)
 {
     const struct hg_session_table *table = h->sessions;
     for (const struct hg_session *it = table->first; it; it = it->next)
-        if (it->request_count || has_uploads(it) || it->bytes.verified ||
+        if (it->load.count || has_uploads(it) || it->bytes.verified ||
             (!it->conn && !it->resume.parked_ns) || (it->scene && !it->attached))
             return false;
     for (uint32_t i = 0; i < table->pool->count; i++)

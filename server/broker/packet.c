@@ -54,28 +54,63 @@ struct hg_outq_item {
     uint8_t header[HGP_HEADER_BYTES];
 };
 
-enum hg_status hg_outq_push(
-    struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel)
+static struct hg_outq_item *create_item(
+    struct hg_packet *packet, uint32_t request, uint32_t channel)
 {
     struct hg_outq_item *item = packet ? hg_calloc(1, sizeof *item) : NULL;
     if (!item) {
         hg_packet_unref(packet);
-        return HG_E_NOMEM;
+        return NULL;
     }
     struct hgp_header header = packet->header;
     header.request = request;
     header.channel = channel;
     hgp_header_encode(&header, item->header);
     item->packet = packet;
+    return item;
+}
+
+static void insert(struct hg_outq *q, struct hg_outq_item **link, struct hg_outq_item *item)
+{
+    item->next = *link;
+    *link = item;
+    if (!item->next)
+        q->tail = &item->next;
+    q->bytes += HGP_HEADER_BYTES + item->packet->header.length;
+}
+
+static void begin_queue(struct hg_outq *q)
+{
+    if (q->head)
+        return;
+    q->tail = &q->head;
+    q->progress_ns = q->window_ns = hg_clock_now_ns();
+    q->window_bytes = 0;
+}
+
+enum hg_status hg_outq_push(
+    struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel)
+{
+    struct hg_outq_item *item = create_item(packet, request, channel);
+    if (!item)
+        return HG_E_NOMEM;
+    begin_queue(q);
     item->hold = q->hold;
-    if (!q->head) {
-        q->tail = &q->head;
-        q->progress_ns = q->window_ns = hg_clock_now_ns();
-        q->window_bytes = 0;
-    }
-    *q->tail = item;
-    q->tail = &item->next;
-    q->bytes += HGP_HEADER_BYTES + packet->header.length;
+    insert(q, q->tail, item);
+    return HG_OK;
+}
+
+enum hg_status hg_outq_push_urgent(struct hg_outq *q, struct hg_packet *packet, uint32_t request)
+{
+    struct hg_outq_item *item = create_item(packet, request, 0);
+    if (!item)
+        return HG_E_NOMEM;
+    begin_queue(q);
+    if (q->urgent)
+        insert(q, &q->urgent->next, item);
+    else
+        insert(q, q->head && q->head->sent ? &q->head->next : &q->head, item);
+    q->urgent = item;
     return HG_OK;
 }
 
@@ -127,6 +162,8 @@ static void drop_head(struct hg_outq *q)
 {
     struct hg_outq_item *item = q->head;
     q->head = item->next;
+    if (q->urgent == item)
+        q->urgent = NULL;
     hg_packet_unref(item->packet);
     hg_free(item);
 }

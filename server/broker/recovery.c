@@ -26,7 +26,7 @@ enum { REPLAY_DEATHS = 2 };
 static void attach_all(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
     scene->in_worker = true;
-    scene->link->pump = true; // suspects wait for the last scene
+    scene->link->feed.pump = true; // suspects wait for the last scene
     for (int open = 1; open >= 0; open--)
         for (struct hg_session *it = table->first; it; it = it->next)
             if (it->scene == scene && !it->attached && (it->batch_open || !open))
@@ -92,11 +92,9 @@ void hg_recovery_continue(struct hg_link *link)
             end_replay(link);
     }
     hg_trial_check_time(link);
-    if (link->pump) {
-        link->pump = false;
-        for (struct hg_session *it = table->first; it; it = it->next)
-            if (it->scene && it->scene->link == link)
-                hg_session_request_pump(it);
+    if (link->feed.pump) {
+        link->feed.pump = false;
+        hg_session_request_pump_all(table, link);
     }
 }
 
@@ -238,6 +236,7 @@ static void take_death(struct hg_link *link)
     struct hg_session_table *table = link->owner;
     struct hg_shared_scene *replaying = link->replay.scene;
     link->replay.scene = NULL;
+    hg_trial_accuse(link);
     for (struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
         if (it->link == link)
             it->in_worker = it->on_channel = false;

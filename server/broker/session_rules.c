@@ -67,7 +67,7 @@ static enum hg_status check_journal(
 {
     const struct hg_options *o = s->table->options;
     const uint16_t type = packet->header.type;
-    const uint64_t more = s->request_bytes + packet->header.length;
+    const uint64_t more = s->load.bytes + packet->header.length;
     const uint64_t need = hg_journal_get_stats(s->scene->journal).bytes + more;
     if (!hg_journal_wants(type) || type == HGP_T_object_remove || type == HGP_T_asset_unload)
         return HG_OK;
@@ -96,10 +96,10 @@ static enum hg_status check_view(
 static enum hg_status check_frame_request(
     struct hg_session *s, const struct hg_packet *packet, uint32_t view, struct hg_error *err)
 {
-    if (s->frame_count >= s->table->options->max_frame_requests)
+    if (s->load.frames >= s->table->options->max_frame_requests)
         return hg_error_set(err, HG_E_BUSY, hgp_find(packet->header.type)->name, NULL,
             "%u frame requests of this session are under way already (max-frame-requests)",
-            s->frame_count);
+            s->load.frames);
     return check_view(s, packet, view, err);
 }
 

@@ -58,6 +58,12 @@ struct hg_session_failed {
     struct hg_error err;
 };
 
+// Requests under way.
+struct hg_session_load {
+    uint32_t count, frames;       // frames: those that render
+    uint64_t bytes, unsent_bytes; // unsent: of those that the worker has no room for yet
+};
+
 // What the client was promised.
 struct hg_session_answers {
     uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
@@ -93,8 +99,7 @@ struct hg_session {
     bool attached;   // the worker knows it
     bool batch_open; // batch_begin was accepted
     struct hg_request *first, *last;
-    uint32_t request_count, frame_count;
-    uint64_t request_bytes;
+    struct hg_session_load load;
     struct hg_session_answers answers;
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];

@@ -147,7 +147,7 @@ void hg_session_view_clear(struct hg_session *s, struct hg_session_view *view)
         return;
     view->suspect = view->held = false;
     link->trial.waiting--;
-    link->pump = true;
+    link->feed.pump = true;
     if (link->trial.session == s && !link->trial.id && link->trial.view == view->number)
         link->trial.session = NULL;
 }

@@ -38,7 +38,7 @@ bool hg_link_find_program(const struct hg_options *options, char *path, size_t s
 
 struct arguments {
     char *items[MAX_ARGS];
-    char text[8][32]; // numbers in words
+    char text[16][32]; // numbers in words
     int count, texts;
 };
 
@@ -54,6 +54,14 @@ static void add_mib(struct arguments *a, const char *flag, uint64_t bytes)
         return;
     char *text = a->text[a->texts++];
     snprintf(text, sizeof a->text[0], "%llu", (unsigned long long)(bytes >> 20));
+    add(a, flag);
+    add(a, text);
+}
+
+static void add_number(struct arguments *a, const char *flag, double value)
+{
+    char *text = a->text[a->texts++];
+    snprintf(text, sizeof a->text[0], "%g", value);
     add(a, flag);
     add(a, text);
 }
@@ -88,6 +96,9 @@ static void make_arguments(struct arguments *a, const struct hg_link *link, cons
     if (o->warm_up && !link->deaths)
         add(a, "--warm-up");
     add_text(a, "--sandbox", o->sandbox);
+    add_number(a, "--loader-cpu", (double)o->loader_cpu);
+    add_mib(a, "--loader-memory", o->loader_memory_bytes);
+    add_number(a, "--loader-timeout", (double)o->loader_timeout_ns / 1e9);
     if (link->no_spill)
         add(a, "--no-spill");
 }
@@ -181,7 +192,7 @@ static enum hg_status open_link(struct hg_link *link, int fd)
     link->in.frames = &hg_packet_frames;
     link->source = (struct hg_source){.fd = fd, .events = EPOLLIN, .ready = ready, .owner = link};
     link->started_ns = link->pulse_ns = link->loop->now_ns;
-    link->busy_ns = 0;
+    link->hang = (struct hg_link_hang){0};
     link->last_words[0] = 0;
     return hg_loop_add(link->loop, &link->source);
 }
@@ -304,8 +315,9 @@ void hg_link_check_time(struct hg_link *link)
             hg_link_fail(link, "was not ready in time (start-timeout)");
     } else if (now_ns - link->pulse_ns > o->worker_timeout_ns) {
         hg_link_fail(link, "gives no sign of life (worker-timeout)");
-    } else if (link->busy_ns > o->hang_timeout_ns) {
-        hg_link_fail(link, "hangs in one step of rendering (hang-timeout)");
+    } else if (link->hang.busy_ns > o->hang_timeout_ns) {
+        link->hang.fatal = link->hang.told;
+        hg_link_fail(link, "hangs in one piece of work (hang-timeout)");
     }
 }
 
@@ -321,6 +333,11 @@ static void update(struct hg_link *link)
 {
     const struct hg_transport *t = &link->transport;
     hg_loop_set_events(link->loop, &link->source, t->class->wants(t, true, link->out.head));
+}
+
+bool hg_link_has_room(const struct hg_link *link)
+{
+    return link->out.bytes < HG_LINK_AHEAD;
 }
 
 void hg_link_send_packet(
@@ -373,8 +390,15 @@ static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m
         return;
     case HGP_T_pulse:
         link->pulse_ns = link->loop->now_ns;
-        link->busy_ns = m->pulse.busy_ns;
+        link->hang.busy_ns = m->pulse.busy_ns;
         link->rss_bytes = m->pulse.rss_bytes;
+        link->hang.told &= m->pulse.busy_ns > 0;
+        return;
+    case HGP_T_busy:
+        link->hang = (struct hg_link_hang){.channel = m->busy.channel,
+            .request = m->busy.request,
+            .view = m->busy.view,
+            .told = true};
         return;
     case HGP_T_error:
         take_last_words(link, &m->error);
@@ -431,6 +455,7 @@ static void ready(struct hg_source *source, uint32_t events)
     if (events & EPOLLOUT) {
         if (hg_outq_flush(&link->out, &link->transport) == HG_OK)
             update(link);
+        link->feed.pump |= link->feed.starved && hg_link_has_room(link);
         // A broken stream shows in reading, after the last answers.
     }
     if (events & (EPOLLIN | EPOLLHUP | EPOLLERR))

@@ -49,6 +49,7 @@ struct hg_gltf {
     uint32_t buffer_count, view_count, image_count, profile_count;
     uint32_t punctual_count; // lights of KHR_lights_punctual
     uint64_t memory_used, memory_limit;
+    struct hg_isolated *draco; // decodes compressed meshes; NULL: not started
     bool has_quantization; // KHR_mesh_quantization is declared
 };
 
@@ -139,9 +140,20 @@ void hg_gltf_read_uints(const struct hg_gltf_accessor *a, uint32_t components, u
 // gltf_meshopt.c, gltf_draco.c
 enum hg_status hg_gltf_decode_meshopt(
     struct hg_gltf *g, const struct hg_gltf_at *extension, struct hg_gltf_view *view) HG_MUST_CHECK;
-struct hg_draco_mesh;
-enum hg_status hg_gltf_decode_draco(struct hg_gltf *g, const struct hg_gltf_at *extension,
-    struct hg_draco_mesh **out) HG_MUST_CHECK;
+struct hg_gltf_draco; // a decoded mesh; the next one of the load is decoded after its destruction
+struct hg_gltf_draco_attribute {
+    uint32_t id, component_type, components; // as the accessor has it
+};
+enum hg_status hg_gltf_draco_decode(struct hg_gltf *g, const struct hg_gltf_at *extension,
+    struct hg_gltf_draco **out) HG_MUST_CHECK;
+void hg_gltf_draco_destroy(struct hg_gltf_draco *draco); // accepts NULL
+uint32_t hg_gltf_draco_point_count(const struct hg_gltf_draco *draco);
+uint32_t hg_gltf_draco_face_count(const struct hg_gltf_draco *draco);
+void hg_gltf_draco_indices(const struct hg_gltf_draco *draco, uint32_t *out); // 3 a face
+// Tightly packed values of all points. HG_E_NOTFOUND, HG_E_FORMAT (not convertible); err->reason
+// where it says more.
+enum hg_status hg_gltf_draco_values(struct hg_gltf *g, const struct hg_gltf_draco *draco,
+    const struct hg_gltf_draco_attribute *attribute, void *out, struct hg_error *err) HG_MUST_CHECK;
 
 // gltf_mesh.c, gltf_material.c, gltf_texture.c, gltf_light.c, gltf_node.c, gltf_anim.c
 enum hg_status hg_gltf_load_images(struct hg_gltf *g) HG_MUST_CHECK;
