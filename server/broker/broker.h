@@ -7,7 +7,7 @@
 // Layers, lowest first:
 //   json
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
-//   transport state_file                         bytes of a peer; of the state log
+//   transport state_file upload                  bytes of a peer; of the state log; of a content
 //   packet listener peer_table state_folder      whole messages; where clients come in, and from
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record

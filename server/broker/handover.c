@@ -16,6 +16,7 @@
 #include "server/broker/session_view.h"
 #include "server/broker/state.h"
 #include "server/broker/state_file.h"
+#include "server/broker/upload.h"
 
 // Kinds of records, beside those of enum hg_state_kind.
 enum { LINK = 0x100, SCENE, SESSION, VIEW, CONN, LISTENER };

@@ -565,7 +565,9 @@ static const char token_text[] =
 // Read by renderer/debug_environment.c.
 static const char environment_text[] =
     "\n## Environment of workers\n\n"
-    "`HELIO_WORKER` is the worker's program, see above. For people who look into a frame, workers "
+    "`HELIO_WORKER` is the worker's program, see above; `HELIO_LOADER` what workers read foreign "
+    "formats with, else ../libexec/helio-loader beside the worker. For people who look into a "
+    "frame, workers "
     "of "
     "a daemon, private workers and `helio-bench` take these; pictures stay the same:\n\n"
     "| variable | |\n|---|---|\n"

@@ -72,6 +72,7 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct h
     *out = scene;
     if (scene) {
         scene->sessions++;
+        hg_worker_pool_weigh(table->pool, scene->link, wish->weight);
         return HG_OK;
     }
     struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant, wish->weight);

@@ -151,6 +151,12 @@ void hg_worker_pool_take_homes(struct hg_worker_pool *pool)
     }
 }
 
+void hg_worker_pool_weigh(struct hg_worker_pool *pool, struct hg_link *link, uint32_t weight)
+{
+    if (!pool->is_shared)
+        link->whose.weight = weight ? weight : HG_TOKEN_WEIGHT;
+}
+
 struct hg_link *hg_worker_pool_route(
     struct hg_worker_pool *pool, const char *tenant, uint32_t weight)
 {
@@ -158,7 +164,7 @@ struct hg_link *hg_worker_pool_route(
         return least_loaded(pool);
     struct hg_link *link = find(pool, tenant);
     if (link) {
-        link->whose.weight = weight ? weight : HG_TOKEN_WEIGHT;
+        hg_worker_pool_weigh(pool, link, weight);
         return link;
     }
     struct hg_link *spare = find(pool, ""), *idle = longest_idle(pool);
@@ -167,7 +173,7 @@ struct hg_link *hg_worker_pool_route(
     if (!find_free(pool) || !spare) // the last place is the spare's
         return NULL;
     take(spare, tenant);
-    spare->whose.weight = weight ? weight : HG_TOKEN_WEIGHT;
+    hg_worker_pool_weigh(pool, spare, weight);
     keep_spare(pool);
     return spare;
 }

@@ -40,6 +40,8 @@ void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one
 // them have scenes. `weight` is the tenant's from now on, 0 the usual one.
 struct hg_link *hg_worker_pool_route(
     struct hg_worker_pool *pool, const char *tenant, uint32_t weight);
+// A session of the worker's tenant has come: its weight is the tenant's from now on.
+void hg_worker_pool_weigh(struct hg_worker_pool *pool, struct hg_link *link, uint32_t weight);
 
 // SIGCHLD. True: the process `other` (0 = none) has ended, with *status.
 bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *status);

@@ -45,7 +45,7 @@ static const struct option long_options[] = {
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
     {"sandbox", required_argument, NULL, 'n'},
-    {"loader-cpu", required_argument, NULL, 'u'},
+    {"loader-cpu", required_argument, NULL, 'x'},
     {"loader-memory", required_argument, NULL, 'M'},
     {"loader-timeout", required_argument, NULL, 'o'},
     {"no-spill", no_argument, NULL, 'p'},
@@ -128,7 +128,7 @@ static bool apply_option(struct worker_options *o, int option)
     case 'n':
         o->loader.sandbox = optarg;
         return hg_sandbox_parse(optarg, &o->sandbox);
-    case 'u':
+    case 'x':
         o->loader.cpu_s = (uint32_t)strtoul(optarg, NULL, 10);
         return o->loader.cpu_s > 0;
     case 'M':

@@ -26,7 +26,7 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_table.h"
-#include "server/broker/upload_store.h"
+#include "server/broker/upload.h"
 #include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
 
