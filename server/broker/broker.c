@@ -110,7 +110,7 @@ static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
     if (!folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
     if (!status)
-        status = hg_homes_recover(b->options.cache_dir, err);
+        status = hg_homes_recover(b->options.cache_dir, b->takeover.inherited_fd >= 0, err);
     if (!status)
         status = hg_upload_store_create(folder, b->options.upload_store_bytes, &b->store, err);
     hg_free(folder);
@@ -150,7 +150,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .audit = &b->audit,
         .quarantine = &b->quarantine,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine))
+    if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine, b->takeover.inherited_links))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
     return HG_OK;
 }
@@ -175,10 +175,13 @@ static void state_ready(struct hg_source *source, uint32_t events)
 
 static enum hg_status open_state(struct hg_broker *b, struct hg_error *err)
 {
-    enum hg_status status = hg_state_open(&b->sessions, &b->state, err);
+    bool is_known = b->takeover.inherited_fd >= 0;
+    enum hg_status status = hg_state_open(&b->sessions, is_known, &b->state, err);
     if (status || !b->state)
         return status;
     b->conns.reached = hg_state_log_reached(b->state);
+    for (struct hg_conn *it = b->conns.first; it; it = it->next) // inherited
+        it->out.reached = b->conns.reached;
     b->state_news = (struct hg_source){
         .fd = hg_state_log_fd(b->state), .events = EPOLLIN, .ready = state_ready, .owner = b};
     if (hg_loop_add(&b->loop, &b->state_news))
@@ -235,6 +238,8 @@ static enum hg_status open_listeners(struct hg_broker *b, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     int passed = hg_notify_take_sockets();
+    if (b->listeners) // inherited
+        return watch_listeners(b, err);
     for (int i = 0; i < passed && !status; i++)
         status = hg_listener_adopt(3 + i, &b->listeners, err);
     for (size_t i = 0; i < b->options.listen.count && !status; i++)
@@ -316,6 +321,7 @@ static void begin_drain(struct hg_broker *b)
         (double)timeout_ns * 1e-9);
     hg_notify_send("STOPPING=1\nSTATUS=draining");
     b->sessions.draining = b->sessions.scenes.ending = true;
+    hg_takeover_stop(&b->takeover);
     b->drain_deadline_ns = b->loop.now_ns + timeout_ns;
     for (struct hg_conn *it = b->conns.first, *next; it; it = next) {
         next = it->next;
@@ -356,9 +362,14 @@ static void drain_step(struct hg_broker *b)
 
 static void take_signal(struct hg_broker *b, uint32_t number)
 {
+    int status = 0;
     switch (number) {
     case SIGCHLD:
-        hg_worker_pool_reap(&b->pool);
+        if (hg_worker_pool_reap(&b->pool, b->takeover.check_pid, &status))
+            hg_takeover_checked(&b->takeover, status);
+        return;
+    case SIGUSR2:
+        hg_takeover_begin(&b->takeover);
         return;
     case SIGHUP:
         reload(b);
@@ -388,6 +399,7 @@ static enum hg_status watch_signals(struct hg_broker *b, struct hg_error *err)
     sigaddset(&set, SIGTERM);
     sigaddset(&set, SIGINT);
     sigaddset(&set, SIGHUP);
+    sigaddset(&set, SIGUSR2);
     sigaddset(&set, SIGCHLD);
     sigprocmask(SIG_BLOCK, &set, NULL);
     signal(SIGPIPE, SIG_IGN);
@@ -416,7 +428,8 @@ static void watch_accepts(struct hg_broker *b, uint64_t now_ns)
     if (b->conns.accept_pause_ns && now_ns >= b->conns.accept_pause_ns)
         b->conns.accept_pause_ns = 0;
     for (struct hg_listener *it = b->listeners; it; it = it->next)
-        hg_loop_set_events(&b->loop, &it->source, b->conns.accept_pause_ns ? 0 : EPOLLIN);
+        hg_loop_set_events(
+            &b->loop, &it->source, b->conns.accept_pause_ns || b->conns.quiet ? 0 : EPOLLIN);
 }
 
 static void tick(struct hg_broker *b)
@@ -468,6 +481,8 @@ static uint64_t round_end(void *user)
         hg_recovery_continue(&b->pool.links[i]);
     if (draining)
         drain_step(b);
+    else if (b->takeover.deadline_ns)
+        hg_takeover_step(&b->takeover);
     bury(b);
     uint64_t deadline_ns = sooner(b->tick_ns, hg_worker_pool_deadline_ns(&b->pool));
     if (b->conns.deferred)
@@ -505,10 +520,11 @@ static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *er
 static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
+    const bool is_inherited = b->takeover.inherited_fd >= 0;
     enum hg_status status = choose_cache_dir(&b->options, err);
     if (!status)
         status = hg_loop_init(&b->loop, err);
-    if (!status)
+    if (!status && !is_inherited)
         status = listen_and_become(b, err);
     if (!status)
         status = hg_launcher_start(&b->launcher, &b->options, err);
@@ -525,6 +541,12 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = hg_machine_init(&b->machine, &b->options, err);
     if (!status)
         status = wire_up(b, err);
+    if (!status)
+        status = hg_takeover_inherit(&b->takeover, err); // before there is a log
+    if (!status && is_inherited)
+        hg_worker_pool_take_homes(&b->pool);
+    if (!status && is_inherited)
+        status = open_listeners(b, err); // those that are open already
     if (!status)
         status = open_state(b, err);
     if (!status)
@@ -577,6 +599,14 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     *b = (struct hg_broker){.options = *options, .argc = argc, .argv = argv};
     *options = (struct hg_options){0};
     b->signals.fd = b->state_news.fd = b->loop.epoll_fd = b->launcher.fd = -1;
+    b->takeover = (struct hg_takeover){.all = {&b->sessions, &b->conns, &b->listeners},
+        .loop = &b->loop,
+        .audit = &b->audit,
+        .state = &b->state,
+        .state_news = &b->state_news,
+        .argc = argc,
+        .argv = argv};
+    hg_takeover_find(&b->takeover);
     enum hg_status status = read_tokens(&b->options, &b->tokens, &err);
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
@@ -590,7 +620,8 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         warn_exposed(b);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);
-        hg_state_place(&b->sessions);
+        if (b->takeover.inherited_fd < 0)
+            hg_state_place(&b->sessions);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);
         exit_code = 0;

@@ -30,12 +30,15 @@
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
 //   recovery client_dispatch state               a new worker; a client's messages; restarts
+//   handover                                     all of it, for the next program
+//   takeover                                     SIGUSR2
 //   broker                                       start, signals, reload, the janitor, drain
 //   main
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
 #include "server/broker/client_dispatch.h"
+#include "server/broker/takeover.h"
 
 struct hg_broker {
     struct hg_loop loop;
@@ -56,6 +59,7 @@ struct hg_broker {
     struct hg_launcher launcher;
     struct hg_machine machine;
     struct hg_worker_pool pool;
+    struct hg_takeover takeover;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };
 

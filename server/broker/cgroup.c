@@ -84,7 +84,12 @@ enum hg_status hg_cgroup_open(struct hg_cgroup *group, const char *wanted, struc
     *group = (struct hg_cgroup){0};
     if (strcmp(wanted, "off") == 0)
         return HG_OK;
-    if (is_auto && (!find_own(path, sizeof path) || !is_delegated(path)))
+    if (is_auto && !find_own(path, sizeof path))
+        return HG_OK;
+    char *last = is_auto && !is_delegated(path) ? strrchr(path, '/') : NULL;
+    if (last && strcmp(last, "/daemon") == 0) // a program before this one has moved there
+        *last = 0;
+    if (is_auto && !is_delegated(path))
         return HG_OK;
     if (!is_auto && (size_t)snprintf(path, sizeof path, "%s", wanted) >= sizeof path)
         return hg_error_set(err, HG_E_LIMIT, "--cgroup", NULL, "the name is too long");

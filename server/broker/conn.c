@@ -177,8 +177,8 @@ static bool must_pause(struct hg_conn *conn)
         return conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
     if (conn->state != HG_CONN_OPEN)
         return false;
-    return conn->deferred || hg_conn_is_slow(conn) || conn->table->events->must_wait(conn) ||
-           !may_take_message(conn);
+    return conn->table->quiet || conn->deferred || hg_conn_is_slow(conn) ||
+           conn->table->events->must_wait(conn) || !may_take_message(conn);
 }
 
 static bool take_preface(struct hg_conn *conn)
@@ -373,13 +373,13 @@ static void turn_away(struct hg_conn *conn, const char *reason)
         hg_conn_kill(conn, "too many connections");
 }
 
-static void add_conn(
-    struct hg_conn_table *table, const struct hg_listener *listener, struct hg_transport *transport)
+// NULL: no memory, and the transport is closed.
+static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport *transport)
 {
     struct hg_conn *conn = hg_calloc(1, sizeof *conn);
     if (!conn) {
         hg_transport_close(transport);
-        return;
+        return NULL;
     }
     *conn = (struct hg_conn){
         .table = table,
@@ -394,18 +394,43 @@ static void add_conn(
     if (hg_loop_add(table->loop, &conn->source)) {
         hg_transport_close(transport);
         hg_free(conn);
-        return;
+        return NULL;
     }
     HG_LIST_ADD(table->first, conn);
     conn->transport.class->greet(&conn->transport, table->options->peer_timeout_ns, &conn->peer);
-    hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
-    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot)) {
-        hg_conn_kill(conn, "no memory for a connection");
+    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot) == HG_OK)
+        return conn;
+    hg_conn_kill(conn, "no memory for a connection");
+    return NULL;
+}
+
+static void take_client(
+    struct hg_conn_table *table, const struct hg_listener *listener, struct hg_transport *transport)
+{
+    struct hg_conn *conn = add_conn(table, transport);
+    if (!conn)
         return;
-    }
+    hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
     const char *refusal = hg_slots_refusal(&table->slots, &conn->slot);
     if (refusal)
         turn_away(conn, refusal);
+}
+
+struct hg_conn *hg_conn_adopt(
+    struct hg_conn_table *table, int fd, bool is_tcp, struct hg_reader *streams)
+{
+    struct hg_transport transport;
+    hg_transport_open(&transport, is_tcp ? &hg_transport_tcp : &hg_transport_unix, fd);
+    struct hg_conn *conn = add_conn(table, &transport);
+    if (conn && (hg_packet_load_input(&conn->in, streams) || hg_outq_load(&conn->out, streams))) {
+        hg_conn_kill(conn, "what its predecessor left makes no sense");
+        return NULL;
+    }
+    if (conn) { // what was read ahead is taken when reading goes on
+        conn->paused = true;
+        table->paused_count++;
+    }
+    return conn;
 }
 
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
@@ -415,7 +440,7 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
     for (int i = 0; i < ACCEPTS_PER_EVENT; i++) {
         enum hg_status status = hg_listener_accept(listener, &transport, &err);
         if (!status) {
-            add_conn(table, listener, &transport);
+            take_client(table, listener, &transport);
             continue;
         }
         if (status == HG_E_LIMIT) { // retry when other connections may have closed

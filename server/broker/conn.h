@@ -87,6 +87,7 @@ struct hg_conn_table {
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool was_short;           // of memory for output, at the last check
+    bool quiet;               // nothing is read from open sessions
     bool deferred;            // one has had its turn and more to do
     bool closing;             // one began to close: `ended` comes at the end of the round
     struct hg_slots slots;
@@ -95,6 +96,10 @@ struct hg_conn_table {
 
 // Takes in the clients that wait at a listener.
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+// A connection with an open session that this process has had before; `streams`: what has come and
+// was not taken, and what waits to be sent. NULL: no memory, or nonsense; the descriptor is closed.
+struct hg_conn *hg_conn_adopt(
+    struct hg_conn_table *table, int fd, bool is_tcp, struct hg_reader *streams) HG_MUST_CHECK;
 // The session is open: messages are limited by `rate` a second from here on.
 void hg_conn_set_open(struct hg_conn *conn, double rate);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);

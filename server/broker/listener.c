@@ -247,6 +247,12 @@ enum hg_status hg_listener_adopt(int fd, struct hg_listener **list, struct hg_er
     return HG_OK;
 }
 
+enum hg_status hg_listener_own(struct hg_listener *listener, const char *path)
+{
+    listener->unix_path = hg_strdup(path);
+    return listener->unix_path ? HG_OK : HG_E_NOMEM;
+}
+
 enum hg_status hg_listener_accept(
     struct hg_listener *listener, struct hg_transport *out, struct hg_error *err)
 {

@@ -27,6 +27,8 @@ enum hg_status hg_listener_open(
 // Takes over a listening socket.
 enum hg_status hg_listener_adopt(
     int fd, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
+// The listener removes the socket file `path` at its end. HG_E_NOMEM.
+enum hg_status hg_listener_own(struct hg_listener *listener, const char *path) HG_MUST_CHECK;
 // Accepts the next pending client as *out. HG_E_AGAIN: there is none, or it has disconnected;
 // HG_E_LIMIT: out of descriptors or memory, and the client stays in the backlog.
 enum hg_status hg_listener_accept(

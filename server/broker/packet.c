@@ -254,3 +254,107 @@ enum hg_status hg_packet_next(struct hgp_framer *f, uint32_t limit, struct hg_pa
     *out = message;
     return status == HG_E_AGAIN ? HG_OK : status;
 }
+
+// ---- over an exec -------------------------------------------------------------------------------
+
+// Either a message whose payload is still arriving, or what was read ahead.
+void hg_packet_save_input(const struct hgp_framer *f, struct hg_writer *w)
+{
+    const struct hg_packet *partial = f->partial;
+    uint8_t header[HGP_HEADER_BYTES];
+    hg_write_u8(w, partial != NULL);
+    if (partial) {
+        hgp_header_encode(&partial->header, header);
+        hg_write_bytes(w, header, sizeof header);
+        hg_write_u32(w, (uint32_t)f->filled);
+        hg_write_bytes(w, partial->payload, f->filled);
+    }
+    hg_write_u32(w, (uint32_t)(f->end - f->start));
+    if (f->end > f->start)
+        hg_write_bytes(w, f->chunk + f->start, f->end - f->start);
+}
+
+static enum hg_status feed(struct hgp_framer *f, const uint8_t *data, size_t size)
+{
+    while (size) {
+        size_t room;
+        uint8_t *dst = hgp_framer_space(f, &room);
+        if (!dst || !room)
+            return dst ? HG_E_FORMAT : HG_E_NOMEM;
+        size_t step = size < room ? size : room;
+        memcpy(dst, data, step);
+        hgp_framer_fill(f, step);
+        data += step;
+        size -= step;
+    }
+    return HG_OK;
+}
+
+// The framer begins the message when its header is there, and then reads into its payload.
+static enum hg_status load_partial(struct hgp_framer *f, struct hg_reader *r)
+{
+    void *message;
+    const uint8_t *header = hg_read_bytes(r, HGP_HEADER_BYTES);
+    uint32_t filled = hg_read_u32(r);
+    const uint8_t *payload = hg_read_bytes(r, filled);
+    if (r->failed)
+        return HG_E_FORMAT;
+    enum hg_status status = feed(f, header, HGP_HEADER_BYTES);
+    for (uint32_t done = 0; !status;) {
+        status = hgp_framer_next(f, UINT32_MAX, &message);
+        if (status == HG_OK) { // it was whole
+            f->frames->destroy(message);
+            return HG_E_FORMAT;
+        }
+        if (status != HG_E_AGAIN || done == filled)
+            break;
+        uint32_t step =
+            filled - done < HGP_FRAMER_DIRECT_BYTES ? filled - done : HGP_FRAMER_DIRECT_BYTES;
+        status = feed(f, payload + done, step);
+        done += step;
+    }
+    return status == HG_E_AGAIN ? HG_OK : status;
+}
+
+enum hg_status hg_packet_load_input(struct hgp_framer *f, struct hg_reader *r)
+{
+    enum hg_status status = hg_read_u8(r) ? load_partial(f, r) : HG_OK;
+    uint32_t size = hg_read_u32(r);
+    const uint8_t *ahead = hg_read_bytes(r, size);
+    if (r->failed)
+        return HG_E_FORMAT;
+    return status || !size ? status : feed(f, ahead, size);
+}
+
+void hg_outq_save(const struct hg_outq *q, struct hg_writer *w)
+{
+    hg_write_u32(w, (uint32_t)q->bytes);
+    for (const struct hg_outq_item *it = q->head; it; it = it->next) {
+        size_t of_header = it->sent < HGP_HEADER_BYTES ? it->sent : HGP_HEADER_BYTES;
+        size_t of_payload = it->sent - of_header;
+        hg_write_bytes(w, it->header + of_header, HGP_HEADER_BYTES - of_header);
+        if (it->packet->header.length > of_payload)
+            hg_write_bytes(
+                w, it->packet->payload + of_payload, it->packet->header.length - of_payload);
+    }
+}
+
+// One item, of which only the payload is sent.
+enum hg_status hg_outq_load(struct hg_outq *q, struct hg_reader *r)
+{
+    uint32_t size = hg_read_u32(r);
+    const uint8_t *data = hg_read_bytes(r, size);
+    if (r->failed)
+        return HG_E_FORMAT;
+    if (!size)
+        return HG_OK;
+    struct hg_packet *packet = hg_packet_create(&(struct hgp_header){.length = size});
+    if (packet)
+        memcpy(packet->payload, data, size);
+    enum hg_status status = hg_outq_push(q, packet, 0, 0);
+    if (!status) {
+        q->head->sent = HGP_HEADER_BYTES;
+        q->bytes -= HGP_HEADER_BYTES;
+    }
+    return status;
+}

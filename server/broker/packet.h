@@ -66,4 +66,13 @@ enum hg_status hg_packet_receive(struct hgp_framer *f, struct hg_transport *t) H
 enum hg_status hg_packet_next(
     struct hgp_framer *f, uint32_t limit, struct hg_packet **out) HG_MUST_CHECK;
 
+// ---- over an exec -------------------------------------------------------------------------------
+
+// What has come of a stream and was not taken, and what waits to be sent, as bytes.
+void hg_packet_save_input(const struct hgp_framer *f, struct hg_writer *w);
+void hg_outq_save(const struct hg_outq *q, struct hg_writer *w);
+// Into an empty framer or queue. HG_E_FORMAT, HG_E_NOMEM.
+enum hg_status hg_packet_load_input(struct hgp_framer *f, struct hg_reader *r) HG_MUST_CHECK;
+enum hg_status hg_outq_load(struct hg_outq *q, struct hg_reader *r) HG_MUST_CHECK;
+
 #endif

@@ -169,6 +169,18 @@ struct hg_shared_scene *hg_shared_scene_restore(
     return scene;
 }
 
+void hg_shared_scene_settle(struct hg_shared_scene *scene, const struct hg_scene_place *place)
+{
+    give_worker(scene, place->link);
+    hg_journal_mark_ids(scene->journal, HG_SCENE_ID_RANGE, scene->ranges, HG_SCENE_RANGES);
+    scene->in_worker = place->in_worker;
+    scene->on_channel = place->on_channel;
+    scene->revision = place->revision;
+    scene->kept_until_ns = place->kept_until_ns;
+    if (!place->kept_until_ns)
+        scene->sessions--;
+}
+
 bool hg_shared_scene_place(
     struct hg_scene_table *table, struct hg_shared_scene *scene, uint64_t until_ns)
 {

@@ -65,6 +65,13 @@ struct hg_shared_scene *hg_shared_scene_by_number(struct hg_scene_table *table, 
 // is left for its tenant.
 bool hg_shared_scene_place(
     struct hg_scene_table *table, struct hg_shared_scene *scene, uint64_t until_ns);
+// A restored scene that is in a worker already goes on there as it was.
+struct hg_scene_place {
+    struct hg_link *link;
+    bool in_worker, on_channel;
+    uint64_t revision, kept_until_ns;
+};
+void hg_shared_scene_settle(struct hg_shared_scene *scene, const struct hg_scene_place *place);
 // Attached sessions keep it in the worker from here on.
 void hg_shared_scene_leave_channel(struct hg_shared_scene *scene);
 void hg_shared_scene_check_times(struct hg_scene_table *table, uint64_t now_ns);

@@ -4,7 +4,9 @@
 
 static struct hg_state_log *log_of(const struct hg_session *s)
 {
-    return s->resume.has_ticket && !s->table->scenes.ending ? s->table->scenes.log : NULL;
+    const struct hg_session_table *table = s->table;
+    bool recorded = table->records_all || (s->resume.has_ticket && !table->scenes.ending);
+    return recorded ? table->scenes.log : NULL;
 }
 
 static void hold(struct hg_session *s, uint64_t position)
@@ -67,8 +69,7 @@ void hg_session_record_cameras(struct hg_session_table *table)
 
 void hg_session_record_all(struct hg_session *s)
 {
-    if (s->resume.has_ticket)
-        hg_session_record(s);
+    hg_session_record(s);
     for (struct hg_session_view *it = s->views; it; it = it->next)
         hg_session_record_view(s, it);
 }

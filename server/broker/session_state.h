@@ -125,6 +125,7 @@ struct hg_session_table {
     uint64_t started_ns;
     bool ended;    // one without a client may have nothing left to wait for
     bool draining; // nothing new is begun
+    bool records_all; // the log is for an exec: sessions without a ticket belong into it, too
 };
 
 #endif

@@ -156,7 +156,7 @@ static enum hg_status end_scene(struct hg_session_table *table, uint32_t number)
     return HG_OK;
 }
 
-static enum hg_status take_record(void *user, const uint8_t *body, size_t size)
+enum hg_status hg_state_take_record(void *user, const uint8_t *body, size_t size)
 {
     struct hg_session_table *table = user;
     struct hg_state_record record;
@@ -189,8 +189,16 @@ static enum hg_status take_record(void *user, const uint8_t *body, size_t size)
     }
 }
 
+static enum hg_status pass_over(void *user, const uint8_t *body, size_t size)
+{
+    (void)user;
+    (void)body;
+    (void)size;
+    return HG_OK;
+}
+
 enum hg_status hg_state_open(
-    struct hg_session_table *table, struct hg_state_log **out, struct hg_error *err)
+    struct hg_session_table *table, bool is_known, struct hg_state_log **out, struct hg_error *err)
 {
     const struct hg_options *o = table->options;
     *out = NULL;
@@ -199,8 +207,10 @@ enum hg_status hg_state_open(
     const struct hg_state_log_options options = {.folder = o->state_dir,
         .wait_for_sync = strcmp(o->durability, "synced") == 0,
         .go_on = strcmp(o->state_failure, "continue") == 0,
+        .is_known = is_known,
         .sync_interval_ns = o->sync_interval_ns};
-    enum hg_status status = hg_state_log_open(&options, take_record, table, out, err);
+    enum hg_status status =
+        hg_state_log_open(&options, is_known ? pass_over : hg_state_take_record, table, out, err);
     table->scenes.log = table->quarantine->log = *out;
     return status;
 }
@@ -264,6 +274,15 @@ static void put_scene(struct hg_state_log *log, const struct hg_shared_scene *sc
     hg_journal_each(scene->journal, put_entry, &(struct target){log, scene});
 }
 
+void hg_state_put_all(struct hg_session_table *table)
+{
+    for (const struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
+        put_scene(table->scenes.log, it);
+    for (struct hg_session *it = table->first; it; it = it->next)
+        hg_session_record_all(it);
+    hg_quarantine_write(table->quarantine, table->loop->now_ns);
+}
+
 void hg_state_tend(struct hg_session_table *table)
 {
     struct hg_state_log *log = table->scenes.log;
@@ -271,10 +290,6 @@ void hg_state_tend(struct hg_session_table *table)
     if (!log || !hg_state_log_wants_snapshot(log, now_ns))
         return;
     hg_state_log_begin_snapshot(log, now_ns);
-    for (const struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
-        put_scene(log, it);
-    for (struct hg_session *it = table->first; it; it = it->next)
-        hg_session_record_all(it);
-    hg_quarantine_write(table->quarantine, now_ns);
+    hg_state_put_all(table);
     hg_state_log_end_snapshot(log);
 }

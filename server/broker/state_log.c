@@ -512,7 +512,7 @@ bool hg_state_log_wants_snapshot(const struct hg_state_log *log, uint64_t now_ns
         return false;
     if (log->status)
         return now_ns >= log->retry_ns;
-    return log->bytes > 2 * log->base_bytes + HG_STATE_LOG_SLACK;
+    return log->options.is_known || log->bytes > 2 * log->base_bytes + HG_STATE_LOG_SLACK;
 }
 
 void hg_state_log_begin_snapshot(struct hg_state_log *log, uint64_t now_ns)
@@ -536,7 +536,39 @@ void hg_state_log_end_snapshot(struct hg_state_log *log)
     item->fd = -1;
     item->snapshot = snapshot;
     log->rewriting = true;
+    log->options.is_known = false;
     push(log, item);
+}
+
+// ---- over an exec -------------------------------------------------------------------------------
+
+struct hg_state_log *hg_state_log_create_memory(void)
+{
+    struct hg_state_log *log = hg_calloc(1, sizeof *log);
+    if (!log)
+        return NULL;
+    log->snapshot = hg_calloc(1, sizeof *log->snapshot);
+    log->writer.folder = (struct hg_state_folder){.folder_fd = -1, .lock_fd = -1, .log_fd = -1};
+    log->event_fd = log->writer.new_fd = -1;
+    pthread_mutex_init(&log->shared.lock, NULL);
+    hg_cond_init(&log->shared.wake);
+    if (log->snapshot)
+        return log;
+    hg_state_log_close(log);
+    return NULL;
+}
+
+enum hg_status hg_state_log_write_memory(struct hg_state_log *log, int fd)
+{
+    uint8_t header[HG_STATE_HEADER_BYTES];
+    uint64_t bytes = 0;
+    hg_state_header_encode(header);
+    enum hg_status status = log->snapshot->failed ? HG_E_NOMEM : HG_OK;
+    if (!status)
+        status = write_all(fd, &(struct iovec){header, sizeof header}, 1);
+    if (!status)
+        (void)write_records(fd, log->snapshot->items.first, UINT64_MAX, &bytes, &status);
+    return status;
 }
 
 // ---- opening ------------------------------------------------------------------------------------
@@ -593,6 +625,9 @@ void hg_state_log_close(struct hg_state_log *log)
         pthread_mutex_unlock(&s->lock);
         pthread_join(log->thread, NULL);
     }
+    if (log->snapshot)
+        destroy_list(&log->snapshot->items);
+    hg_free(log->snapshot);
     destroy_list(&s->queue);
     destroy_list(&s->done);
     hg_state_folder_close(&log->writer.folder);

@@ -24,6 +24,7 @@ struct hg_state_log_options {
     const char *folder;
     bool wait_for_sync;        // durable = synced to the disk; else: written to the file
     bool go_on;                // while the log is broken everything counts as durable
+    bool is_known;             // the state is known, from elsewhere: a snapshot is wanted at once
     uint64_t sync_interval_ns; // between syncs where nothing waits for them
 };
 
@@ -49,6 +50,13 @@ const uint64_t *hg_state_log_reached(const struct hg_state_log *log);
 enum hg_status hg_state_log_refusal(const struct hg_state_log *log);
 // So much waits to be written that nothing more should come.
 bool hg_state_log_is_behind(const struct hg_state_log *log);
+
+// ---- over an exec -------------------------------------------------------------------------------
+
+// A log that only keeps its records, without a folder. NULL: no memory.
+struct hg_state_log *hg_state_log_create_memory(void) HG_MUST_CHECK;
+// Writes them, in the format of a log. HG_E_NOMEM (one is missing), HG_E_NOSPACE, HG_E_IO.
+enum hg_status hg_state_log_write_memory(struct hg_state_log *log, int fd) HG_MUST_CHECK;
 
 // ---- for the one who runs the loop --------------------------------------------------------------
 

@@ -255,28 +255,35 @@ void hg_home_leave(struct hg_home *home)
 
 // ---- after the end of a daemon ------------------------------------------------------------------
 
-static void recover(const char *cache_dir, const char *folder)
+static void return_uploads(const char *cache_dir, const char *folder, const char *key)
 {
-    char path[HG_HOME_PATH], to[HG_HOME_PATH];
+    char from[HG_HOME_PATH], to[HG_HOME_PATH];
+    const bool fits = join(from, sizeof from, folder, "given/uploads") &&
+                      (size_t)snprintf(to, sizeof to, "%s/uploads/%s", cache_dir, key) < sizeof to;
+    if (fits && rename(from, to) != 0)
+        hg_warn(WORKER, "%s: %s; contents are sent again", from, strerror(errno));
+}
+
+static void recover(const char *cache_dir, const char *folder, bool in_use)
+{
+    char path[HG_HOME_PATH];
     uint8_t *key, digest[32];
     size_t size;
     if (!join(path, sizeof path, folder, "owner"))
         return;
     if (hg_file_read(path, HG_HOME_KEY, &key, &size, NULL) == HG_OK) {
         if (hg_sha256_parse((const char *)key, (HG_HOME_KEY - 1) / 2, digest)) {
-            return_store(cache_dir, folder, (const char *)key);
-            if (join(path, sizeof path, folder, "given/uploads") &&
-                (size_t)snprintf(to, sizeof to, "%s/uploads/%s", cache_dir, (const char *)key) <
-                    sizeof to &&
-                rename(path, to) != 0)
-                hg_warn(WORKER, "%s: %s; contents are sent again", path, strerror(errno));
+            return_uploads(cache_dir, folder, (const char *)key);
+            if (!in_use)
+                return_store(cache_dir, folder, (const char *)key);
         }
         hg_free(key);
     }
-    remove_tree(folder);
+    if (!in_use)
+        remove_tree(folder);
 }
 
-enum hg_status hg_homes_recover(const char *cache_dir, struct hg_error *err)
+enum hg_status hg_homes_recover(const char *cache_dir, bool in_use, struct hg_error *err)
 {
     char workers[HG_HOME_PATH], path[HG_HOME_PATH + NAME_BYTES];
     if (!join(workers, sizeof workers - NAME_BYTES, cache_dir, "workers"))
@@ -286,7 +293,7 @@ enum hg_status hg_homes_recover(const char *cache_dir, struct hg_error *err)
         return errno == ENOENT ? HG_OK : fail(err, workers, "open the folder");
     for (struct dirent *it; (it = readdir(dir));)
         if (it->d_name[0] != '.' && join(path, sizeof path, workers, it->d_name))
-            recover(cache_dir, path);
+            recover(cache_dir, path, in_use);
     closedir(dir);
     return HG_OK;
 }

@@ -35,7 +35,10 @@ struct hg_home {
 
 // What an earlier run left in homes goes back to its tenants; homes are removed. Before the store
 // is made, which looks at uploads.
-enum hg_status hg_homes_recover(const char *cache_dir, struct hg_error *err) HG_MUST_CHECK;
+// `in_use`: their workers are still there and are taken over; then only uploads go back, for as
+// long as the store looks at them.
+enum hg_status hg_homes_recover(
+    const char *cache_dir, bool in_use, struct hg_error *err) HG_MUST_CHECK;
 
 // Before a worker starts. A home without a tenant is made anew: nothing of the process before it is
 // left. HG_E_PERM, HG_E_NOSPACE, HG_E_IO, HG_E_LIMIT (a name is too long).

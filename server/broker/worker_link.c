@@ -36,6 +36,17 @@ static void postpone(struct hg_link *link, const char *action, int error_number)
     hg_fault(WORKER, HG_E_WORKER, "cannot %s: %s", action, strerror(error_number));
 }
 
+static enum hg_status open_link(struct hg_link *link, int fd)
+{
+    hg_transport_open(&link->transport, &hg_transport_unix, fd);
+    link->in.frames = &hg_packet_frames;
+    link->source = (struct hg_source){.fd = fd, .events = EPOLLIN, .ready = ready, .owner = link};
+    link->started_ns = link->pulse_ns = link->loop->now_ns;
+    link->hang = (struct hg_link_hang){0};
+    link->last_words[0] = 0;
+    return hg_loop_add(link->loop, &link->source);
+}
+
 void hg_link_start(struct hg_link *link)
 {
     int pair[2];
@@ -66,19 +77,24 @@ void hg_link_start(struct hg_link *link)
     link->whose.share = (struct hg_worker_share){0};
     if (link->whose.machine)
         hg_cgroup_enter(&link->whose.machine->group, link->whose.home.number, link->pid);
-    hg_transport_open(&link->transport, &hg_transport_unix, pair[0]);
-    link->in.frames = &hg_packet_frames;
-    link->source =
-        (struct hg_source){.fd = pair[0], .events = EPOLLIN, .ready = ready, .owner = link};
-    if (hg_loop_add(link->loop, &link->source)) {
+    if (open_link(link, pair[0])) {
         hg_link_fail(link, "cannot watch the link");
         return;
     }
     link->state = HG_LINK_STARTING;
-    link->started_ns = link->pulse_ns = link->loop->now_ns;
-    link->hang = (struct hg_link_hang){0};
-    link->last_words[0] = 0;
     hg_info(WORKER, "worker %d started", (int)link->pid);
+}
+
+enum hg_status hg_link_adopt(struct hg_link *link, int fd, pid_t pid, struct hg_reader *input)
+{
+    link->pid = pid;
+    enum hg_status status = open_link(link, fd);
+    link->state = HG_LINK_UP;
+    if (!status)
+        status = hg_packet_load_input(&link->in, input);
+    if (status)
+        hg_link_end(link);
+    return status;
 }
 
 // ---- dying --------------------------------------------------------------------------------------

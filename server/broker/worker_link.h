@@ -119,6 +119,10 @@ struct hg_link {
 };
 
 void hg_link_start(struct hg_link *link);
+// A process that runs already, at the other end of `fd`; `input`: what has come of its stream.
+// HG_E_FORMAT, HG_E_NOMEM: the descriptor is closed.
+enum hg_status hg_link_adopt(
+    struct hg_link *link, int fd, pid_t pid, struct hg_reader *input) HG_MUST_CHECK;
 void hg_link_stop(struct hg_link *link);                     // at the end: kills and frees
 void hg_link_end(struct hg_link *link);                      // kills it; reaped on SIGCHLD
 void hg_link_fail(struct hg_link *link, const char *reason); // kill and replace

@@ -11,11 +11,12 @@
 static const uint64_t seed_delay_ns = 2000000000; // spares first
 
 enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
-    struct hg_upload_store *store, const struct hg_machine *machine)
+    struct hg_upload_store *store, const struct hg_machine *machine, uint32_t least)
 {
     const struct hg_options *o = like->options;
     bool is_shared = strcmp(o->isolation, "shared") == 0;
     uint32_t count = is_shared ? o->shared_workers : o->max_workers + 1; // and the spare
+    count = count < least ? least : count;
     *pool = (struct hg_worker_pool){
         .links = hg_calloc(count, sizeof *pool->links), .is_shared = is_shared};
     if (!pool->links)
@@ -30,7 +31,7 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
             (struct hg_home){.homes = is_shared ? NULL : &pool->homes, .number = i};
         pool->links[i].whose.machine = machine;
         pool->links[i].whose.weight = HG_TOKEN_WEIGHT;
-        pool->links[i].whose.wanted = is_shared || i == 0;
+        pool->links[i].whose.wanted = is_shared ? i < o->shared_workers : i == 0;
         pool->links[i].source.fd = pool->links[i].transport.fd = -1;
     }
     return HG_OK;
@@ -39,7 +40,7 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
 void hg_worker_pool_start(struct hg_worker_pool *pool)
 {
     for (uint32_t i = 0; i < pool->count; i++)
-        if (pool->links[i].whose.wanted)
+        if (pool->links[i].whose.wanted && pool->links[i].state == HG_LINK_DOWN)
             hg_link_start(&pool->links[i]);
     if (!pool->is_shared && pool->links[0].options->seed_shaders)
         pool->seeder.due_ns = pool->links[0].loop->now_ns + seed_delay_ns;
@@ -139,6 +140,17 @@ static void take(struct hg_link *spare, const char *tenant)
         hg_warn(WORKER, "%s begins without what it had: %s: %s", tenant, err.what, err.reason);
 }
 
+void hg_worker_pool_take_homes(struct hg_worker_pool *pool)
+{
+    for (uint32_t i = 0; i < pool->count && !pool->is_shared; i++) {
+        struct hg_link_owner *whose = &pool->links[i].whose;
+        struct hg_error err = {0};
+        if (whose->tenant[0] && hg_home_give(&whose->home, whose->tenant, &err))
+            hg_warn(WORKER, "%s goes on without its uploads: %s: %s", whose->tenant, err.what,
+                err.reason);
+    }
+}
+
 void hg_worker_pool_weigh(struct hg_worker_pool *pool, struct hg_link *link, uint32_t weight)
 {
     if (!pool->is_shared)
@@ -209,11 +221,16 @@ static void check_idle(struct hg_link *link)
         release(link, "its tenant has had no scene for worker-idle");
 }
 
-void hg_worker_pool_reap(struct hg_worker_pool *pool)
+bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *other_status)
 {
     int status;
+    bool found = false;
     for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
         const struct hg_link *any = &pool->links[0];
+        if (pid == other) {
+            *other_status = status;
+            found = true;
+        }
         if (pid == pool->seeder.pid)
             end_seeder(pool, status);
         if (any->whose.launcher && pid == any->whose.launcher->pid) {
@@ -225,6 +242,7 @@ void hg_worker_pool_reap(struct hg_worker_pool *pool)
             if (pool->links[i].pid == pid)
                 hg_link_exited(&pool->links[i], status);
     }
+    return found;
 }
 
 // Shares follow who is there. A worker limits itself when it starts, so it must have started.

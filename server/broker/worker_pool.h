@@ -25,9 +25,12 @@ struct hg_worker_pool {
     } seeder;
 };
 
-// `like` has the loop, options and events of every link. HG_E_NOMEM. No process is started.
+// `like` has the loop, options and events of every link; `least`: there are at least so many.
+// HG_E_NOMEM. No process is started.
 enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
-    struct hg_upload_store *store, const struct hg_machine *machine) HG_MUST_CHECK;
+    struct hg_upload_store *store, const struct hg_machine *machine, uint32_t least) HG_MUST_CHECK;
+// Workers that were taken over get back what of their homes was lent (hg_homes_recover).
+void hg_worker_pool_take_homes(struct hg_worker_pool *pool);
 void hg_worker_pool_start(struct hg_worker_pool *pool);
 void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one
 
@@ -40,7 +43,8 @@ struct hg_link *hg_worker_pool_route(
 // A session of the worker's tenant has come: its weight is the tenant's from now on.
 void hg_worker_pool_weigh(struct hg_worker_pool *pool, struct hg_link *link, uint32_t weight);
 
-void hg_worker_pool_reap(struct hg_worker_pool *pool);        // SIGCHLD
+// SIGCHLD. True: the process `other` (0 = none) has ended, with *status.
+bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *status);
 void hg_worker_pool_check_times(struct hg_worker_pool *pool); // once in a while
 // At the end of an event loop round: replaces failed workers, restarts those that are due.
 void hg_worker_pool_end_round(struct hg_worker_pool *pool, uint64_t now_ns);

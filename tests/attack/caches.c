@@ -122,6 +122,36 @@ static void homes_are_recovered(void **state)
     daemon_finish(&d);
 }
 
+// A program that takes over finds workers in their homes, and knows whose the contents in them are.
+static void homes_are_taken_over(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer anna;
+    char cache[512], uploads[520], hex[HG_SHA256_HEX];
+    struct hgp_upload upload = {.total = 5, .data = {(const uint8_t *)"model", 5}};
+    assert_int_equal(hg_sha256("model", 5, upload.hash), HG_OK);
+    hg_sha256_hex(upload.hash, hex);
+    begin_idle(&d);
+    tenant_enter(&anna, &d, "anna-token-1", "hall");
+    peer_call(&anna, HGP_T_upload, &upload, HGP_T_ok);
+    pid_t pid = tenant_await_worker(&d, "anna", 0);
+    flag_of(pid, "--cache-dir", cache, sizeof cache);
+    flag_of(pid, "--upload-dir", uploads, sizeof uploads - 8);
+    strcat(uploads, "/uploads");
+    test_text_write(cache, entry, "baked");
+    daemon_signal(&d, SIGUSR2);
+    daemon_wait_log(&d, "took over");
+    assert_true(peer_has_upload(&anna, upload.hash));
+    assert_int_equal(tenant_await_worker(&d, "anna", 0), pid);
+    assert_true(has(cache, entry) && has(uploads, hex));
+    leave(&anna, &d, pid);
+    assert_false(has(uploads, hex));
+    assert_true(peer_has_upload(&anna, upload.hash));
+    peer_close(&anna);
+    daemon_finish(&d);
+}
+
 // A worker is shown the contents that its tenant has sent, before and after it began, and no
 // others.
 static void uploads_are_shown_to_their_tenant(void **state)
@@ -219,6 +249,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(baked_data_stay_with_their_tenant),
         cmocka_unit_test(homes_are_recovered),
+        cmocka_unit_test(homes_are_taken_over),
         cmocka_unit_test(uploads_are_shown_to_their_tenant),
         cmocka_unit_test(a_confined_spare_sees_its_tenant_s_files),
         cmocka_unit_test(shaders_are_compiled_by_nobody_s_worker),

@@ -74,12 +74,12 @@ static void groups_have_weights(void **state)
     char annas[32], berts[32];
     begin(&d, "group");
     await_number(&d, "daemon", "cgroup.procs", (unsigned long long)d.pid);
-    char *enabled = daemon_read(&d, "group/cgroup.subtree_control");
-    assert_string_equal(enabled, "+pids"); // the last one; a plain file keeps no others
-    free(enabled);
     tenant_enter(&anna, &d, "anna-token-1", "hall");
     find_group(&d, tenant_await_worker(&d, "anna", 0), annas);
     await_number(&d, annas, "cpu.weight", 100);
+    char *enabled = daemon_read(&d, "group/cgroup.subtree_control");
+    assert_string_equal(enabled, "+pids"); // the last one; a plain file keeps no others
+    free(enabled);
     unsigned long long alone = number_in(&d, annas, "memory.max");
     assert_true(alone > UINT64_C(100) << 20);
     tenant_enter(&bert, &d, "bert-token-1", "hall");

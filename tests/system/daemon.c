@@ -148,7 +148,10 @@ void daemon_start(struct daemon *d)
         if (waitpid(d->pid, &status, WNOHANG) == d->pid) {
             running = running == d->pid ? 0 : running;
             d->pid = 0;
-            fail_msg("heliod ended at start:\n%s", daemon_read(d, "log"));
+            char *log = daemon_read(d, "log"); // its end: a message has 1 KiB
+            size_t length = strlen(log);
+            fail_msg("heliod ended at start (status 0x%x):\n%s", status,
+                length > 900 ? log + length - 900 : log);
         }
         assert_true(hg_clock_now_ns() < deadline_ns);
         hg_clock_sleep_ns(STEP_NS);

@@ -599,7 +599,7 @@ static void scenes_are_spread_over_workers(void **state)
     struct hg_worker_pool pool;
     struct hg_options o = {.isolation = (char *)"shared", .shared_workers = 3};
     assert_int_equal(
-        hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}, NULL, NULL), HG_OK);
+        hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}, NULL, NULL, 0), HG_OK);
     struct hg_link *links = pool.links;
     assert_false(hg_worker_pool_is_up(&pool));
     for (int i = 0; i < 7; i++) { // none runs yet
