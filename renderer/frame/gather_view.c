@@ -62,7 +62,9 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .samples = samples_of(s),
         .seed = s->seed,
         .error_px = s->error_px,
-        .gather = {.on = true, .reach = REACH},
+        .gather = {.on = true,
+            .lamps = hg_lighting_has_shadowed_lamps(view->lighting),
+            .reach = REACH},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     request.settings = (struct hg_path_settings){.trace = s->path.trace,
@@ -82,15 +84,15 @@ static uint32_t first_half(uint32_t samples)
     return count;
 }
 
-static enum hg_status make_image(struct hg_view_state *view, struct hg_error *err)
+static enum hg_status make_image(struct hg_view_state *view, uint32_t rows, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
     struct hg_gpu_image *image = &view->gi.gather.light;
     const struct hg_gpu_image_params params = {.format = VK_FORMAT_R32G32B32A32_UINT,
         .width = s->width,
-        .height = s->height,
+        .height = rows,
         .name = "gathered light"};
-    if (image->width == s->width && image->height == s->height)
+    if (image->width == s->width && image->height == rows)
         return HG_OK;
     hg_gpu_image_destroy(view->context->gpu, image);
     return hg_gpu_image_create(view->context->gpu, &params, image, err);
@@ -98,14 +100,16 @@ static enum hg_status make_image(struct hg_view_state *view, struct hg_error *er
 
 // What the paths brought, out of their film, which is large and let go of.
 static enum hg_status load(
-    struct hg_view_state *view, struct hg_gi_gather **out, struct hg_error *err)
+    struct hg_view_state *view, struct hg_gi_gather **out, uint32_t *rows, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
     struct hg_gi_gather_input input = {.width = s->width,
         .height = s->height,
         .samples = samples_of(s),
         .first_half = first_half(samples_of(s))};
-    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &input.sums, err);
+    enum hg_status status =
+        hg_path_read_gathered(view->gi.gather.path, &input.sums, &input.lamps, err);
+    *rows = hg_gi_gather_rows(s->height, input.lamps != NULL);
     if (status == HG_OK) {
         input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * (size_t)s->width * s->height;
         status = hg_gi_gather_load(view->context->jobs, &input, out, err);
@@ -118,20 +122,21 @@ static enum hg_status load(
 static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
-    const struct hg_gpu_region all = {.width = s->width, .height = s->height};
+    uint32_t rows;
     const uint64_t start = hg_clock_now_ns();
     struct hg_gi_gather *gather = NULL;
     uint32_t *words = NULL;
-    enum hg_status status = load(view, &gather, err);
+    enum hg_status status = load(view, &gather, &rows, err);
+    const struct hg_gpu_region all = {.width = s->width, .height = rows};
     if (status == HG_OK) {
-        words = hg_calloc(4 * (size_t)s->width * s->height, sizeof *words);
+        words = hg_calloc(4 * (size_t)s->width * rows, sizeof *words);
         status = words != NULL
                      ? hg_gi_gather_filter(gather, view->context->jobs, words, err)
                      : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     }
     hg_gi_gather_free(gather);
     if (status == HG_OK)
-        status = make_image(view, err);
+        status = make_image(view, rows, err);
     if (status == HG_OK)
         status =
             hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
