@@ -84,13 +84,14 @@ bool hgp_framer_is_empty(const struct hgp_framer *f)
     return !f->partial && f->start == f->end;
 }
 
-void hgp_framer_rest(struct hgp_framer *f)
+bool hgp_framer_rest(struct hgp_framer *f)
 {
-    if (!hgp_framer_is_empty(f))
-        return;
+    if (!f->chunk || !hgp_framer_is_empty(f))
+        return false;
     hg_free(f->chunk);
     f->chunk = NULL;
     f->start = f->end = 0;
+    return true;
 }
 
 void hgp_framer_finish(struct hgp_framer *f)

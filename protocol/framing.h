@@ -57,7 +57,7 @@ enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **mess
 bool hgp_framer_is_empty(const struct hgp_framer *f);
 // Gives the memory of a stream back that stands between two messages; it is taken again when more
 // comes.
-void hgp_framer_rest(struct hgp_framer *f);
+bool hgp_framer_rest(struct hgp_framer *f); // true: there was some
 void hgp_framer_finish(struct hgp_framer *f);
 
 #endif

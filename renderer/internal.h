@@ -18,6 +18,10 @@ struct hg_renderer {
 struct hg_view {
     struct hg_renderer *renderer;
     struct hg_view_state state;
+    struct hg_view_params params; // as they were set, if has_params
+    bool has_params;
+    struct hg_camera_optics
+        optics; // of the scene's camera that it has; they stand for parameters of 0
 };
 
 // Statistics of a view for tests and benchmarks (stats.c).
@@ -46,6 +50,9 @@ bool hg_view_has_history(const struct hg_view *view);
 // The graph of its newest frame (hg_graph_print). Nothing before the first step.
 void hg_view_print_graph(
     const struct hg_view *view, enum hg_graph_format format, struct hg_writer *out);
+// Exchanges the optics, and what follows from them. The errors of hg_view_set_params.
+enum hg_status hg_view_set_optics(struct hg_view *view, const struct hg_camera_optics *optics,
+    struct hg_error *err) HG_MUST_CHECK;
 // HG_E_INVAL of a value outside its range.
 enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field);
 // Only paths that follow light know this plane.

@@ -269,7 +269,9 @@ enum hg_status hg_view_set_params(
 enum hg_status hg_view_set_camera(
     struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
 // Camera of a scene's node at its present pose; `with`: its lens_radius, focus_distance and
-// input_seq. HG_E_NOTFOUND when the node has none; HG_E_INVAL: a lens needs a distance.
+// input_seq. What its file says of lens and sensor (hg_camera_optics) stands for a focus_distance,
+// and for parameters of the view, that are 0. HG_E_NOTFOUND when the node has none; HG_E_INVAL: a
+// lens needs a distance.
 enum hg_status hg_view_set_camera_node(struct hg_view *view, uint64_t node_id,
     const struct hg_view_camera *with, struct hg_error *err) HG_MUST_CHECK;
 

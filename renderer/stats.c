@@ -1,4 +1,5 @@
 // stats.c - what a renderer and a view have used, as JSON (keys: docs/client.md, --stats).
+#include <malloc.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -24,6 +25,14 @@ static uint64_t status_bytes(const char *wanted)
     return (uint64_t)kib * 1024;
 }
 
+// What the process has allocated and not freed, in every arena of the C library. Resident memory is
+// more: freed pages that the allocator keeps are in it.
+static uint64_t heap_bytes(void)
+{
+    const struct mallinfo2 heap = mallinfo2();
+    return (uint64_t)heap.uordblks + heap.hblkhd;
+}
+
 uint64_t hg_renderer_peak_rss_bytes(void)
 {
     return status_bytes("VmHWM");
@@ -45,12 +54,11 @@ static void put_device(struct hg_writer *w, const struct hg_renderer *renderer)
     struct hg_spill_stats spill;
     hg_spill_stats(&spill);
     hg_json_put(w,
-        ",\"process\":{\"rss_bytes\":%llu,\"peak_rss_bytes\":%llu,\"spilled_bytes\":%llu,\"spilled_"
-        "peak_bytes\":%llu,"
-        "\"spill_refused_bytes\":%llu}",
+        ",\"process\":{\"rss_bytes\":%llu,\"peak_rss_bytes\":%llu,\"heap_bytes\":%llu,"
+        "\"spilled_bytes\":%llu,\"spilled_peak_bytes\":%llu,\"spill_refused_bytes\":%llu}",
         (unsigned long long)status_bytes("VmRSS"), (unsigned long long)hg_renderer_peak_rss_bytes(),
-        (unsigned long long)spill.bytes, (unsigned long long)spill.peak_bytes,
-        (unsigned long long)spill.refused_bytes);
+        (unsigned long long)heap_bytes(), (unsigned long long)spill.bytes,
+        (unsigned long long)spill.peak_bytes, (unsigned long long)spill.refused_bytes);
 }
 
 static void put_store(struct hg_writer *w, const struct hg_renderer *renderer)

@@ -83,7 +83,9 @@ static enum hg_status set_camera(
 enum hg_status hg_view_set_camera(
     struct hg_view *view, const struct hg_view_camera *camera, struct hg_error *err)
 {
-    return set_camera(view, camera, 0, err);
+    static const struct hg_camera_optics none;
+    const enum hg_status status = set_camera(view, camera, 0, err);
+    return status != HG_OK ? status : hg_view_set_optics(view, &none, err);
 }
 
 enum hg_status hg_view_set_camera_node(
@@ -94,19 +96,22 @@ enum hg_status hg_view_set_camera_node(
         (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, node_id);
     if (node == NULL || node->camera == NULL)
         return hg_error_set(err, HG_E_NOTFOUND, "camera", "node", "no such node with a camera");
-    if (with->lens_radius > 0.0f && !(with->focus_distance > 0.0f))
+    const struct hg_camera *camera = node->camera;
+    const float distance =
+        with->focus_distance > 0.0f ? with->focus_distance : camera->optics.focus_distance;
+    if (with->lens_radius > 0.0f && !(distance > 0.0f))
         return hg_error_set(err, HG_E_INVAL, "camera", "focus_distance",
             "a camera of the scene looks at no point: its lens needs a distance");
     hg_scene_update(scene);
-    const struct hg_camera *camera = node->camera;
     struct hg_view_camera c = {.orthographic = camera->kind == HG_CAMERA_ORTHOGRAPHIC,
         .vfov_rad = camera->vfov_rad,
         .half_height = camera->half_height,
         .near = camera->near,
         .far = camera->far,
         .lens_radius = with->lens_radius,
-        .focus_distance = with->focus_distance,
+        .focus_distance = distance,
         .input_seq = with->input_seq};
     hg_shutter_look_along(node, c.eye, c.target, c.up);
-    return set_camera(view, &c, node_id, err);
+    const enum hg_status status = set_camera(view, &c, node_id, err);
+    return status != HG_OK ? status : hg_view_set_optics(view, &camera->optics, err);
 }

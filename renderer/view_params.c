@@ -196,12 +196,9 @@ static enum hg_status set_state(struct hg_view *view, const struct hg_view_param
     return status;
 }
 
-enum hg_status hg_view_set_params(
+static enum hg_status apply_params(
     struct hg_view *view, const struct hg_view_params *params, struct hg_error *err)
 {
-    enum hg_status status = hg_view_params_check(params, err);
-    if (status != HG_OK)
-        return status;
     const struct hg_view_params p = hg_view_params_filled(params);
     struct hg_view_settings s;
     memset(&s, 0, sizeof s); // compared as bytes
@@ -231,6 +228,7 @@ enum hg_status hg_view_set_params(
     s.error_px = p.error_px;
     s.target_ms = p.target_ms;
     s.scale = p.scale * 0.01f;
+    s.sharpen = p.sharpen;
     s.mode = p.debug_view == HG_DEBUG_OFF ? (uint32_t)p.mode : HG_VIEW_MODE_REALTIME;
     if (s.mode == HG_VIEW_MODE_PATH)
         fill_path(params, &s.path);
@@ -242,4 +240,52 @@ enum hg_status hg_view_set_params(
         s.tonemap = HG_FRAME_TONEMAP_LINEAR;
     }
     return set_state(view, &p, &s, err);
+}
+
+// What a file says of its camera counts where the view's parameters say nothing, as far as it is in
+// range.
+static struct hg_view_params with_optics(
+    const struct hg_view_params *params, const struct hg_camera_optics *optics)
+{
+    struct hg_view_params with = *params;
+    const struct {
+        float *to, value;
+    } optical[] = {{&with.f_number, optics->f_number}, {&with.shutter_s, optics->shutter_s},
+        {&with.iso, optics->iso}, {&with.sensor_mm, optics->sensor_mm}};
+    for (size_t i = 0; i < sizeof optical / sizeof *optical; i++) {
+        struct hg_error err = {0};
+        if (*optical[i].to != 0 || !(optical[i].value > 0))
+            continue;
+        *optical[i].to = optical[i].value;
+        if (hg_view_params_check(&with, &err))
+            *optical[i].to = 0;
+    }
+    return with;
+}
+
+enum hg_status hg_view_set_params(
+    struct hg_view *view, const struct hg_view_params *params, struct hg_error *err)
+{
+    enum hg_status status = hg_view_params_check(params, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_view_params with = with_optics(params, &view->optics);
+    status = apply_params(view, &with, err);
+    if (status != HG_OK)
+        return status;
+    view->params = *params;
+    view->has_params = true;
+    return HG_OK;
+}
+
+enum hg_status hg_view_set_optics(
+    struct hg_view *view, const struct hg_camera_optics *optics, struct hg_error *err)
+{
+    if (memcmp(&view->optics, optics, sizeof *optics) == 0)
+        return HG_OK;
+    view->optics = *optics;
+    if (!view->has_params)
+        return HG_OK;
+    const struct hg_view_params params = view->params;
+    return hg_view_set_params(view, &params, err);
 }

@@ -1,4 +1,4 @@
-// admin.c - helio ping, stats, sessions.
+// admin.c - helio ping, stats, sessions, quarantine.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -180,5 +180,58 @@ enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
     else if (!status)
         print_sessions(answer);
     json_decref(answer);
+    return finish(&cli, doing, status, &err);
+}
+
+static void print_quarantine(json_t *answer)
+{
+    json_t *list = json_object_get(answer, "quarantine");
+    if (json_array_size(list) > 0)
+        print_table(list);
+    else
+        printf("no file is in quarantine\n");
+}
+
+static enum hg_status list_quarantine(struct hg_cli *cli, struct hg_error *err)
+{
+    json_t *answer = NULL;
+    enum hg_status status = query(cli, HGP_T_quarantine_query, &answer, err);
+    if (!status && cli->options->json)
+        print_json(answer);
+    else if (!status)
+        print_quarantine(answer);
+    json_decref(answer);
+    return status;
+}
+
+static enum hg_status clear_quarantine(struct hg_cli *cli, const char *key, struct hg_error *err)
+{
+    struct helio_message *answer = NULL;
+    const struct hgp_quarantine_clear message = {.key = hgp_str_make(key)};
+    enum hg_status status =
+        helio_call_for(cli->h, HGP_T_quarantine_clear, &message, HGP_T_ok, &answer, err);
+    helio_message_free(answer);
+    return status;
+}
+
+enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options)
+{
+    struct hg_cli cli;
+    struct hg_error err = {0};
+    enum hg_cli_doing doing = HG_CLI_DOING_ARGUMENTS;
+    const char *verb = options->args[0];
+    hg_cli_init(&cli, options);
+    enum hg_status status = HG_OK;
+    const bool clear = strcmp(verb, "clear") == 0;
+    if (!clear && strcmp(verb, "list") != 0)
+        status = hg_error_set(&err, HG_E_INVAL, "quarantine", NULL, "takes list or clear");
+    if (!status)
+        status = connect_daemon(&cli, &doing, &err);
+    if (!status && !clear)
+        status = list_quarantine(&cli, &err);
+    else if (!status && options->arg_count < 2)
+        status = clear_quarantine(&cli, "", &err);
+    for (uint32_t i = 1; clear && i < options->arg_count && !status; i++)
+        status = clear_quarantine(&cli, options->args[i], &err);
     return finish(&cli, doing, status, &err);
 }

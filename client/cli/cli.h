@@ -189,6 +189,7 @@ enum hg_cli_exit hg_cli_cache(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options);
 
 #endif

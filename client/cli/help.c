@@ -50,7 +50,7 @@ void hg_cli_help_program(FILE *out)
     fprintf(out, "usage: helio COMMAND [OPTION...] [ARGUMENT...]\n\n"
                  "Renders 3D scenes, here or on a Heliograph daemon.\n\ncommands:\n");
     for (int i = 0; i < HG_CLI_COMMAND_COUNT; i++)
-        fprintf(out, "  %-10s%s\n", hg_cli_commands[i].name, hg_cli_commands[i].summary);
+        fprintf(out, "  %-12s%s\n", hg_cli_commands[i].name, hg_cli_commands[i].summary);
     fprintf(out, "\n`helio COMMAND --help` lists a command's options; `helio --version` prints the "
                  "version.\n\nexit codes:\n");
     for (const struct hg_cli_exit_row *row = hg_cli_exit_rows; row->text; row++) {

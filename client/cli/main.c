@@ -18,6 +18,7 @@ static enum hg_cli_exit (*const run_command[HG_CLI_COMMAND_COUNT])(
     [HG_CLI_INDEX_BENCH] = hg_cli_bench,
     [HG_CLI_INDEX_PING] = hg_cli_ping,
     [HG_CLI_INDEX_STATS] = hg_cli_stats_command,
+    [HG_CLI_INDEX_QUARANTINE] = hg_cli_quarantine,
     [HG_CLI_INDEX_SESSIONS] = hg_cli_sessions,
 };
 

@@ -1,4 +1,5 @@
 // run_edit.c - helio run: steps that change the scene or the view.
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -164,6 +165,8 @@ static enum hg_status do_light(
         l.profile = (struct hgp_bytes){data, (uint32_t)size};
         status = call_ok(r, HGP_T_light_set, &l, err);
     }
+    if (status == HG_E_FORMAT && strcmp(err->what, "profile") == 0) // the server knows no file
+        snprintf(err->what, sizeof err->what, "%s", s->path);
     hg_free(data);
     return status;
 }

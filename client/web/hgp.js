@@ -49,7 +49,8 @@ export const enums = {
     background: { ENV: 0, NONE: 1, COLOR: 2, BLUR: 3, DISPLAY: 4 },
     ao: { AUTO: 0, NONE: 1 },
     mirrors: { AUTO: 0, NONE: 1 },
-    temporal: { NONE: 0, AUTO: 1 },
+    shadow_maps: { AUTO: 0, CASCADES: 1, VIRTUAL: 2 },
+    temporal: { NONE: 0, AUTO: 1, CHECKERBOARD: 2 },
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     reflections: { ENVIRONMENT: 0, AUTO: 1, RAYS: 2, CACHE: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
@@ -62,7 +63,7 @@ export const enums = {
     pixel_format: { RGBA8_SRGB: 0, RGBA8_LINEAR: 1, RGBA32F: 2, FILE: 3 },
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
-    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12 },
+    debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12, SCALE: 13, SHADOW_PAGES: 14 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 
@@ -216,6 +217,38 @@ export const messages = {
             { name: "what", kind: "str", max: 256, since: 1 },
             { name: "where", kind: "str", max: 128, since: 1 },
             { name: "reason", kind: "str", max: 512, since: 1 },
+        ],
+    },
+    // keep this session for a while when its connection is lost, and with a state folder when the daemon ends; answered by ticket. After bye it is not kept
+    keep: {
+        type: 0x010d, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // answer to keep; it voids older tickets of the session
+    ticket: {
+        type: 0x010e, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+            { name: "valid_s", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // go on with the session of a ticket, in place of the one that has just been opened and has no scene open; answered by resumed; error AUTH: the ticket is unknown, used, or too old
+    resume: {
+        type: 0x010f, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+        ],
+    },
+    // answer: scene, views and subscriptions are as they were, with the credit of the newest subscribe, and every subscribed view is shown anew. Edits that were under way were done or not, in their order; all other requests were dropped
+    resumed: {
+        type: 0x0110, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+            { name: "valid_s", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "first_id", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "id_count", kind: "u32", least: 0, most: 4294967295, since: 1 },
         ],
     },
     // join a scene, or make it
@@ -505,6 +538,8 @@ export const messages = {
             { name: "sensor_mm", kind: "f32", least: 0.01, most: 1e+04, since: 1, optional: true },
             { name: "ao", kind: "enum", values: "ao", since: 1, optional: true },
             { name: "mirrors", kind: "enum", values: "mirrors", since: 1, optional: true },
+            { name: "shadow_maps", kind: "enum", values: "shadow_maps", since: 1, optional: true },
+            { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -815,6 +850,18 @@ export const messages = {
             { name: "size", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
+    // files that workers died at; answered by the broker; json: quarantine[] with key, tenant, file, deaths, refused_s (0: suspected only)
+    quarantine_query: {
+        type: 0x0410, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [],
+    },
+    // forget what files did; ok; not-found when none is meant
+    quarantine_clear: {
+        type: 0x0411, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "key", kind: "str", max: 64, since: 1 },
+        ],
+    },
     // the worker accepts sessions
     worker_ready: {
         type: 0x0501, direction: "W2B", state: "OPEN", role: "NONE", since: 1,
@@ -855,6 +902,22 @@ export const messages = {
             { name: "busy_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
             { name: "rss_bytes", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
             { name: "views", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // whose session the channel carries: all sessions of one tenant share its turns; without it those without one share theirs
+    session_tenant: {
+        type: 0x0506, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "tenant", kind: "str", max: 128, since: 1 },
+        ],
+    },
+    // before a pulse: what the thread of its busy_ns is at
+    busy: {
+        type: 0x0507, direction: "W2B", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "channel", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
         ],
     },
 };

@@ -20,6 +20,7 @@ struct pass_times {
     char name[32];
     float *ms; // [frames] of those in which it ran
     uint32_t count;
+    uint32_t newest; // frame that the last one is of, from 1
 };
 
 struct run {
@@ -123,9 +124,12 @@ static bool note_frame(struct run *run, const struct hg_quality_choice *now,
     run->pages.held += lights.pages.held;
     for (uint32_t i = 0; i < info->stage_count; i++) {
         struct pass_times *pass = find_pass(run, info->stages[i].name);
-        if (pass == NULL || pass->count == run->frames)
+        if (pass == NULL)
             return false;
-        pass->ms[pass->count++] = (float)((double)info->stages[i].ns * 1e-6);
+        if (pass->newest != run->measured) // else a frame has several of that name
+            pass->ms[pass->count++] = 0;
+        pass->newest = run->measured;
+        pass->ms[pass->count - 1] += (float)((double)info->stages[i].ns * 1e-6);
     }
     return true;
 }

@@ -20,10 +20,11 @@ static const struct mode {
     const char *name;
     enum hg_view_temporal temporal;
     float scale; // percent; 0: not set
-} modes[] = {{"auto", HG_TEMPORAL_AUTO, 0}, {"none", HG_TEMPORAL_NONE, 0},
-    {"checkerboard", HG_TEMPORAL_CHECKERBOARD, 0}, {"scale_77", HG_TEMPORAL_AUTO, 77},
-    {"scale_71", HG_TEMPORAL_AUTO, 71}, {"scale_67", HG_TEMPORAL_AUTO, 67},
-    {"scale_50", HG_TEMPORAL_AUTO, 50}};
+    float sharpen;
+} modes[] = {{"auto", HG_TEMPORAL_AUTO, 0, 0}, {"none", HG_TEMPORAL_NONE, 0, 0},
+    {"checkerboard", HG_TEMPORAL_CHECKERBOARD, 0, 0}, {"scale_77", HG_TEMPORAL_AUTO, 77, 0},
+    {"scale_71", HG_TEMPORAL_AUTO, 71, 0}, {"scale_67", HG_TEMPORAL_AUTO, 67, 0},
+    {"sharp_67", HG_TEMPORAL_AUTO, 67, 0.5f}, {"scale_50", HG_TEMPORAL_AUTO, 50, 0}};
 #define MODES (sizeof modes / sizeof modes[0])
 
 // What one of them came to.
@@ -95,7 +96,8 @@ static enum hg_status make_view(
         .reflections = (enum hg_view_reflections)run->bench->reflections,
         .temporal = mode->temporal,
         .shadow_maps = (enum hg_view_shadow_maps)run->bench->shadow_maps,
-        .scale = mode->scale};
+        .scale = mode->scale,
+        .sharpen = mode->sharpen};
     const enum hg_status status = hg_view_create(run->renderer, run->scene, out, err);
     return status == HG_OK ? hg_view_set_params(*out, &params, err) : status;
 }

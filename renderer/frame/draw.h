@@ -133,6 +133,7 @@ struct hg_draw {
         uint64_t view;             // whose camera it is
     } probes;                      // of the scene, that samples are drawn with
     struct hg_gpu_image *gathered; // light on opaque surfaces; NULL: the probes'
+    struct hg_gpu_image *glass;    // light by way of transmissive ones; NULL: none was gathered
     bool crowded; // of the newest cull: the geometry budget did not hold all that was chosen
 };
 

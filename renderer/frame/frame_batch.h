@@ -28,7 +28,7 @@ struct hg_batch {
         } planes[HG_MIRROR_PLANES];
     } mirrors;
     struct {
-        uint32_t visibility, color, depth, lists;
+        uint32_t visibility, color, depth, lists, glass;
     } blend; // blended surfaces in front of the opaque scene
 };
 

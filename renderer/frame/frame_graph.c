@@ -315,8 +315,7 @@ static void declare_shading(struct hg_batch *f, bool keep)
                    {f->shaded_depth, HG_GRAPH_DEPTH_TEST, 0}, {f->blend.color, HG_GRAPH_SAMPLE, 0},
                    {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
                    {f->gathered, HG_GRAPH_SAMPLE, 0}, {f->probe_light, HG_GRAPH_SAMPLE, 0},
-                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0},
-                   {f->progress, HG_GRAPH_READ_WRITE, 0},
+                   {f->mirrors.mirrored, HG_GRAPH_SAMPLE, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
                    {f->accumulated, HG_GRAPH_COLOR_KEEP, 0}, // sums of samples
                    {f->picture, HG_GRAPH_COLOR, 0}},
                .keep = keep});

@@ -9,6 +9,7 @@
 #include "renderer/frame/frame.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/gi/gather.h"
+#include "shaders/shared/features.h"
 #include "shaders/shared/path.h"
 
 #define FILTER_BOX   1u       // enum hg_filter of renderer.h
@@ -16,7 +17,9 @@
 #define FULL_SAMPLES 32.0     // where so many are asked for
 #define LEAST_BITS   1        // log2 of samples
 #define MOST_BITS    6
-#define MOST_BOUNCE  6    // of paths that do not find the field
+#define MOST_BOUNCE  6    // of paths that do not find the field,
+#define GLASS_BOUNCE 16   // and of those by way of glass, which pass both its sides
+#define COLOR        0u   // enum hg_plane of renderer.h
 #define REACH        0.5f // spacings of the finest grid of probes there
 
 struct hg_gather_key hg_gather_view_key(const struct hg_view_state *view)
@@ -38,6 +41,7 @@ void hg_gather_view_finish(struct hg_view_state *view)
 {
     hg_path_destroy(view->gi.gather.path);
     hg_gpu_image_destroy(view->context->gpu, &view->gi.gather.light);
+    hg_gpu_image_destroy(view->context->gpu, &view->gi.gather.glass);
     view->gi.gather = (struct hg_view_gather){0};
 }
 
@@ -52,7 +56,7 @@ static uint32_t samples_of(const struct hg_view_settings *s)
     return 1u << (uint32_t)fmin(fmax(bits, LEAST_BITS), MOST_BITS);
 }
 
-static struct hg_path_request request_of(const struct hg_view_state *view)
+static struct hg_path_request request_of(const struct hg_view_state *view, bool glass)
 {
     const struct hg_view_settings *s = &view->settings;
     struct hg_path_request request = {.camera = view->camera,
@@ -63,15 +67,16 @@ static struct hg_path_request request_of(const struct hg_view_state *view)
         .seed = s->seed,
         .error_px = s->error_px,
         .gather = {.on = true,
-            .lamps = hg_lighting_has_shadowed_lamps(view->lighting),
+            .glass = glass,
+            .lamps = !glass && hg_lighting_has_shadowed_lamps(view->lighting),
             .reach = REACH},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     request.settings = (struct hg_path_settings){.trace = s->path.trace,
         .filter = FILTER_BOX,
         .filter_radius_px = 0.5f,
-        .max_bounces = MOST_BOUNCE,
-        .denoise = 1, // the film has what the denoiser is guided by
+        .max_bounces = glass ? GLASS_BOUNCE : MOST_BOUNCE,
+        .denoise = !glass, // the film has what the denoiser is guided by
         .frame_s = s->path.frame_s};
     return request;
 }
@@ -84,15 +89,13 @@ static uint32_t first_half(uint32_t samples)
     return count;
 }
 
-static enum hg_status make_image(struct hg_view_state *view, uint32_t rows, struct hg_error *err)
+static enum hg_status make_image(struct hg_view_state *view, struct hg_gpu_image *image,
+    uint32_t rows, VkFormat format, const char *name, struct hg_error *err)
 {
-    const struct hg_view_settings *s = &view->settings;
-    struct hg_gpu_image *image = &view->gi.gather.light;
-    const struct hg_gpu_image_params params = {.format = VK_FORMAT_R32G32B32A32_UINT,
-        .width = s->width,
-        .height = rows,
-        .name = "gathered light"};
-    if (image->width == s->width && image->height == rows)
+    const uint32_t width = view->settings.width;
+    const struct hg_gpu_image_params params = {
+        .format = format, .width = width, .height = rows, .name = name};
+    if (image->width == width && image->height == rows)
         return HG_OK;
     hg_gpu_image_destroy(view->context->gpu, image);
     return hg_gpu_image_create(view->context->gpu, &params, image, err);
@@ -136,7 +139,8 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
     }
     hg_gi_gather_free(gather);
     if (status == HG_OK)
-        status = make_image(view, rows, err);
+        status = make_image(
+            view, &view->gi.gather.light, rows, VK_FORMAT_R32G32B32A32_UINT, "gathered light", err);
     if (status == HG_OK)
         status =
             hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
@@ -145,12 +149,48 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
+// What paths by way of glass brought, as it is: it has hardly any noise, as they end at the first
+// surface that scatters.
+static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const struct hg_gpu_region all = {.width = s->width, .height = s->height};
+    struct hg_gpu_image *image = &view->gi.gather.glass;
+    struct hg_refbuf *colors = NULL;
+    enum hg_status status = hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err);
+    if (status == HG_OK)
+        status = make_image(view, image, s->height, VK_FORMAT_R32G32B32A32_SFLOAT,
+            "light by way of glass", err);
+    if (status == HG_OK)
+        status = hg_gpu_image_upload(view->context->gpu, image, &all, colors->data, 0, err);
+    hg_refbuf_unref(colors);
+    hg_path_destroy(view->gi.gather.path);
+    view->gi.gather.path = NULL;
+    return status;
+}
+
+static enum hg_status take(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_view_gather *g = &view->gi.gather;
+    const bool transmits = (view->scene_gpu->features & HG_FEATURE_TRANSMISSION) != 0;
+    const enum hg_status status = g->lit ? take_glass(view, err) : filter(view, err);
+    if (status != HG_OK)
+        return status;
+    g->done = g->lit || !transmits;
+    g->lit = true;
+    g->begun = false; // what comes next has a path of its own
+    if (!transmits)
+        hg_gpu_image_destroy(view->context->gpu, &g->glass);
+    return HG_OK;
+}
+
 enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_view_gather *g = &view->gi.gather;
     const struct hg_gather_key key = hg_gather_view_key(view);
-    const struct hg_path_request request = request_of(view);
-    const bool begins = !g->begun || memcmp(&key, &g->key, sizeof key) != 0;
+    const bool other = memcmp(&key, &g->key, sizeof key) != 0, begins = !g->begun || other;
+    g->lit &= !other;
+    const struct hg_path_request request = request_of(view, g->lit);
     enum hg_status status = hg_path_view_create(view, &g->path, err);
     g->key = key;
     g->begun = true;
@@ -158,10 +198,9 @@ enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *
     if (status == HG_OK)
         status = hg_path_step(g->path, &request, begins, err);
     hg_path_get_stats(g->path, &g->stats);
-    if (status == HG_OK && hg_path_done(g->path)) {
-        status = filter(view, err);
-        g->done = status == HG_OK;
-    }
-    g->begun = status == HG_OK && !g->done;
+    if (status == HG_OK && hg_path_done(g->path))
+        status = take(view, err);
+    g->begun &= status == HG_OK;
+    g->lit &= status == HG_OK;
     return status;
 }

@@ -130,7 +130,8 @@ static enum hg_status refuse(struct hg_view_state *view, enum hg_status status, 
 {
     if (status != HG_E_LIMIT && status != HG_E_NOMEM && status != HG_E_UNSUPPORTED)
         return status;
-    hg_warn(FRAME, "%s: %s: %s", what, err->what, err->reason);
+    if (!out->is_set) // a scene that changes is tried with each picture
+        hg_warn(FRAME, "%s: %s: %s", what, err->what, err->reason);
     *err = (struct hg_error){0};
     *out = (struct hg_gi_refusal){true, key_of(view), view->settings.width, view->settings.height};
     return HG_OK;
@@ -169,6 +170,7 @@ enum hg_status hg_gi_view_step(
         status = advance(view, rests, err);
     if (status != HG_OK)
         return refuse_field(view, status, err);
+    view->gi.field_refused.is_set = false;
     const bool has = had || hg_gi_view_has_rest(view),
                shows = has && !has_rested(view) && !view->final;
     view->gi.field = has ? HG_GI_REST : HG_GI_MOVING;
@@ -182,6 +184,8 @@ enum hg_status hg_gi_view_step(
         return status;
     *waits = rests && !shows && !(has && hg_gi_view_is_done(view));
     view->gi.gathered = gathers(view) && hg_gather_view_is_done(view);
+    if (view->gi.gathered)
+        view->gi.gather_refused.is_set = false;
     status = hg_reflect_view_step(view, !rests, err);
     hg_view_stats_add_stage(&view->stats, "probes", hg_clock_now_ns() - begin);
     return status;

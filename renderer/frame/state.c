@@ -29,5 +29,7 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .stats = &view->stats,
         .settings_revision = view->settings_revision,
         .probes = {view->gi.field, hg_gi_view_id(view)},
-        .gathered = view->gi.gathered ? &view->gi.gather.light : NULL};
+        .gathered = view->gi.gathered ? &view->gi.gather.light : NULL,
+        .glass =
+            view->gi.gathered && view->gi.gather.glass.width > 0 ? &view->gi.gather.glass : NULL};
 }

@@ -33,12 +33,12 @@
 #define HG_VIEW_MODE_REALTIME  0 // as enum hg_render_mode of renderer.h
 #define HG_VIEW_MODE_PATH      1
 #define HG_VIEW_AO_NONE        1 // as enum hg_view_ao
-#define HG_VIEW_MIRRORS_NONE   1 // as enum hg_view_mirrors
+#define HG_VIEW_MIRRORS_NONE          1 // as enum hg_view_mirrors
 #define HG_VIEW_TEMPORAL_NONE  0 // as enum hg_view_temporal
 #define HG_VIEW_TEMPORAL_AUTO         1
 #define HG_VIEW_TEMPORAL_CHECKERBOARD 2
-#define HG_VIEW_SHADOWS_AUTO    0 // as enum hg_view_shadow_maps
-#define HG_VIEW_SHADOWS_VIRTUAL 2
+#define HG_VIEW_SHADOWS_AUTO          0 // as enum hg_view_shadow_maps
+#define HG_VIEW_SHADOWS_VIRTUAL       2
 // Pictures in motion before unlit tiles are searched for (passes/unlit_tiles.h).
 #define HG_VIEW_UNLIT_AFTER 4
 
@@ -70,6 +70,7 @@ struct hg_view_settings {
     float error_px;  // greatest projected error of geometry
     float target_ms; // frame time in motion that quality gives way to; 0 = none
     float scale;     // of the sides of pictures in motion; 0 = as target_ms needs
+    float sharpen;   // strength, of pictures in motion, 0 .. 1
     uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
 };
@@ -104,8 +105,11 @@ struct hg_gather_key {
 struct hg_view_gather {
     struct hg_path *path; // while it is gathered
     struct hg_gather_key key;
-    bool begun, done;          // for `key`
+    bool begun, lit, done;     // for `key`; lit: `light` is there
     struct hg_gpu_image light; // shaders/shared/gi.h
+    // RGBA32F: what transmissive surfaces send to the eye, times the share of the pixel that they
+    // cover, and that share. None: there are no such surfaces.
+    struct hg_gpu_image glass;
     struct hg_path_stats stats; // of what is gathered, or was last
 };
 

@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
 #include "renderer/passes/posed_motion.h"
+#include "renderer/temporal/sharpen.h"
 #include "shaders/shared/debug.h"
 
 #define MOST_JITTER_PX 0.49f // of a sample, so that it stays in its pixel
@@ -208,7 +209,7 @@ enum hg_status hg_temporal_view_targets(
     if (draw->request->drawn.width == 0)
         return HG_OK;
     draw->targets = t;
-    draw->gathered = NULL; // per pixel of the whole size
+    draw->gathered = draw->glass = NULL; // per pixel of the whole size
     const VkExtent2D size = hg_draw_size(draw->request);
     if (t->depth.width != size.width || t->depth.height != size.height)
         destroy_images(view->context->gpu, t);
@@ -429,12 +430,17 @@ enum hg_status hg_temporal_view_resolve(
     if (!hg_draw_is(draw, HG_DRAW_MOTION))
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    const size_t bytes = (size_t)view->settings.width * view->settings.height * 4;
+    const uint32_t size[2] = {view->settings.width, view->settings.height};
+    const float sharpen =
+        shown(&view->settings) == HG_TEMPORAL_PICTURE ? view->settings.sharpen : 0.0f;
     enum hg_status status = make_history(t, &view->settings, err);
     if (status == HG_OK)
         status = resolve(view, draw, t->pixels, err);
-    if (status == HG_OK)
-        memcpy(view->buffers.readback.mapped, t->pixels, bytes);
+    if (status == HG_OK && sharpen > 0.0f)
+        hg_temporal_sharpen(
+            view->context->jobs, t->pixels, size, sharpen, view->buffers.readback.mapped);
+    else if (status == HG_OK)
+        memcpy(view->buffers.readback.mapped, t->pixels, 4 * (size_t)size[0] * size[1]);
     if (status == HG_OK && hg_motion_table_note(&t->places, view->scene_gpu->geometry) != HG_OK)
         status = no_memory(err);
     if (status == HG_OK)

@@ -16,9 +16,9 @@
 #define FINEST_OF    4  // of so many samples; of more a smaller part,
 #define FINEST_MOST  3  // down to this share of it
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
-#define SUNLIT_STEP  2  // the widest step of shares of directional lights, px
+#define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
 #define LAMPLIT_STEP 4  // of those of lamps, which fewer samples ask for
-#define LAMP_PRIOR   0.1f
+#define LAMP_PRIOR   0.02f
 #define STRIP        8  // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
 
@@ -27,6 +27,7 @@
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
+#define SUNLIT_REACH     1.5f  // those of shares of directional lights: their edges are sharp
 #define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
@@ -271,6 +272,7 @@ HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, siz
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
     const float mirrored = w->kind == MIRRORED ? 1.0f : 0.0f;
     const float looks = w->kind >= SUNLIT || w->step >> BLIND > 0 ? 1.0f : 0.0f;
+    const float deviations = w->kind == SUNLIT ? SUNLIT_REACH : LIGHT_REACH;
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
         const float cosine = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
@@ -283,7 +285,7 @@ HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, siz
                           DEPTH_REACH * px * z[x] + 1e-6f;
         const float lx = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
         const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
-        const float deviation = LIGHT_REACH * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
+        const float deviation = deviations * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
         const float like = approach_zero(looks * fabsf(lx - lq) / deviation);
         const float same = 1 - fabsf(cloth[x] - cloth[q]);
         float weight = kernel * n * approach_zero(apart / may) * like * same * worth[q];

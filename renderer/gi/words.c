@@ -9,15 +9,19 @@
 uint32_t hg_gi_rgb9e5(float r, float g, float b)
 {
     const float most = fmaxf(r, fmaxf(g, b));
-    int exponent = 0;
+    const float bounded = most < 65408.0f ? most : 65408.0f;
+    uint32_t bits;
     if (!(most > 1e-8f))
         return 0;
-    frexpf(fminf(most, 65408.0f), &exponent);
-    const int shared = exponent + 15 < 0 ? 0 : exponent + 15 > 31 ? 31 : exponent + 15;
-    const float scale = ldexpf(1, 24 - shared);
+    memcpy(&bits, &bounded, sizeof bits); // frexpf and ldexpf are calls
+    const int exponent = (int)(bits >> 23) - 126 + 15;
+    const int shared = exponent < 0 ? 0 : exponent > 31 ? 31 : exponent;
+    const uint32_t power = (uint32_t)(24 - shared + 127) << 23;
+    float scale;
+    memcpy(&scale, &power, sizeof scale);
     const float values[3] = {r, g, b};
     uint32_t word = (uint32_t)shared << 27;
     for (int c = 0; c < 3; c++)
-        word |= (uint32_t)hg_clampf(rintf(values[c] * scale), 0, 511) << (9 * c);
+        word |= (uint32_t)lrintf(hg_clampf(values[c] * scale, 0, 511)) << (9 * c);
     return word;
 }

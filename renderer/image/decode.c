@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "renderer/image/exr.h"
+#include "renderer/image/input.h"
 #include "renderer/image/pixels.h"
 
 enum { BAND_ROWS = 64 }; // decoded at once when a file is examined
@@ -77,26 +78,26 @@ void hg_decode_finish_pixels(
 enum hg_status hg_decode_probe(const struct hg_image_bytes *file, const char *format,
     struct hg_image_info *out, struct hg_error *err)
 {
-    struct hg_oiio_input *input;
-    enum hg_status status = hg_oiio_open(NULL, file, format, false, &input, err);
+    struct hg_input *input;
+    enum hg_status status = hg_input_open(NULL, file, format, false, &input, err);
     if (status != HG_OK)
         return status;
-    const struct hg_oiio_header *h = hg_oiio_get_header(input);
+    const struct hg_oiio_header *h = hg_input_get_header(input);
     *out = (struct hg_image_info){.width = (uint32_t)h->width,
         .height = (uint32_t)h->height,
         .channels = (uint32_t)h->channels,
         .is_float = h->is_float,
         .is_16bit = h->is_16bit};
     snprintf(out->file_format, sizeof out->file_format, "%s", format);
-    hg_oiio_close(input);
+    hg_input_close(input);
     return HG_OK;
 }
 
-static enum hg_status read_image(struct hg_oiio_input *input, enum hg_pixel_format format,
+static enum hg_status read_image(struct hg_input *input, enum hg_pixel_format format,
     const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err)
 {
-    const struct hg_oiio_header *h = hg_oiio_get_header(input);
-    const char *name = hg_oiio_name(input);
+    const struct hg_oiio_header *h = hg_input_get_header(input);
+    const char *name = hg_input_name(input);
     enum hg_status status = check_limits(h, name, hg_pixel_bytes(format), limits, err);
     if (status != HG_OK)
         return status;
@@ -106,7 +107,7 @@ static enum hg_status read_image(struct hg_oiio_input *input, enum hg_pixel_form
             err, status, name, "size", "no memory for %dx%d px", h->width, h->height);
     const struct hg_oiio_target target = {
         hg_decode_type(format), hg_decode_channels(h), out->pixels};
-    status = hg_oiio_read_image(input, 0, &target, err);
+    status = hg_input_read_image(input, 0, &target, err);
     if (status != HG_OK)
         return status;
     hg_decode_finish_pixels(h, out->pixels, (size_t)out->width * out->height, format);
@@ -118,11 +119,11 @@ enum hg_status hg_decode_image(const struct hg_image_bytes *file, const char *fo
     enum hg_pixel_format pixels, const struct hg_image_limits *limits, struct hg_image *out,
     struct hg_error *err)
 {
-    struct hg_oiio_input *input;
-    enum hg_status status = hg_oiio_open(NULL, file, format, false, &input, err);
+    struct hg_input *input;
+    enum hg_status status = hg_input_open(NULL, file, format, false, &input, err);
     if (status == HG_OK)
         status = read_image(input, pixels, limits, out, err);
-    hg_oiio_close(input);
+    hg_input_close(input);
     if (status != HG_OK)
         hg_image_finish(out);
     return status;
@@ -130,45 +131,45 @@ enum hg_status hg_decode_image(const struct hg_image_bytes *file, const char *fo
 
 // ---- examining ---------------------------------------------------------------------------------
 
-static enum hg_status read_bands(struct hg_oiio_input *input, int part,
-    const struct hg_oiio_header *h, void *rows, struct hg_error *err)
+static enum hg_status read_bands(struct hg_input *input, int part, const struct hg_oiio_header *h,
+    void *rows, struct hg_error *err)
 {
     const struct hg_oiio_target target = {HG_OIIO_NATIVE, h->channels, rows};
     if (h->tile_width != 0)
-        return hg_oiio_read_image(input, part, &target, err);
+        return hg_input_read_image(input, part, &target, err);
     enum hg_status status = HG_OK;
     for (int y = 0; status == HG_OK && y < h->height; y += BAND_ROWS) {
         const int count = h->height - y < BAND_ROWS ? h->height - y : BAND_ROWS;
-        status = hg_oiio_read_rows(input, part, (uint32_t)y, (uint32_t)count, &target, err);
+        status = hg_input_read_rows(input, part, (uint32_t)y, (uint32_t)count, &target, err);
     }
     return status;
 }
 
 // As stored, without conversion: decoding checks the data.
 static enum hg_status examine_part(
-    struct hg_oiio_input *input, int part, const struct hg_oiio_header *h, struct hg_error *err)
+    struct hg_input *input, int part, const struct hg_oiio_header *h, struct hg_error *err)
 {
     const uint64_t bytes = h->tile_width != 0 ? h->image_bytes : h->row_bytes * BAND_ROWS;
     void *rows = bytes <= SIZE_MAX ? hg_calloc((size_t)at_least_1(bytes), 1) : NULL;
     if (rows == NULL)
         return hg_error_set(
-            err, HG_E_NOMEM, hg_oiio_name(input), NULL, "no memory to decode or encode");
+            err, HG_E_NOMEM, hg_input_name(input), NULL, "no memory to decode or encode");
     const enum hg_status status = read_bands(input, part, h, rows, err);
     hg_free(rows);
     return status;
 }
 
-static enum hg_status examine_parts(struct hg_oiio_input *input,
-    const struct hg_image_limits *limits, struct hg_image_told *out, struct hg_error *err)
+static enum hg_status examine_parts(struct hg_input *input, const struct hg_image_limits *limits,
+    struct hg_image_told *out, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     for (int part = 0; status == HG_OK && part < HG_EXR_MAX_PARTS; part++) {
         struct hg_oiio_header header;
-        status = hg_oiio_part_header(input, part, &header, err);
+        status = hg_input_part_header(input, part, &header, err);
         if (status == HG_E_NOTFOUND)
             return HG_OK;
         if (status == HG_OK)
-            status = check_limits(&header, hg_oiio_name(input), 1, limits, err);
+            status = check_limits(&header, hg_input_name(input), 1, limits, err);
         if (status == HG_OK)
             status = examine_part(input, part, &header, err);
         out->parts++;
@@ -176,17 +177,17 @@ static enum hg_status examine_parts(struct hg_oiio_input *input,
     return status;
 }
 
-static enum hg_status examine(struct hg_oiio_input *input, const char *key,
+static enum hg_status examine(struct hg_input *input, const char *key,
     const struct hg_image_limits *limits, struct hg_image_told *out, struct hg_error *err)
 {
-    const struct hg_oiio_header *h = hg_oiio_get_header(input);
+    const struct hg_oiio_header *h = hg_input_get_header(input);
     enum hg_status status =
-        check_limits(h, hg_oiio_name(input), at_least_1(h->pixel_bytes), limits, err);
+        check_limits(h, hg_input_name(input), at_least_1(h->pixel_bytes), limits, err);
     if (status != HG_OK)
         return status;
     out->width = (uint32_t)h->width;
     out->height = (uint32_t)h->height;
-    status = hg_oiio_read_text(input, key, out->value, sizeof out->value, err);
+    status = hg_input_read_text(input, key, out->value, sizeof out->value, err);
     return status != HG_OK ? status : examine_parts(input, limits, out, err);
 }
 
@@ -194,11 +195,11 @@ enum hg_status hg_decode_examine(const struct hg_image_bytes *file, const char *
     const char *key, const struct hg_image_limits *limits, struct hg_image_told *out,
     struct hg_error *err)
 {
-    struct hg_oiio_input *input;
+    struct hg_input *input;
     snprintf(out->file_format, sizeof out->file_format, "%s", format);
-    enum hg_status status = hg_oiio_open(NULL, file, format, false, &input, err);
+    enum hg_status status = hg_input_open(NULL, file, format, false, &input, err);
     if (status == HG_OK)
         status = examine(input, key, limits, out, err);
-    hg_oiio_close(input);
+    hg_input_close(input);
     return status;
 }

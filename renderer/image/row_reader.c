@@ -5,7 +5,7 @@
 
 #include "base/alloc.h"
 #include "renderer/image/decode.h"
-#include "renderer/image/oiio.h"
+#include "renderer/image/input.h"
 
 static const uint64_t max_tile_px = UINT64_C(1) << 24;
 
@@ -19,7 +19,7 @@ struct band {
 
 struct hg_row_reader {
     pthread_mutex_t lock; // over all below
-    struct hg_oiio_input *input;
+    struct hg_input *input;
     struct hg_image_reader_info info;
     uint32_t next_row;
     struct band band;
@@ -38,19 +38,19 @@ static uint32_t mip_side(uint32_t side, uint32_t mip)
 static enum hg_status no_memory(const struct hg_row_reader *r, struct hg_error *err)
 {
     return hg_error_set(
-        err, HG_E_NOMEM, hg_oiio_name(r->input), NULL, "no memory to decode or encode");
+        err, HG_E_NOMEM, hg_input_name(r->input), NULL, "no memory to decode or encode");
 }
 
 // ---- opening -----------------------------------------------------------------------------------
 
 // Leading mips of the file with the sides max(1, side >> mip).
-static uint32_t count_mips(struct hg_oiio_input *input, uint32_t width, uint32_t height)
+static uint32_t count_mips(struct hg_input *input, uint32_t width, uint32_t height)
 {
     uint32_t count = 1;
     for (; count < 32; count++) {
         const uint32_t w = mip_side(width, count), h = mip_side(height, count);
         uint32_t size_px[2];
-        if (!hg_oiio_mip_size(input, count, size_px) || size_px[0] != w || size_px[1] != h)
+        if (!hg_input_mip_size(input, count, size_px) || size_px[0] != w || size_px[1] != h)
             break;
         if (w == 1 && h == 1)
             return count + 1;
@@ -76,7 +76,7 @@ static enum hg_status check_header(
 
 static void describe(struct hg_row_reader *r, const char *format)
 {
-    const struct hg_oiio_header *h = hg_oiio_get_header(r->input);
+    const struct hg_oiio_header *h = hg_input_get_header(r->input);
     const bool tiled = h->tile_width > 0 && h->tile_height > 0;
     r->info = (struct hg_image_reader_info){
         .width = (uint32_t)h->width,
@@ -102,9 +102,9 @@ enum hg_status hg_row_reader_open(FILE *file, const struct hg_image_bytes *bytes
     if (r == NULL)
         return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory to decode or encode");
     pthread_mutex_init(&r->lock, NULL);
-    enum hg_status status = hg_oiio_open(file, bytes, format, true, &r->input, err);
+    enum hg_status status = hg_input_open(file, bytes, format, true, &r->input, err);
     if (status == HG_OK)
-        status = check_header(hg_oiio_get_header(r->input), bytes->name, max_side_px, err);
+        status = check_header(hg_input_get_header(r->input), bytes->name, max_side_px, err);
     if (status != HG_OK) {
         hg_row_reader_close(r);
         return status;
@@ -118,7 +118,7 @@ void hg_row_reader_close(struct hg_row_reader *r)
 {
     if (r == NULL)
         return;
-    hg_oiio_close(r->input);
+    hg_input_close(r->input);
     hg_free(r->band.pixels);
     pthread_mutex_destroy(&r->lock);
     hg_free(r);
@@ -134,9 +134,9 @@ const struct hg_image_reader_info *hg_row_reader_info(const struct hg_row_reader
 static enum hg_status read_scanlines(struct hg_row_reader *r, enum hg_pixel_format format,
     uint32_t count, void *pixels, struct hg_error *err)
 {
-    const struct hg_oiio_header *h = hg_oiio_get_header(r->input);
+    const struct hg_oiio_header *h = hg_input_get_header(r->input);
     const struct hg_oiio_target target = {hg_decode_type(format), hg_decode_channels(h), pixels};
-    const enum hg_status status = hg_oiio_read_rows(r->input, 0, r->next_row, count, &target, err);
+    const enum hg_status status = hg_input_read_rows(r->input, 0, r->next_row, count, &target, err);
     if (status == HG_OK)
         hg_decode_finish_pixels(h, pixels, (size_t)r->info.width * count, format);
     return status;
@@ -146,9 +146,9 @@ static enum hg_status read_scanlines(struct hg_row_reader *r, enum hg_pixel_form
 static enum hg_status read_tiles(struct hg_row_reader *r, const struct hg_image_rect *area,
     enum hg_pixel_format format, void *pixels, struct hg_error *err)
 {
-    const struct hg_oiio_header *h = hg_oiio_get_header(r->input);
+    const struct hg_oiio_header *h = hg_input_get_header(r->input);
     const struct hg_oiio_target target = {hg_decode_type(format), hg_decode_channels(h), pixels};
-    const enum hg_status status = hg_oiio_read_tiles(r->input, area, &target, err);
+    const enum hg_status status = hg_input_read_tiles(r->input, area, &target, err);
     if (status == HG_OK)
         hg_decode_finish_pixels(h, pixels, (size_t)area->size[0] * area->size[1], format);
     return status;
@@ -207,7 +207,7 @@ static enum hg_status read_rows(struct hg_row_reader *r, enum hg_pixel_format fo
     uint32_t count, void *pixels, struct hg_error *err)
 {
     if (count > r->info.height - r->next_row)
-        return hg_error_set(err, HG_E_INVAL, hg_oiio_name(r->input), NULL, "no more rows");
+        return hg_error_set(err, HG_E_INVAL, hg_input_name(r->input), NULL, "no more rows");
     const enum hg_status status = r->info.tile_width != 0
                                       ? read_rows_of_tiles(r, format, count, pixels, err)
                                       : read_scanlines(r, format, count, pixels, err);
@@ -257,7 +257,7 @@ static enum hg_status read_rect(struct hg_row_reader *r, const struct hg_image_r
 {
     struct hg_image_rect area;
     if (!tiles_of_rect(&r->info, rect, &area))
-        return hg_error_set(err, HG_E_INVAL, hg_oiio_name(r->input), NULL, "no such rectangle");
+        return hg_error_set(err, HG_E_INVAL, hg_input_name(r->input), NULL, "no such rectangle");
     const size_t texel = hg_pixel_bytes(format), wide = area.size[0];
     const size_t size_bytes = wide * area.size[1] * texel;
     uint8_t *tiles = hg_calloc(size_bytes, 1);

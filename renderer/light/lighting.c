@@ -28,10 +28,16 @@ struct hg_lighting {
     struct hg_jobs *jobs;
     struct hg_lighting_params params;
     struct hg_env_device env;
-    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries, tables;
-    uint32_t *table_words; // what `tables` holds
-    uint64_t table_hash;
+    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
+    struct {
+        struct hg_gpu_buffer buffer;
+        uint32_t *words; // what it holds
+        uint64_t hash;
+    } tabled;
     struct hg_gpu_image atlas;
+    struct {
+        uint64_t atlas, shape; // of the atlas, and of the shapes drawn into it
+    } revisions;
     struct hg_light_set set;
     struct hg_clusters cells;
     struct hg_light_cuts cuts;
@@ -42,10 +48,11 @@ struct hg_lighting {
         uint32_t due;                  // maps of the plan behind `count`
         bool pay;                      // the newest picture in motion gains by them
     } pages;
-    uint64_t drawn_shape_revision, atlas_revision;
-    uint32_t deferred; // maps that this picture does without
-    uint32_t unseen;   // maps that it has no use for
-    bool moves;        // as the newest view said
+    struct {
+        uint32_t deferred; // maps that this picture does without
+        uint32_t unseen;   // maps that it has no use for
+    } left_out;
+    bool moves; // as the newest view said
     bool unshadowed_told;
     struct hg_gpu_lighting block; // without what changes from sample to sample
 };
@@ -112,10 +119,10 @@ void hg_lighting_destroy(struct hg_lighting *l)
     hg_env_device_finish(&l->env, l->gpu);
     hg_gpu_image_destroy(l->gpu, &l->atlas);
     struct hg_gpu_buffer *buffers[] = {
-        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tables};
+        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tabled.buffer};
     for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
         hg_gpu_buffer_destroy(l->gpu, buffers[i]);
-    hg_free(l->table_words);
+    hg_free(l->tabled.words);
     hg_light_set_finish(&l->set);
     hg_clusters_finish(&l->cells);
     hg_light_cuts_finish(&l->cuts);
@@ -152,8 +159,8 @@ static const struct hg_shadow_map *find_drawn(
 // It is known where casters moved since the atlas was drawn.
 static bool knows_moved(const struct hg_lighting *l, const struct hg_lighting_view *view)
 {
-    return l->drawn_shape_revision == view->shape_revision ||
-           (view->moved && view->shape_before == l->drawn_shape_revision);
+    return l->revisions.shape == view->shape_revision ||
+           (view->moved && view->shape_before == l->revisions.shape);
 }
 
 // A map is kept when the atlas holds the same projection in the same place and nothing moved; where
@@ -161,7 +168,7 @@ static bool knows_moved(const struct hg_lighting *l, const struct hg_lighting_vi
 static enum hg_status mark_stale(
     struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
 {
-    const bool moved = l->drawn_shape_revision != view->shape_revision;
+    const bool moved = l->revisions.shape != view->shape_revision;
     bool known = knows_moved(l, view);
     if (l->plan.atlas_px && l->plan.atlas_px != l->atlas.width) {
         struct hg_gpu_image next = {0};
@@ -205,7 +212,7 @@ static enum hg_status sync_pages(
     const struct hg_shadow_map *pool = plan->paged ? &plan->maps[plan->pool] : NULL;
     hg_shadow_pages_begin(
         l->pages.table, pool ? &pool->gpu : NULL, pool ? &pool[1].gpu : NULL, view->camera);
-    const bool moved = l->drawn_shape_revision != view->shape_revision;
+    const bool moved = l->revisions.shape != view->shape_revision;
     if (!knows_moved(l, view))
         hg_shadow_pages_forget(l->pages.table);
     else if (moved)
@@ -222,7 +229,7 @@ static void defer_unseen(struct hg_lighting *l, const struct hg_lighting_view *v
     const struct hg_shadow_sight sight = hg_shadow_sight_make(view->camera);
     struct hg_shadow_map *ahead = NULL;
     uint32_t due = l->pages.due;
-    l->unseen = 0;
+    l->left_out.unseen = 0;
     for (uint32_t i = 0; i < l->set.count; i++) {
         struct hg_gpu_light *light = &l->set.items[i];
         if (light->shadow == HG_SHADOW_NONE || light->kind == HG_LIGHT_KIND_DIRECTIONAL)
@@ -231,7 +238,7 @@ static void defer_unseen(struct hg_lighting *l, const struct hg_lighting_view *v
         for (uint32_t k = 0; k < light->shadow_count; k++) {
             struct hg_shadow_map *map = &l->plan.maps[light->shadow + k];
             map->deferred = !seen || !hg_shadow_sight_has_map(&sight, light, map);
-            l->unseen += map->deferred;
+            l->left_out.unseen += map->deferred;
             due += map->stale && !map->deferred;
             if (map->stale && map->deferred && !ahead)
                 ahead = map;
@@ -248,7 +255,7 @@ static void defer_unseen(struct hg_lighting *l, const struct hg_lighting_view *v
 static void defer_maps(struct hg_lighting *l, bool moves)
 {
     uint32_t fresh = 0;
-    l->deferred = 0;
+    l->left_out.deferred = 0;
     for (uint32_t i = 0; i < l->set.count && moves; i++) {
         struct hg_gpu_light *light = &l->set.items[i];
         if (light->shadow == HG_SHADOW_NONE || light->kind == HG_LIGHT_KIND_DIRECTIONAL ||
@@ -263,7 +270,7 @@ static void defer_maps(struct hg_lighting *l, bool moves)
             continue;
         for (uint32_t k = 0; k < light->shadow_count; k++)
             maps[k].deferred = true;
-        l->deferred += light->shadow_count;
+        l->left_out.deferred += light->shadow_count;
         light->shadow = HG_SHADOW_NONE;
     }
 }
@@ -308,17 +315,17 @@ uint64_t hg_lighting_shadow_table_bytes(const struct hg_lighting *l)
 
 uint64_t hg_lighting_shape_revision(const struct hg_lighting *l)
 {
-    return l->drawn_shape_revision;
+    return l->revisions.shape;
 }
 
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *l)
 {
-    return l->atlas_revision;
+    return l->revisions.atlas;
 }
 
 void hg_lighting_note_drawn(struct hg_lighting *l)
 {
-    l->atlas_revision++;
+    l->revisions.atlas++;
 }
 
 // --- sync ----------------------------------------------------------------------------------------
@@ -352,20 +359,20 @@ static enum hg_status upload_shadows(struct hg_lighting *l, struct hg_error *err
 static enum hg_status upload_tables(struct hg_lighting *l, struct hg_error *err)
 {
     const uint64_t hash = hg_light_set_table_hash(&l->set);
-    const uint64_t bytes = (uint64_t)l->set.word_count * sizeof *l->table_words;
-    if (hash == l->table_hash)
+    const uint64_t bytes = (uint64_t)l->set.word_count * sizeof *l->tabled.words;
+    if (hash == l->tabled.hash)
         return HG_OK;
-    hg_free(l->table_words);
-    l->table_hash = 0;
-    l->table_words = hg_calloc((size_t)l->set.word_count + 1, sizeof *l->table_words);
-    if (!l->table_words)
+    hg_free(l->tabled.words);
+    l->tabled.hash = 0;
+    l->tabled.words = hg_calloc((size_t)l->set.word_count + 1, sizeof *l->tabled.words);
+    if (!l->tabled.words)
         return hg_error_set(err, HG_E_NOMEM, "light tables", NULL, "no memory");
-    hg_light_set_tables(&l->set, l->table_words);
+    hg_light_set_tables(&l->set, l->tabled.words);
     if (l->set.left_out > 0)
         hg_warn(LIGHT, "profiles or images of %u lights have no room", l->set.left_out);
-    enum hg_status status = put(l, &l->tables, "light tables", l->table_words, bytes, err);
+    enum hg_status status = put(l, &l->tabled.buffer, "light tables", l->tabled.words, bytes, err);
     if (!status)
-        l->table_hash = hash;
+        l->tabled.hash = hash;
     return status;
 }
 
@@ -421,7 +428,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_lights = l->entries.address,
         .irradiance = l->env.irradiance.address,
         .dfg = l->dfg.address,
-        .tables = l->tables.address,
+        .tables = l->tabled.buffer.address,
         .light_count = cut ? l->cuts.count : l->set.count,
         .global_count = cut ? l->set.directional_count : l->set.global_count,
         .clustered = l->cells.used,
@@ -487,7 +494,7 @@ enum hg_status hg_lighting_sync(
         status = sync_pages(l, view, err);
     if (status)
         return status;
-    l->drawn_shape_revision = view->shape_revision;
+    l->revisions.shape = view->shape_revision;
     l->moves = view->moves;
     defer_unseen(l, view);
     defer_maps(l, many && view->moves);
@@ -562,7 +569,7 @@ void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources
 {
     const struct hg_gpu_lighting *b = &l->block;
     *out = (struct hg_lighting_sources){.lights = l->set.items,
-        .tables = l->table_words,
+        .tables = l->tabled.words,
         .casts = l->set.casts,
         .count = l->set.count,
         .directional_count = l->set.directional_count,
@@ -581,11 +588,11 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .shadowed_lights = l->plan.shadowed_lights,
         .unshadowed_lights = l->plan.unshadowed_lights,
         .shadow_maps = l->plan.count,
-        .shadow_maps_deferred = l->deferred,
-        .shadow_maps_unseen = l->unseen,
+        .shadow_maps_deferred = l->left_out.deferred,
+        .shadow_maps_unseen = l->left_out.unseen,
         .clusters = l->cells.used ? HG_CLUSTER_COUNT : 0,
         .cluster_entries = l->cells.entry_count,
-        .hasty = l->deferred > 0 || (l->cells.overflow && l->moves),
+        .hasty = l->left_out.deferred > 0 || (l->cells.overflow && l->moves),
         .lights_in_lists = l->cells.overflow ? l->cuts.count : l->set.count,
         .environment_ns = l->env.prefilter_ns,
         .environment_cached = l->env.from_cache};
@@ -605,5 +612,5 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
                         l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
                         l->dfg.memory.size_bytes + l->lights.memory.size_bytes +
                         l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
-                        l->entries.memory.size_bytes + l->tables.memory.size_bytes;
+                        l->entries.memory.size_bytes + l->tabled.buffer.memory.size_bytes;
 }

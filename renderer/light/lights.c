@@ -72,6 +72,25 @@ static void set_size(struct hg_gpu_light *out, const struct hg_light *light)
         out->radius = out->half_width = out->half_height = out->radiance = out->bound = 0;
 }
 
+static bool is_finite(const struct hg_gpu_light *light)
+{
+    const float *p = (const float *)&light->position_ws, *d = (const float *)&light->direction_ws,
+                *c = (const float *)&light->color, *x = (const float *)&light->axis_ws;
+    return isfinite(
+        hg_dot3(p, p) + hg_dot3(d, d) + hg_dot3(x, x) + c[0] + c[1] + c[2] + light->inv_range_sq);
+}
+
+// Of a light that is nowhere: cells, trees and plans of shadow maps need numbers.
+static struct hg_gpu_light dark_light(uint32_t kind)
+{
+    return (struct hg_gpu_light){.kind = kind,
+        .inv_range_sq = 1,
+        .direction_ws = {0, 0, -1},
+        .axis_ws = {1, 0, 0},
+        .spot_scale = 1,
+        .shadow = HG_SHADOW_NONE};
+}
+
 static struct hg_gpu_light make_light(const struct hg_node *node, const double origin[3])
 {
     const struct hg_light *light = node->light;
@@ -107,7 +126,7 @@ static struct hg_gpu_light make_light(const struct hg_node *node, const double o
     const bool turned = fabsf(hg_dot3(x, x) - 1) < 1e-3f; // else its matrix has no inverse
     if (light->kind > HG_LIGHT_SPOT && !(out.radiance > 0 && turned))
         out.color = (struct hg_vec3){0, 0, 0}; // no surface, no light
-    return out;
+    return is_finite(&out) ? out : dark_light(out.kind);
 }
 
 static enum hg_status reserve_one(struct hg_light_set *set)

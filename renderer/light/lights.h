@@ -23,7 +23,8 @@ struct hg_light_set {
     uint32_t left_out; // tables that there was no room for
 };
 
-// Visible lights with positions relative to origin; black lights are left out. shadow is
+// Visible lights with positions relative to origin; black lights are left out, those whose numbers
+// are not finite are black. shadow is
 // HG_SHADOW_NONE. Source: KHR_lights_punctual (units, cone, range). HG_E_NOMEM.
 enum hg_status hg_light_set_collect(
     struct hg_light_set *set, const struct hg_scene *scene, const double origin[3]) HG_MUST_CHECK;

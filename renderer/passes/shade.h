@@ -33,6 +33,7 @@ struct hg_shade {
     // Light on opaque surfaces (shaders/shared/gi.h): gathered, else of the probes; NULL = none.
     struct hg_gpu_image *gathered, *probe_light;
     struct hg_gpu_image *mirrored; // with probe light: of planar mirrors (shaders/shared/mirror.h)
+    struct hg_gpu_image *glass;    // with layer: light by way of transmissive surfaces; NULL = none
     // Pixels whose depth is HG_UNLIT_TILES_DEPTH are left out: with `clear` they are zero, else the
     // target keeps what it has.
     bool masked;

@@ -47,6 +47,7 @@ struct hg_path_settings {
 // (HG_PATH_GATHERS of shaders/shared/path.h). The film is read by hg_path_read_gathered.
 struct hg_path_gather {
     bool on;
+    bool glass;  // to transmissive surfaces, of which the colour is read; else to opaque ones
     bool lamps;  // there are such as shadow maps are for: what of their light arrives is told
     float reach; // from which on a hit is shaded by the field, in spacings of its probes there
 };

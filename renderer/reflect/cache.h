@@ -41,7 +41,7 @@ struct hg_cache_place {
 };
 enum hg_cache_answer {
     HG_CACHE_NOTHING, // no probe has it
-    HG_CACHE_EMPTY,   // nobody has asked for it yet, or it shows what has moved
+    HG_CACHE_EMPTY,   // not requested yet, or it shows what has moved
     HG_CACHE_UNLIT,   // shows the surface, and was never lit
     HG_CACHE_STALE,   // lit by the light of before, or too seldom
     HG_CACHE_FOUND,

@@ -5,11 +5,12 @@
 #define FAR_PX       70.0f // and not at all
 #define FAR_METRES   10.0f // of roughness: difference between the lengths of rays
 #define CALM_FROM    0.2f  // roughness from which single bright rays are held back
-#define CALM_REACH   2     // texels around that tell,
+#define CALM_REACH    2     // texels around that tell,
+#define ROUGH_REACH   4     // and blocks, few of which send,
 #define CALM_LEAST   3     // if there are so many rays among them,
 #define CALM_MOST    2.0f  // how much brighter than their mean a ray may be
 #define MOST_HISTORY 0.92f
-#define ROUGH_HISTORY 0.95f // where few texels send a ray in a picture
+#define ROUGH_HISTORY 0.97f // where few texels send a ray in a picture
 #define SMOOTH       0.1f // roughness below which history counts less: there is little noise
 #define CLIP         1.5f // standard deviations of neighbours that history may be off
 #define MOST_BENT    4.0f // of a mirror image's size, near the pole of the lens
@@ -27,8 +28,7 @@ struct spatial {
 static float weight_of(const struct hg_reflect_image *image, const struct hg_reflect_texel *p,
     const struct hg_reflect_texel *q, float wide)
 {
-    const float same =
-        q->mirrors ? hg_reflect_same(p, q->position, q->normal, q->roughness, HG_REFLECT_APART) : 0;
+    const float same = q->mirrors ? hg_reflect_same(p, q->position, q->normal, q->roughness) : 0;
     if (same <= 0 || image->rough)
         return same * wide;
     const float far = FAR_METRES * p->roughness + 1e-3f, off = fabsf(p->length - q->length);
@@ -64,9 +64,16 @@ static void filter_texel(const struct spatial *s, int x, int y)
     s->to[i] = sum / total;
 }
 
+static bool is_empty(const struct hg_reflect_image *image, size_t y)
+{
+    return image->counts && image->counts[y] == 0;
+}
+
 static void filter_row(void *user, size_t y)
 {
     const struct spatial *s = user;
+    if (is_empty(s->image, y))
+        return;
     for (uint32_t x = 0; x < s->image->columns; x++)
         filter_texel(s, (int)x, (int)y);
 }
@@ -86,13 +93,14 @@ static void calm_texel(const struct spatial *s, int x, int y)
     const size_t i = (size_t)y * s->image->columns + (size_t)x;
     const struct hg_reflect_texel *p = &s->image->texels[i];
     const float own = light_of(&s->from[i]), weight = s->from[i][HG_REFLECT_WEIGHT];
+    const int reach = s->image->rough ? ROUGH_REACH : CALM_REACH;
     hg_reflect_sums sum = {0};
     int count = 0;
     s->to[i] = s->from[i];
     if (!p->mirrors || !(weight > 0) || p->roughness < CALM_FROM)
         return;
-    for (int qy = y - CALM_REACH; qy <= y + CALM_REACH; qy++)
-        for (int qx = x - CALM_REACH; qx <= x + CALM_REACH; qx++) {
+    for (int qy = y - reach; qy <= y + reach; qy++)
+        for (int qx = x - reach; qx <= x + reach; qx++) {
             if (qx < 0 || qy < 0 || qx >= columns || qy >= rows || (qx == x && qy == y))
                 continue;
             const size_t k = (size_t)qy * s->image->columns + (size_t)qx;
@@ -115,6 +123,8 @@ static void calm_texel(const struct spatial *s, int x, int y)
 static void calm_row(void *user, size_t y)
 {
     const struct spatial *s = user;
+    if (is_empty(s->image, y))
+        return;
     for (uint32_t x = 0; x < s->image->columns; x++)
         calm_texel(s, (int)x, (int)y);
 }
@@ -225,7 +235,7 @@ static float read_before(const struct hg_reflect_history *h, const struct hg_ref
         if (!q->mirrors || h->sums[k][HG_REFLECT_WEIGHT] <= 0)
             continue;
         const float w = ((i & 1) != 0 ? f[0] : 1 - f[0]) * (i >> 1 != 0 ? f[1] : 1 - f[1]) *
-                        hg_reflect_same(p, q->position, q->normal, q->roughness, HG_REFLECT_APART);
+                        hg_reflect_same(p, q->position, q->normal, q->roughness);
         *out += h->sums[k] * w;
         total += w;
     }
@@ -292,12 +302,14 @@ static void blend_texel(const struct temporal *t, uint32_t x, uint32_t y)
     clip_to_neighbours(t, x, y, &history);
     share *= t->image->rough ? ROUGH_HISTORY
                              : MOST_HISTORY * (1 - hg_reflect_fall(0, SMOOTH, p->roughness));
-    t->to[i] = t->from[i] * (1 - share) + history * share;
+    t->to[i] = t->from[i] + history * share; // rays of all pictures count alike at first
 }
 
 static void blend_row(void *user, size_t y)
 {
     const struct temporal *t = user;
+    if (is_empty(t->image, y))
+        return;
     for (uint32_t x = 0; x < t->image->columns; x++)
         blend_texel(t, x, (uint32_t)y);
 }

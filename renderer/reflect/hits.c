@@ -100,8 +100,8 @@ static struct turn take_turn(const struct hg_reflect *r, uint32_t waiting)
     return (struct turn){step > 0 ? r->number % step : 0, step > 0 ? step : 1};
 }
 
-// Places of the cache that nobody has asked for yet show what the first one met who does; others
-// look again.
+// Places of the cache that were not requested before take the surface of the first hit that
+// requests them; the other hits look them up again.
 static void fill_places(const struct hg_reflect_work *w, uint32_t waiting)
 {
     struct hg_reflect *r = w->r;

@@ -1,18 +1,19 @@
-// light.h - light that surfaces send back, for a list of them: direct by shadow rays, the rest from
-// the field of probes.
+// light.h - light that surfaces send back, for a list of them, from what arrives there
+// (renderer/gi/points.h).
 // Floor 2, private to renderer/reflect. Thread: the render thread; points are lit on jobs.
 #ifndef HG_RENDERER_REFLECT_LIGHT_H
 #define HG_RENDERER_REFLECT_LIGHT_H
 
 #include "base/jobs.h"
-#include "renderer/gi/direct.h"
 #include "renderer/gi/gi.h"
+#include "renderer/gi/points.h"
 #include "renderer/reflect/cache.h"
 
 struct hg_reflect_light { // zeroed: empty
     struct hg_gpu_buffer rays, blocked;
     struct hg_cache_surface *points;
     struct hg_gi_direct *direct;
+    struct hg_gi_lit *lit;
     float (*radiance)[3];
     uint32_t count, capacity;
 };

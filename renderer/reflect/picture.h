@@ -1,4 +1,4 @@
-// picture.h - what reflections of one picture are made of, and what is told about them.
+// picture.h - inputs and statistics of the reflections of one picture.
 // Floor 2 (reflect).
 #ifndef HG_RENDERER_REFLECT_PICTURE_H
 #define HG_RENDERER_REFLECT_PICTURE_H

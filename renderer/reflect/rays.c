@@ -18,8 +18,8 @@ static void read_texel(const struct hg_reflect_work *w, size_t texel, struct hg_
 {
     const uint32_t *light = w->p->light + 4 * texel, *mirror = w->p->mirrors + 2 * texel;
     memcpy(&out->depth, &light[3], sizeof out->depth);
-    out->roughness = (float)(mirror[1] & HG_MIRROR_MOST) / HG_MIRROR_MOST;
-    out->f0 = (float)(mirror[1] >> HG_MIRROR_ROUGHNESS_BITS) / HG_MIRROR_MOST;
+    out->roughness = (float)(mirror[1] & HG_MIRROR_MOST) * (1.0f / HG_MIRROR_MOST);
+    out->f0 = (float)(mirror[1] >> HG_MIRROR_ROUGHNESS_BITS) * (1.0f / HG_MIRROR_MOST);
     out->mirrors = out->depth > 0 && mirror[1] != UINT32_MAX;
 }
 
@@ -171,6 +171,7 @@ static uint32_t begin_block(
         if (!t->mirrors)
             continue;
         if (!is_rough(w, t)) {
+            r->smooth[at[1]]++;
             if (begin_texel(w, HG_REFLECT_TEXELS, i, at))
                 list[count++] = (uint32_t)i;
             continue;
@@ -197,6 +198,9 @@ static void begin_row(void *user, size_t by)
     struct hg_reflect *r = w->r;
     const uint32_t columns = r->levels[HG_REFLECT_BLOCKS].image.columns;
     uint32_t *list = (uint32_t *)r->list.mapped + 5 * by * columns, count = 0;
+    r->smooth[2 * by] = 0;
+    if (2 * by + 1 < r->levels[HG_REFLECT_TEXELS].image.rows)
+        r->smooth[2 * by + 1] = 0;
     for (uint32_t bx = 0; bx < columns; bx++)
         count += begin_block(w, bx, (uint32_t)by, list + count);
     r->row_counts[by] = count;
@@ -219,7 +223,7 @@ static uint32_t compact(struct hg_reflect *r)
 static void lend_row(void *user, size_t y)
 {
     const struct hg_reflect_level *l = user;
-    for (uint32_t x = 0; x < l->image.columns; x++) {
+    for (uint32_t x = 0; x < l->image.columns && l->image.counts[y] > 0; x++) {
         struct hg_reflect_texel *t = &l->texels[y * l->image.columns + x];
         if (!t->mirrors || t->sends)
             continue;

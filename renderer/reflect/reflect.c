@@ -52,11 +52,14 @@ static void free_texels(struct hg_reflect *r)
     hg_free(r->chosen);
     hg_free(r->waiting);
     hg_free(r->places);
+    hg_free(r->smooth);
     hg_free(r->row_counts);
+    hg_free(r->planes);
     r->samples = NULL;
     r->sources = r->answers = NULL;
-    r->chosen = r->waiting = r->row_counts = NULL;
+    r->chosen = r->waiting = r->smooth = r->row_counts = NULL;
     r->places = NULL;
+    r->planes = NULL;
     r->count = 0;
 }
 
@@ -100,7 +103,7 @@ static bool make_level(struct hg_reflect *r, int level, uint32_t columns, uint32
     l->first = r->count;
     l->image = (struct hg_reflect_image){columns, rows,
         level == HG_REFLECT_BLOCKS ? 2 * HG_PROBE_LIGHT_PX : HG_PROBE_LIGHT_PX,
-        level == HG_REFLECT_BLOCKS, l->texels, r->jobs};
+        level == HG_REFLECT_BLOCKS, l->texels, NULL, r->jobs};
     r->count += (uint32_t)count;
     return l->texels && l->sums && l->spare;
 }
@@ -118,10 +121,13 @@ static bool make_texels(struct hg_reflect *r, uint32_t columns, uint32_t rows)
     r->waiting = hg_calloc(r->count, sizeof *r->waiting);
     r->places = hg_calloc(r->count, sizeof *r->places);
     r->row_counts = hg_calloc(down, sizeof *r->row_counts);
+    r->smooth = hg_calloc(rows, sizeof *r->smooth);
+    r->levels[HG_REFLECT_TEXELS].image.counts = r->smooth;
+    r->planes = hg_calloc((size_t)HG_REFLECT_PLANES * (across + 2) * (down + 2), sizeof *r->planes);
     if (!r->asks)
         r->asks = hg_calloc(HG_REFLECT_MOST_LIT, sizeof *r->asks);
     return r->samples && r->sources && r->answers && r->chosen && r->waiting && r->places &&
-           r->row_counts && r->asks;
+           r->smooth && r->row_counts && r->planes && r->asks;
 }
 
 static enum hg_status resize(
@@ -163,7 +169,7 @@ static uint64_t bytes_of(const struct hg_reflect *r)
                            sizeof *r->places + sizeof(struct hg_gpu_ray) +
                            sizeof(struct hg_gpu_hit) + sizeof(uint32_t);
     const uint64_t lit = sizeof *r->asks + sizeof *r->light.points + sizeof *r->light.direct +
-                         sizeof *r->light.radiance +
+                         sizeof *r->light.lit + sizeof *r->light.radiance +
                          HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     return r->count * texel + HG_REFLECT_MOST_LIT * lit;
 }

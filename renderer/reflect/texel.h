@@ -23,7 +23,7 @@ enum { HG_REFLECT_RED, HG_REFLECT_GREEN, HG_REFLECT_BLUE, HG_REFLECT_OPEN, HG_RE
 static inline float hg_reflect_fall(float near, float far, float x)
 {
     const float width = far - near > 1e-6f ? far - near : 1e-6f;
-    float t = (x - near) / width;
+    float t = (x - near) * (1 / width);
     t = t > 0 ? t : 0;
     t = t < 1 ? t : 1;
     return 1 - t * t * (3 - 2 * t);
@@ -33,21 +33,31 @@ static inline float hg_reflect_fall(float near, float far, float x)
 #define HG_REFLECT_APART        0.01f
 #define HG_REFLECT_LEAST_COSINE 0.8f // between normals of one surface: the 32nd power is 8e-4
 
-// How much two texels may be of one surface: by normal, by distance from its plane, by roughness.
-static inline float hg_reflect_same(const struct hg_reflect_texel *p, const float position[3],
-    const float normal[3], float roughness, float apart)
+// How much two texels may be of one surface: by the cosine between their normals, the distance from
+// the plane, where `room` is too far, and the difference in roughness.
+static inline float hg_reflect_alike(float cosine, float off, float room, float rougher)
 {
-    float d[3], n = hg_dot3(p->normal, normal);
-    hg_sub3(position, p->position, d);
-    const float off = fabsf(hg_dot3(d, p->normal)), room = apart * p->depth;
-    if (!(n > HG_REFLECT_LEAST_COSINE) || !(off < room))
-        return 0;
+    float n = cosine > HG_REFLECT_LEAST_COSINE ? cosine : 0, near = 1 - off / room;
     n *= n;
     n *= n;
     n *= n;
     n *= n;
     n *= n; // the 32nd power
-    return n * (1 - off / room) * hg_reflect_fall(0.01f, 0.1f, fabsf(p->roughness - roughness));
+    near = near > 0 ? near : 0;
+    return n * near * hg_reflect_fall(0.01f, 0.1f, rougher);
+}
+
+// The same of a texel and what another one is.
+static inline float hg_reflect_same(const struct hg_reflect_texel *p, const float position[3],
+    const float normal[3], float roughness)
+{
+    const float cosine = hg_dot3(p->normal, normal), room = HG_REFLECT_APART * p->depth;
+    float d[3];
+    hg_sub3(position, p->position, d);
+    const float off = fabsf(hg_dot3(d, p->normal));
+    return cosine > HG_REFLECT_LEAST_COSINE && off < room
+               ? hg_reflect_alike(cosine, off, room, fabsf(p->roughness - roughness))
+               : 0;
 }
 
 #endif

@@ -39,15 +39,18 @@ struct hg_reflect {
     uint32_t *chosen;           // [blocks] the texel that stands for it
     uint32_t *waiting;          // texels that the cache has no light for
     struct hg_cache_place *places;
+    uint32_t *smooth;            // [rows of texels] that mirror by themselves
     uint32_t *row_counts;        // [rows of blocks]
     struct hg_reflect_ask *asks; // [HG_REFLECT_MOST_LIT]
     uint32_t ask_count, ray_count;
+    float *planes; // [HG_REFLECT_PLANES][rows + 2][columns + 2] of blocks: spread.c
     struct hg_gpu_buffer rays, hits, list;
     struct hg_reflect_light light;
     double origin[3]; // that the history is relative to
     struct hg_reflect_stats stats;
 };
 
+#define HG_REFLECT_PLANES   13
 #define HG_REFLECT_MOST_LIT 8192 // surfaces that are lit for one picture
 #define HG_REFLECT_PERIODS  5    // every picture, every second one, every fourth and so on
 

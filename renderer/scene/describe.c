@@ -231,6 +231,13 @@ static json_t *describe_camera(
     put(d, object, perspective ? "vfov_deg" : "half_height",
         real(perspective ? (double)camera->vfov_rad * 57.29577951308232
                          : (double)camera->half_height));
+    const struct hg_camera_optics *o = &camera->optics;
+    const float optics[] = {o->f_number, o->shutter_s, o->iso, o->sensor_mm, o->focus_distance};
+    static const char *const names[] = {
+        "f_number", "shutter_s", "iso", "sensor_mm", "focus_distance"};
+    for (size_t i = 0; i < sizeof optics / sizeof *optics; i++)
+        if (optics[i] > 0)
+            put(d, object, names[i], real((double)optics[i]));
     return object;
 }
 

@@ -214,12 +214,18 @@ enum hg_status hg_light_set_texture(
 // Whether the light has the size that its kind needs; *what: the member that is not above 0.
 bool hg_light_has_size(const struct hg_light *light, const char **what);
 
+struct hg_camera_optics { // what a file says of lens and sensor; 0: nothing
+    float f_number, shutter_s, iso, sensor_mm;
+    float focus_distance; // metres along the line of sight
+};
+
 struct hg_camera {
     struct hg_object head;
     enum { HG_CAMERA_PERSPECTIVE, HG_CAMERA_ORTHOGRAPHIC } kind;
     float vfov_rad, half_height; // vertical; metres
     float aspect;                // of the file, 0 = none: the view's aspect is used
     float near, far;             // metres; far 0 = infinite
+    struct hg_camera_optics optics;
 };
 
 struct hg_skin {

@@ -3,8 +3,10 @@
 // Scenes are played one after the other, each on a channel of its own that may use all ids; when
 // every edit has been answered, the scene's sessions are attached, their views restored, and what
 // was under way is sent again in its order. A death during a scene's replay is blamed on that
-// scene, a death while a suspect request runs alone on that request.
+// scene, a death while a suspect runs alone on that suspect (trial.h).
 #include "server/broker/recovery.h"
+
+#include <stdio.h>
 
 #include "base/clock.h"
 #include "base/log.h"
@@ -12,6 +14,8 @@
 #include "server/broker/session_answer.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
+#include "server/broker/session_view.h"
+#include "server/broker/trial.h"
 
 enum { REPLAY_DEATHS = 2 };
 
@@ -22,6 +26,7 @@ enum { REPLAY_DEATHS = 2 };
 static void attach_all(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
     scene->in_worker = true;
+    scene->link->feed.pump = true; // suspects wait for the last scene
     for (int open = 1; open >= 0; open--)
         for (struct hg_session *it = table->first; it; it = it->next)
             if (it->scene == scene && !it->attached && (it->batch_open || !open))
@@ -49,6 +54,7 @@ static void begin_replay(struct hg_link *link, struct hg_shared_scene *scene)
             .id_count = UINT32_MAX,
             .max_pixels = 1,
             .replay = true});
+    scene->on_channel = true;
     enum hg_status status = hg_journal_play(scene->journal, play_entry, link);
     if (status)
         hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, 0,
@@ -65,8 +71,8 @@ static void end_replay(struct hg_link *link)
         (unsigned long long)hg_journal_get_stats(scene->journal).entries, link->replay.failed);
     link->replay.scene = NULL;
     attach_all(link->owner, scene);
-    hg_link_send(link, hg_shared_scene_channel(scene), 0, HGP_T_session_detach,
-        &(struct hgp_session_detach){0});
+    if (!scene->kept_until_ns)
+        hg_shared_scene_leave_channel(scene);
 }
 
 void hg_recovery_continue(struct hg_link *link)
@@ -77,7 +83,7 @@ void hg_recovery_continue(struct hg_link *link)
         next = it->next;
         if (it->in_worker || it->link != link)
             continue;
-        if (!hg_journal_get_stats(it->journal).entries) {
+        if (!hg_journal_get_stats(it->journal).entries && !it->kept_until_ns) {
             attach_all(table, it);
             continue;
         }
@@ -85,11 +91,10 @@ void hg_recovery_continue(struct hg_link *link)
         if (!link->replay.waiting)
             end_replay(link);
     }
-    if (link->pump) {
-        link->pump = false;
-        for (struct hg_session *it = table->first; it; it = it->next)
-            if (it->scene && it->scene->link == link)
-                hg_session_request_pump(it);
+    hg_trial_check_time(link);
+    if (link->feed.pump) {
+        link->feed.pump = false;
+        hg_session_request_pump_all(table, link);
     }
 }
 
@@ -137,11 +142,13 @@ static void give_up_request(struct hg_session *s, struct hg_request *request)
     const char *last_words = s->scene->link->last_words;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, name, NULL,
-        "the worker died %d times at this request; it is not tried again%s%s", HG_SESSION_TRIES,
+        "the worker died %d times at this request; it is not tried again%s%s", request->deaths,
         last_words[0] ? ": " : "", last_words);
     hg_log_write(HG_LOG_WARN, HG_LOG_SESSION, HG_E_WORKER, s->number, "%s: %s", name, err.reason);
-    if (s->conn)
+    if (s->conn) { // what was quarantined for it stays so
+        hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
         hg_conn_fail(s->conn, request->client_id, &err);
+    }
     hg_session_request_drop(s, request);
     s->table->ended |= !s->conn; // whose last edit this may have been
     if (++s->poisons < HG_SESSION_POISONS || !s->conn)
@@ -162,25 +169,46 @@ static void notify_client(struct hg_session *s)
                 .reason = hgp_str_make("it ended and is replaced; work in progress starts again")});
 }
 
+static void give_up_subscription(struct hg_session *s, struct hg_session_view *view)
+{
+    char place[32];
+    struct hg_error err = {0};
+    snprintf(place, sizeof place, "view %u", view->number);
+    hg_error_set(&err, HG_E_WORKER, "subscribe", place,
+        "the worker died again while it made frames of this view; it is no longer subscribed");
+    hg_log_write(HG_LOG_WARN, HG_LOG_SESSION, HG_E_WORKER, s->number, "%s: %s", place, err.reason);
+    if (s->conn)
+        hg_conn_fail(s->conn, 0, &err);
+    view->subscribed = view->resubscribe = false;
+    view->credit = 0;
+    hg_session_view_clear(s, view);
+}
+
+static void requeue_views(struct hg_session *s)
+{
+    for (struct hg_session_view *it = s->views; it; it = it->next) {
+        if (hg_trial_blames_view(s, it))
+            give_up_subscription(s, it);
+        it->granted = 0;
+        it->number_base = it->last_number;
+    }
+}
+
 static void requeue(struct hg_session *s)
 {
     struct hg_request *next;
     notify_client(s);
     s->attached = false;
-    for (struct hg_session_view *it = s->views; it; it = it->next) {
-        it->granted = 0;
-        it->number_base = it->last_number;
-    }
+    requeue_views(s);
     for (struct hg_request *it = s->first; it; it = next) {
         next = it->next;
-        bool was_sent = it->sent && it->link_id;
+        bool blamed = hg_trial_blames(s, it);
         hg_session_request_lost(s, it);
-        it->deaths = (uint8_t)(it->deaths + was_sent);
-        if (it->deaths >= HG_SESSION_TRIES) {
-            give_up_request(s, it);
-            if (!s->first)
-                break; // the session was closed, nothing is left
-        }
+        if (!blamed)
+            continue;
+        give_up_request(s, it);
+        if (!s->first)
+            break; // the session was closed, nothing is left
     }
     hg_session_upload_verified(s, NULL);
 }
@@ -208,12 +236,14 @@ static void take_death(struct hg_link *link)
     struct hg_session_table *table = link->owner;
     struct hg_shared_scene *replaying = link->replay.scene;
     link->replay.scene = NULL;
-    link->suspect.session = NULL;
+    hg_trial_accuse(link);
     for (struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
-        it->in_worker &= it->link != link;
+        if (it->link == link)
+            it->in_worker = it->on_channel = false;
     for (struct hg_session *it = table->first; it; it = it->next)
         if (it->scene && it->scene->link == link)
             requeue(it);
+    hg_trial_end(table, link);
     if (replaying && ++replaying->deaths >= REPLAY_DEATHS)
         give_up_scene(table, replaying);
     if (hg_link_recent_deaths(link) > link->options->crash_limit)

@@ -3,9 +3,11 @@
 #include "base/log.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
+#include "server/broker/trial.h"
 
 // A view_set of the same number that is already on its way creates the view again.
 static void close_view(
@@ -18,11 +20,21 @@ static void close_view(
             hgp_decode(HGP_VERSION_MAX, HGP_T_view_set,
                 hg_reader_make(packet->payload, packet->header.length), NULL, &m, NULL) == HG_OK &&
             m.view == view->number) {
+            hg_session_view_clear(s, view);
             hg_session_view_reset(view);
             return;
         }
     }
     hg_session_view_remove(s, view);
+}
+
+// Its answer waits until it is durable.
+static void log_edit(struct hg_session *s, const struct hg_request *request)
+{
+    uint64_t position = hg_state_put_edit(
+        s->table->scenes.log, s->scene->number, s->scene->revision, request->packet);
+    if (s->conn && request->client_id)
+        hg_outq_hold(&s->conn->out, position);
 }
 
 // What an accepted request changes in the broker's picture of the session.
@@ -36,18 +48,24 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         if (status)
             hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, s->number,
                 "an edit is not in the journal of scene '%s'", s->scene->key);
+        else
+            log_edit(s, request);
     } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
         s->batch_open = type == HGP_T_batch_begin;
+        hg_session_record(s);
     } else if (type == HGP_T_view_set || type == HGP_T_view_close) {
         if (hgp_decode(HGP_VERSION_MAX, type,
                 hg_reader_make(packet->payload, packet->header.length), NULL, &any, NULL))
             return;
         struct hg_session_view *view = hg_session_view_find(
             s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
-        if (view && type == HGP_T_view_close)
+        if (view && type == HGP_T_view_close) {
+            hg_session_record_view_end(s, view);
             close_view(s, view, request);
-        else if (view && hg_session_view_merge(&view->params, packet) == HG_OK)
+        } else if (view && hg_session_view_merge(&view->params, packet) == HG_OK) {
             view->accepted = true;
+            hg_session_record_view(s, view);
+        }
     } else if (type == HGP_T_view_camera) {
         hg_session_view_note_camera(s, packet);
     }
@@ -166,6 +184,8 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
         note_refused(s, request);
     else
         note_accepted(s, request);
+    hg_trial_passed(s, request->packet); // loaded or refused: the worker lives
+    request->answered = true;
     note_size(s, request, packet);
     if (request->client_id)
         relay_answer(s, packet, request->client_id);

@@ -8,7 +8,7 @@
 // `detail` may be NULL.
 void hg_session_audit(
     const struct hg_session *session, const char *event, enum hg_status result, const char *detail);
-// A request was answered: those that load files are told of.
+// A request was answered: requests that load files are logged.
 void hg_session_audit_answer(
     const struct hg_session *session, const struct hg_packet *request, enum hg_status result);
 

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/sha256.h"
 #include "server/broker/json.h"
 #include "server/broker/session_view.h"
 
@@ -20,10 +21,12 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
     hg_json_put_text(w, ",\"scene\":", s->scene ? s->scene->key : "");
     hg_json_put_number(w, ",\"views\":", views);
     hg_json_put_number(w, ",\"pixels\":", hg_session_view_pixels(s));
-    hg_json_put_number(w, ",\"requests\":", s->request_count);
-    hg_json_put_number(w, ",\"uploaded_bytes\":", s->uploaded_bytes);
+    hg_json_put_number(w, ",\"requests\":", s->load.count);
+    hg_json_put_number(w, ",\"uploaded_bytes\":", s->bytes.uploaded);
     hg_json_put_number(w, ",\"received_bytes\":", conn ? conn->in.total_bytes : 0);
     hg_json_put_number(w, ",\"waiting_bytes\":", conn ? conn->out.bytes : 0);
+    hg_json_put_number(w, ",\"parked_s\":",
+        s->resume.parked_ns ? (s->table->loop->now_ns - s->resume.parked_ns) / 1000000000u : 0);
     hg_json_put_number(
         w, ",\"open_s\":", conn ? (s->table->loop->now_ns - conn->opened_ns) / 1000000000u : 0);
     hg_json_put(w, "}");
@@ -85,17 +88,55 @@ static void put_all(struct hg_writer *w, const struct hg_session_table *table)
     hg_json_put(w, table->draining ? ",\"draining\":true}" : ",\"draining\":false}");
 }
 
-void hg_session_list(struct hg_session *asker, uint32_t request)
+// Takes what was written over.
+static void answer(
+    struct hg_session *asker, uint32_t request, struct hg_writer *w, const char *what)
 {
-    struct hg_writer w = {.limit_bytes = 16 << 20};
     struct hg_error err = {0};
-    put_all(&w, asker->table);
-    if (w.failed) {
-        hg_error_set(&err, HG_E_NOMEM, "sessions_query", NULL, "no memory for the answer");
+    if (w->failed) {
+        hg_error_set(&err, HG_E_NOMEM, what, NULL, "no memory for the answer");
         hg_conn_fail(asker->conn, request, &err);
     } else if (request) {
         hg_conn_send(asker->conn, request, HGP_T_json,
-            &(struct hgp_json){.text = {(const char *)w.data, (uint32_t)w.size}});
+            &(struct hgp_json){.text = {(const char *)w->data, (uint32_t)w->size}});
     }
-    hg_writer_finish(&w);
+    hg_writer_finish(w);
+}
+
+void hg_session_list(struct hg_session *asker, uint32_t request)
+{
+    struct hg_writer w = {.limit_bytes = 16 << 20};
+    put_all(&w, asker->table);
+    answer(asker, request, &w, "sessions_query");
+}
+
+static void put_entry(struct hg_writer *w, const struct hg_quarantine_entry *entry, uint64_t now_ns)
+{
+    char hex[HG_SHA256_HEX];
+    hg_sha256_hex(entry->key, hex);
+    hg_json_put_text(w, "{\"key\":", hex);
+    hg_json_put_text(w, ",\"tenant\":", entry->tenant);
+    hg_json_put_text(w, ",\"file\":", entry->what);
+    hg_json_put_number(w, ",\"deaths\":", entry->deaths);
+    hg_json_put_number(w,
+        ",\"refused_s\":", entry->until_ns > now_ns ? (entry->until_ns - now_ns) / 1000000000u : 0);
+    hg_json_put(w, "}");
+}
+
+void hg_session_list_quarantine(struct hg_session *asker, uint32_t request)
+{
+    struct hg_writer w = {.limit_bytes = 16 << 20};
+    const uint64_t now_ns = asker->table->loop->now_ns;
+    const char *separator = "{\"quarantine\":[";
+    for (uint32_t i = 0; i < HG_QUARANTINE_ENTRIES; i++) {
+        const struct hg_quarantine_entry *it = &asker->table->quarantine->entries[i];
+        if (!it->tenant[0] ||
+            hg_quarantine_find(asker->table->quarantine, it->tenant, it->key, now_ns) != it)
+            continue;
+        hg_json_put(&w, separator);
+        put_entry(&w, it, now_ns);
+        separator = ",";
+    }
+    hg_json_put(&w, separator[0] == '{' ? "{\"quarantine\":[]}" : "]}");
+    answer(asker, request, &w, "quarantine_query");
 }

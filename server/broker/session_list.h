@@ -4,6 +4,8 @@
 
 #include "server/broker/session_state.h"
 
+// Answers quarantine_query with one JSON object.
+void hg_session_list_quarantine(struct hg_session *asker, uint32_t request);
 void hg_session_list(struct hg_session *asker, uint32_t request);
 
 #endif

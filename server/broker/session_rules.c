@@ -1,19 +1,32 @@
 #include "server/broker/session_rules.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
+#include "server/broker/trial.h"
+
+enum hg_status hg_session_rules_may_change(
+    const struct hg_session_table *table, const char *what, struct hg_error *err)
+{
+    enum hg_status status = hg_state_log_refusal(table->scenes.log);
+    return status ? hg_error_set(err, status, what, NULL,
+                        "scenes cannot be changed now: the daemon's state cannot be written "
+                        "(state-dir): %s; try again later",
+                        hg_status_text(status))
+                  : HG_OK;
+}
 
 static enum hg_status check_load(
-    const struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
+    struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
 {
     if (m->asset < s->first_id || m->asset - s->first_id >= HG_SCENE_ID_RANGE)
         return hg_error_set(err, HG_E_INVAL, "asset_load", "asset",
             "%u is outside this session's range %u to %u", m->asset, s->first_id,
             s->first_id + HG_SCENE_ID_RANGE - 1);
     for (uint32_t i = 0; i < m->files.count; i++)
-        if (!hg_upload_store_has(s->table->store, m->files.items[i].hash)) {
+        if (!hg_session_upload_has(s, m->files.items[i].hash)) {
             char place[128];
             snprintf(place, sizeof place, "files[%u].hash", i);
             return hg_error_set(err, HG_E_NOTFOUND, "asset_load", place,
@@ -23,21 +36,52 @@ static enum hg_status check_load(
     return HG_OK;
 }
 
+// Journals up to here are not added up: their number is limited by that of sessions.
+enum { LITTLE_JOURNAL = 1 << 20 };
+
+struct journals {
+    uint64_t all, own; // bytes of all scenes, of those of one tenant
+};
+
+static struct journals sum_journals(const struct hg_session *s)
+{
+    struct journals sum = {0};
+    for (const struct hg_shared_scene *it = s->table->scenes.first; it; it = it->next) {
+        uint64_t bytes = hg_journal_get_stats(it->journal).bytes;
+        sum.all += bytes;
+        sum.own += strcmp(it->tenant, s->tenant) == 0 ? bytes : 0;
+    }
+    return sum;
+}
+
+// While journals take more than half of journal-total, no tenant may have more than half of that.
+static bool exceeds_total(const struct hg_session *s, uint64_t more)
+{
+    const uint64_t most = s->table->options->journal_total_bytes;
+    const struct journals sum = sum_journals(s);
+    return sum.all + more > most || (sum.all + more > most / 2 && sum.own + more > most / 4);
+}
+
 static enum hg_status check_journal(
     const struct hg_session *s, const struct hg_packet *packet, struct hg_error *err)
 {
-    struct hg_journal_stats stats = hg_journal_get_stats(s->scene->journal);
-    uint64_t need = stats.bytes + s->request_bytes + packet->header.length;
-    bool removes =
-        packet->header.type == HGP_T_object_remove || packet->header.type == HGP_T_asset_unload;
-    if (!hg_journal_wants(packet->header.type) || removes ||
-        need <= s->table->options->journal_limit_bytes)
+    const struct hg_options *o = s->table->options;
+    const uint16_t type = packet->header.type;
+    const uint64_t more = s->load.bytes + packet->header.length;
+    const uint64_t need = hg_journal_get_stats(s->scene->journal).bytes + more;
+    if (!hg_journal_wants(type) || type == HGP_T_object_remove || type == HGP_T_asset_unload)
         return HG_OK;
-    return hg_error_set(err, HG_E_LIMIT, hgp_find(packet->header.type)->name, NULL,
-        "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
-        "remove objects or upload assets instead",
-        (unsigned long long)(need >> 20),
-        (unsigned long long)(s->table->options->journal_limit_bytes >> 20));
+    if (need > o->journal_limit_bytes)
+        return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
+            "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
+            "remove objects or upload assets instead",
+            (unsigned long long)(need >> 20), (unsigned long long)(o->journal_limit_bytes >> 20));
+    if (need > LITTLE_JOURNAL && exceeds_total(s, more))
+        return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
+            "the edits of all scenes take what journal-total allows (%llu MiB), or this tenant's "
+            "its share",
+            (unsigned long long)(o->journal_total_bytes >> 20));
+    return HG_OK;
 }
 
 static enum hg_status check_view(
@@ -52,10 +96,10 @@ static enum hg_status check_view(
 static enum hg_status check_frame_request(
     struct hg_session *s, const struct hg_packet *packet, uint32_t view, struct hg_error *err)
 {
-    if (s->frame_count >= s->table->options->max_frame_requests)
+    if (s->load.frames >= s->table->options->max_frame_requests)
         return hg_error_set(err, HG_E_BUSY, hgp_find(packet->header.type)->name, NULL,
             "%u frame requests of this session are under way already (max-frame-requests)",
-            s->frame_count);
+            s->load.frames);
     return check_view(s, packet, view, err);
 }
 
@@ -65,20 +109,21 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
     const char *name = hgp_find(packet->header.type)->name;
     if (!s->scene)
         return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
+    if (hg_journal_wants(packet->header.type) && hg_session_rules_may_change(s->table, name, err))
+        return err->status;
     switch (packet->header.type) {
     case HGP_T_bake:
         return hg_error_set(
             err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");
     case HGP_T_asset_load:
-        if (check_load(s, &m->asset_load, err))
+        if (check_load(s, &m->asset_load, err) || hg_trial_check(s, packet, err))
             return err->status;
         return check_journal(s, packet, err);
     case HGP_T_environment_set:
-        if (m->environment_set.has_hash &&
-            !hg_upload_store_has(s->table->store, m->environment_set.hash))
+        if (m->environment_set.has_hash && !hg_session_upload_has(s, m->environment_set.hash))
             return hg_error_set(
                 err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
-        return HG_OK;
+        return hg_trial_check(s, packet, err);
     case HGP_T_image_query:
         return hg_session_upload_verify(s, &m->image_query, err);
     case HGP_T_view_set:

@@ -8,6 +8,8 @@
 void hg_session_upload(struct hg_session *session, uint32_t request, const struct hgp_upload *m);
 void hg_session_upload_query(
     struct hg_session *session, uint32_t request, const struct hgp_upload_query *m);
+// Whether there is a content that the session's tenant has sent (any, where tenants share).
+bool hg_session_upload_has(struct hg_session *session, const uint8_t hash[32]);
 // Gives those up that have stopped.
 void hg_session_upload_check_times(struct hg_session *session, uint64_t now_ns);
 void hg_session_upload_abort_all(struct hg_session *session);

@@ -74,6 +74,25 @@ enum hg_status hg_session_view_ask(
     return HG_OK;
 }
 
+struct hg_session_view *hg_session_view_take(
+    struct hg_session *s, uint32_t number, struct hg_packet *params, struct hg_error *err)
+{
+    struct hgp_view_set m;
+    enum hg_status status = hgp_decode(HGP_VERSION_MAX, HGP_T_view_set,
+        hg_reader_make(params->payload, params->header.length), NULL, &m, NULL);
+    if (status || m.view != number) {
+        hg_error_set(err, status ? status : HG_E_FORMAT, "view_set", NULL, "of another view");
+        return NULL;
+    }
+    if (hg_session_view_ask(s, &m, err))
+        return NULL;
+    struct hg_session_view *view = hg_session_view_find(s, number);
+    hg_packet_unref(view->params);
+    view->params = hg_packet_ref(params);
+    view->accepted = true;
+    return view;
+}
+
 // Newer fields over older ones. `camera` of view_camera counts only in the message that has it.
 enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from)
 {
@@ -108,6 +127,8 @@ void hg_session_view_note_camera(struct hg_session *s, struct hg_packet *packet)
     struct hg_session_view *view = hg_session_view_find(s, hg_read_u32(&r));
     if (view && hg_session_view_merge(&view->camera, packet))
         hg_warn(SESSION, "no memory to remember a camera");
+    else if (view)
+        view->unrecorded = true;
 }
 
 void hg_session_view_reset(struct hg_session_view *view)
@@ -119,12 +140,25 @@ void hg_session_view_reset(struct hg_session_view *view)
     view->last_number = view->number_base = 0;
 }
 
+void hg_session_view_clear(struct hg_session *s, struct hg_session_view *view)
+{
+    struct hg_link *link = s->scene->link;
+    if (!view->suspect)
+        return;
+    view->suspect = view->held = false;
+    link->trial.waiting--;
+    link->feed.pump = true;
+    if (link->trial.session == s && !link->trial.id && link->trial.view == view->number)
+        link->trial.session = NULL;
+}
+
 void hg_session_view_remove(struct hg_session *s, struct hg_session_view *view)
 {
     struct hg_session_view **link = &s->views;
     while (*link != view)
         link = &(*link)->next;
     *link = view->next;
+    hg_session_view_clear(s, view);
     hg_session_view_reset(view);
     hg_free(view);
 }
@@ -162,7 +196,16 @@ uint32_t hg_session_view_take_window(struct hg_session *s, struct hg_session_vie
         view->granted < most && (!view->granted || hg_session_view_may_grant(s, view->frame_bytes)))
         view->granted++;
     view->turn = ++s->answers.turns;
+    view->credit_ns = s->table->loop->now_ns;
     return view->granted;
+}
+
+void hg_session_view_subscribe(struct hg_session *s, struct hg_session_view *view)
+{
+    struct hg_link *link = s->scene->link;
+    hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_subscribe,
+        &(struct hgp_subscribe){
+            .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
 }
 
 // One frame more.
@@ -179,6 +222,7 @@ static void grant(struct hg_session *s, struct hg_session_view *view)
         &(struct hgp_credit){.view = view->number, .frames = 1});
     view->granted++;
     view->turn = ++s->answers.turns;
+    view->credit_ns = s->table->loop->now_ns;
 }
 
 // Whose turn it is: of those that may have one more, the one whose turn is longest ago.
@@ -186,7 +230,8 @@ static struct hg_session_view *next_view(struct hg_session *s)
 {
     struct hg_session_view *best = NULL;
     for (struct hg_session_view *it = s->views; it; it = it->next)
-        if (it->accepted && it->granted < most_credit(s, it) && (!best || it->turn < best->turn))
+        if (it->accepted && !it->held && it->granted < most_credit(s, it) &&
+            (!best || it->turn < best->turn))
             best = it;
     return best;
 }

@@ -10,9 +10,16 @@ uint64_t hg_session_view_pixels(const struct hg_session *session); // of all vie
 // Quotas of view_set; makes the record. HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_session_view_ask(
     struct hg_session *session, const struct hgp_view_set *m, struct hg_error *err) HG_MUST_CHECK;
+// A view that a worker had accepted with these parameters, made or changed. NULL: *err says why.
+struct hg_session_view *hg_session_view_take(struct hg_session *session, uint32_t number,
+    struct hg_packet *params, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
 // A view_camera that took effect: a new worker gets it.
 void hg_session_view_note_camera(struct hg_session *session, struct hg_packet *packet);
+// Its subscription is no suspect any more, or is gone.
+void hg_session_view_clear(struct hg_session *session, struct hg_session_view *view);
+// Sends the subscription that the client made to a worker that does not have it.
+void hg_session_view_subscribe(struct hg_session *session, struct hg_session_view *view);
 void hg_session_view_reset(struct hg_session_view *view); // as if the worker had never taken it
 void hg_session_view_remove(struct hg_session *session, struct hg_session_view *view);
 // The first credit of a subscription: at least one frame, if the client gave credit.

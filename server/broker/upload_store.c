@@ -15,12 +15,13 @@
 #include "base/log.h"
 #include "base/sha256.h"
 
-enum { BUCKETS = 65536, BLOCK_BYTES = 4096 };
+enum { BUCKETS = 65536, BLOCK_BYTES = 4096, MARK_DIGITS = 32 };
 
 struct content {
-    struct content *chain;         // of its bucket
-    struct content *older, *newer; // those that may be evicted, by their last use
-    struct hg_upload_owner *owner; // who sent it; NULL = an earlier run's
+    struct content *chain;           // of its bucket
+    struct content *older, *newer;   // those that may be evicted, by their last use
+    struct hg_upload_owner **owners; // [owner_count] who has sent all of it
+    size_t owner_count, owner_capacity;
     uint8_t hash[32];
     uint64_t size;
     uint32_t pins;
@@ -144,16 +145,68 @@ static void remove_if_unused(struct hg_upload_store *store, struct content *cont
     while (*link != content)
         link = &(*link)->chain;
     *link = content->chain;
+    hg_free(content->owners);
     hg_free(content);
 }
 
-static void disown(struct content *content)
+// An empty file beside the content says that it is this owner's, so that later runs know it.
+// Caller frees. NULL: no memory.
+static char *marker_path(const struct hg_upload_store *store, const struct content *content,
+    const struct hg_upload_owner *owner)
 {
-    if (!content->owner)
-        return;
-    content->owner->usage.bytes -= disk_bytes(content->size);
-    content->owner->usage.files--;
-    content->owner = NULL;
+    char hex[HG_SHA256_HEX], mark[HG_SHA256_HEX];
+    hg_sha256_hex(content->hash, hex);
+    hg_sha256_hex(owner->key, mark);
+    size_t size = strlen(store->folder) + 2 * sizeof hex;
+    char *path = hg_calloc(size, 1);
+    if (path)
+        snprintf(path, size, "%s/%s.%.*s", store->folder, hex, MARK_DIGITS, mark);
+    return path;
+}
+
+static bool is_owned_by(const struct content *content, const struct hg_upload_owner *owner)
+{
+    for (size_t i = 0; i < content->owner_count; i++)
+        if (content->owners[i] == owner)
+            return true;
+    return false;
+}
+
+static enum hg_status add_owner(struct content *content, struct hg_upload_owner *owner)
+{
+    if (hg_grow(&content->owners, &content->owner_capacity, content->owner_count + 1,
+            sizeof(struct hg_upload_owner *)))
+        return HG_E_NOMEM;
+    content->owners[content->owner_count++] = owner;
+    owner->usage.bytes += disk_bytes(content->size);
+    owner->usage.files++;
+    return HG_OK;
+}
+
+static enum hg_status take_owner(
+    struct hg_upload_store *store, struct content *content, struct hg_upload_owner *owner)
+{
+    if (is_owned_by(content, owner))
+        return HG_OK;
+    enum hg_status status = add_owner(content, owner);
+    char *path = status ? NULL : marker_path(store, content, owner);
+    int fd = path ? open(path, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600) : -1;
+    if (fd >= 0)
+        close(fd); // without it a later run asks for the content again
+    hg_free(path);
+    return status;
+}
+
+static void disown(struct hg_upload_store *store, struct content *content, size_t i)
+{
+    struct hg_upload_owner *owner = content->owners[i];
+    char *path = marker_path(store, content, owner);
+    if (path)
+        unlink(path);
+    hg_free(path);
+    owner->usage.bytes -= disk_bytes(content->size);
+    owner->usage.files--;
+    content->owners[i] = content->owners[--content->owner_count];
 }
 
 // Removes the file; the record stays while it is pinned.
@@ -166,7 +219,8 @@ static void drop(struct hg_upload_store *store, struct content *content)
     unlist(store, content);
     if (content->present)
         store->bytes -= disk_bytes(content->size);
-    disown(content);
+    while (content->owner_count)
+        disown(store, content, content->owner_count - 1);
     content->present = false;
     remove_if_unused(store, content);
 }
@@ -188,7 +242,7 @@ static bool make_room(struct hg_upload_store *store, uint64_t need)
 struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, const uint8_t key[32])
 {
     struct hg_upload_owner *owner = store->owners;
-    while (owner && memcmp(owner->key, key, 32) != 0)
+    while (owner && memcmp(owner->key, key, MARK_DIGITS / 2) != 0)
         owner = owner->next;
     if (owner)
         return owner;
@@ -217,6 +271,19 @@ static bool is_above_quota(const struct hg_upload_owner *owner, uint64_t bytes, 
            owner->usage.files + files > owner->quota.files;
 }
 
+// It is not this owner's any more, and goes when it is nobody's.
+static void give_up(
+    struct hg_upload_store *store, struct content *content, const struct hg_upload_owner *owner)
+{
+    for (size_t i = 0; i < content->owner_count; i++)
+        if (content->owners[i] == owner) {
+            disown(store, content, i);
+            if (!content->owner_count)
+                drop(store, content);
+            return;
+        }
+}
+
 // Room for so much more of an owner, in its quota and in the store.
 static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_owner *owner,
     uint64_t bytes, uint64_t files, struct hg_error *err)
@@ -224,13 +291,12 @@ static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_ow
     for (struct content *it = store->oldest, *newer; it && is_above_quota(owner, bytes, files);
          it = newer) {
         newer = it->newer;
-        if (it->owner == owner)
-            drop(store, it);
+        give_up(store, it, owner);
     }
     if (is_above_quota(owner, bytes, files))
         return hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "uploads that are in use or under way take %llu of the %llu MiB (max-upload) and %llu "
-            "of the %llu files (max-upload-files) of this token's quota",
+            "of the %llu files (max-upload-files) of this tenant's quota",
             (unsigned long long)(owner->usage.bytes >> 20),
             (unsigned long long)(owner->quota.bytes >> 20), (unsigned long long)owner->usage.files,
             (unsigned long long)owner->quota.files);
@@ -281,12 +347,34 @@ static bool parse_hash(const char *name, uint8_t hash[32])
     return !name[64];
 }
 
+// `<hash>.<owner>`. One without its content is removed.
+static enum hg_status index_marker(struct hg_upload_store *store, DIR *dir, const char *name)
+{
+    char text[64 + 1], mark[64 + 1];
+    uint8_t hash[32], key[32];
+    struct stat st;
+    snprintf(text, sizeof text, "%.64s", name);
+    snprintf(mark, sizeof mark, "%.*s%032d", MARK_DIGITS, name + 65, 0);
+    if (!parse_hash(text, hash) || !parse_hash(mark, key))
+        return HG_OK;
+    if (fstatat(dirfd(dir), text, &st, AT_SYMLINK_NOFOLLOW) != 0)
+        return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
+    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
+    struct content *content = owner ? find_or_add(store, hash) : NULL;
+    if (!content)
+        return HG_E_NOMEM;
+    content->size = (uint64_t)st.st_size;
+    return is_owned_by(content, owner) ? HG_OK : add_owner(content, owner);
+}
+
 static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const char *name)
 {
     struct stat st;
     uint8_t hash[32];
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
+    if (strlen(name) == 64 + 1 + MARK_DIGITS && name[64] == '.')
+        return index_marker(store, dir, name);
     if (!parse_hash(name, hash) || fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 ||
         !S_ISREG(st.st_mode))
         return HG_OK;
@@ -343,6 +431,7 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
         while (store->buckets[i]) {
             struct content *content = store->buckets[i];
             store->buckets[i] = content->chain;
+            hg_free(content->owners);
             hg_free(content);
         }
     while (store->owners) {
@@ -366,10 +455,11 @@ uint64_t hg_upload_store_bytes(const struct hg_upload_store *store)
     return store->bytes;
 }
 
-bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32])
+bool hg_upload_store_has(
+    struct hg_upload_store *store, const struct hg_upload_owner *owner, const uint8_t hash[32])
 {
     struct content *content = find(store, hash);
-    if (!content || !content->present)
+    if (!content || !content->present || (owner && !is_owned_by(content, owner)))
         return false;
     touch(store, content);
     return true;
@@ -520,17 +610,16 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
     enum hg_status status = HG_OK;
     if (!content || !path)
         status = hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
-    else if (content->present) // another session was faster
+    else if (content->present) { // another owner's, or another session was faster
+        status = take_owner(upload->store, content, upload->owner);
         touch(upload->store, content);
-    else if (rename(upload->path, path) != 0)
+    } else if (rename(upload->path, path) != 0)
         status = fail_errno(err, "upload", "name the content");
     else {
         upload->path[0] = 0;
         content->present = true;
         content->size = upload->total;
-        content->owner = upload->owner;
-        content->owner->usage.bytes += disk_bytes(content->size); // abort gives back the upload's
-        content->owner->usage.files++;
+        status = take_owner(upload->store, content, upload->owner); // abort gives back the upload's
         upload->store->bytes += disk_bytes(content->size);
         touch(upload->store, content);
     }
@@ -538,6 +627,16 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
         remove_if_unused(upload->store, content);
     hg_free(path);
     return status;
+}
+
+int hg_upload_dup(const struct hg_upload *upload)
+{
+    return fcntl(upload->fd, F_DUPFD_CLOEXEC, 0);
+}
+
+int hg_upload_store_open_folder(const struct hg_upload_store *store)
+{
+    return open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 }
 
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err)

@@ -13,8 +13,8 @@ struct hg_upload_store;
 struct hg_upload;       // a content that is still arriving, of one session
 struct hg_upload_owner; // whom contents are counted for; lives as long as the store
 
-// On the disk, in whole blocks: what an owner sent first and is still there, and what arrives of
-// it.
+// On the disk, in whole blocks: what an owner has sent and is still there, and what arrives of it.
+// What several have sent is stored once and counted for each.
 struct hg_upload_usage {
     uint64_t bytes, files;
 };
@@ -28,15 +28,18 @@ void hg_upload_store_destroy(
 void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes);
 uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 
-// Found by its key, or made. NULL: no memory.
+// Found by the first 16 bytes of its key, or made; later runs know whose contents are. NULL: no
+// memory.
 struct hg_upload_owner *hg_upload_store_owner(
     struct hg_upload_store *store, const uint8_t key[32]) HG_MUST_CHECK;
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner);
 // Above it what the owner sent and used longest ago goes, and what is in use is refused.
 void hg_upload_owner_set_quota(struct hg_upload_owner *owner, const struct hg_upload_usage *quota);
 
-// Whether the content is stored; updates its last use.
-bool hg_upload_store_has(struct hg_upload_store *store, const uint8_t hash[32]);
+// Whether the content is stored and the owner has sent it (NULL: whoever has); updates its last
+// use.
+bool hg_upload_store_has(
+    struct hg_upload_store *store, const struct hg_upload_owner *owner, const uint8_t hash[32]);
 // A pinned content is not evicted. Unknown hashes are remembered as pinned too. HG_E_NOMEM.
 enum hg_status hg_upload_store_pin(
     struct hg_upload_store *store, const uint8_t hash[32]) HG_MUST_CHECK;
@@ -58,6 +61,10 @@ uint64_t hg_upload_progress_ns(
 // HG_E_NOSPACE, HG_E_IO.
 enum hg_status hg_upload_append(
     struct hg_upload *upload, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+// Descriptors of the caller's, to be synced: of what has come, and of the folder that names it.
+// -1: none could be made.
+int hg_upload_dup(const struct hg_upload *upload);
+int hg_upload_store_open_folder(const struct hg_upload_store *store);
 // All bytes came: verifies the hash and takes the content into the store. Destroys the upload
 // either way. HG_E_HASH, HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err) HG_MUST_CHECK;

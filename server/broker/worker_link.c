@@ -38,7 +38,7 @@ bool hg_link_find_program(const struct hg_options *options, char *path, size_t s
 
 struct arguments {
     char *items[MAX_ARGS];
-    char text[8][32]; // numbers in words
+    char text[16][32]; // numbers in words
     int count, texts;
 };
 
@@ -54,6 +54,14 @@ static void add_mib(struct arguments *a, const char *flag, uint64_t bytes)
         return;
     char *text = a->text[a->texts++];
     snprintf(text, sizeof a->text[0], "%llu", (unsigned long long)(bytes >> 20));
+    add(a, flag);
+    add(a, text);
+}
+
+static void add_number(struct arguments *a, const char *flag, double value)
+{
+    char *text = a->text[a->texts++];
+    snprintf(text, sizeof a->text[0], "%g", value);
     add(a, flag);
     add(a, text);
 }
@@ -88,6 +96,9 @@ static void make_arguments(struct arguments *a, const struct hg_link *link, cons
     if (o->warm_up && !link->deaths)
         add(a, "--warm-up");
     add_text(a, "--sandbox", o->sandbox);
+    add_number(a, "--loader-cpu", (double)o->loader_cpu);
+    add_mib(a, "--loader-memory", o->loader_memory_bytes);
+    add_number(a, "--loader-timeout", (double)o->loader_timeout_ns / 1e9);
     if (link->no_spill)
         add(a, "--no-spill");
 }
@@ -99,8 +110,8 @@ static bool is_for_worker(const char *variable)
     static const char *const prefixes[] = {"HELIO_", "VK_", "MESA_", "LP_", "GALLIUM_", "LIBGL_",
         "EGL_", "__GL", "__VK", "__EGL", "NVIDIA_", "CUDA_", "AMD_", "RADV_", "ANV_", "INTEL_",
         "DRI_", "DISABLE_", "ENABLE_", "XDG_", "LC_", "ASAN_", "UBSAN_", "TSAN_", "LSAN_", "OIIO_",
-        "OPENIMAGEIO_",
-        "LD_LIBRARY_PATH=", "PATH=", "HOME=", "LANG=", "TZ=", "TMPDIR=", "LLVM_PROFILE_FILE="};
+        "OPENIMAGEIO_", "LD_LIBRARY_PATH=", "LD_PRELOAD=", "PATH=", "HOME=", "LANG=", "TZ=",
+        "TMPDIR=", "LLVM_PROFILE_FILE="};
     for (size_t i = 0; i < sizeof prefixes / sizeof *prefixes; i++)
         if (strncmp(variable, prefixes[i], strlen(prefixes[i])) == 0)
             return true;
@@ -205,7 +216,7 @@ void hg_link_start(struct hg_link *link)
     make_first_victim(link->pid);
     link->state = HG_LINK_STARTING;
     link->started_ns = link->pulse_ns = link->loop->now_ns;
-    link->busy_ns = 0;
+    link->hang = (struct hg_link_hang){0};
     link->last_words[0] = 0;
     hg_info(WORKER, "worker %d started", (int)link->pid);
 }
@@ -288,8 +299,9 @@ void hg_link_check_time(struct hg_link *link)
             hg_link_fail(link, "was not ready in time (start-timeout)");
     } else if (now_ns - link->pulse_ns > o->worker_timeout_ns) {
         hg_link_fail(link, "gives no sign of life (worker-timeout)");
-    } else if (link->busy_ns > o->hang_timeout_ns) {
-        hg_link_fail(link, "hangs in one step of rendering (hang-timeout)");
+    } else if (link->hang.busy_ns > o->hang_timeout_ns) {
+        link->hang.fatal = link->hang.told;
+        hg_link_fail(link, "hangs in one piece of work (hang-timeout)");
     }
 }
 
@@ -305,6 +317,11 @@ static void update(struct hg_link *link)
 {
     const struct hg_transport *t = &link->transport;
     hg_loop_set_events(link->loop, &link->source, t->class->wants(t, true, link->out.head));
+}
+
+bool hg_link_has_room(const struct hg_link *link)
+{
+    return link->out.bytes < HG_LINK_AHEAD;
 }
 
 void hg_link_send_packet(
@@ -357,8 +374,15 @@ static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m
         return;
     case HGP_T_pulse:
         link->pulse_ns = link->loop->now_ns;
-        link->busy_ns = m->pulse.busy_ns;
+        link->hang.busy_ns = m->pulse.busy_ns;
         link->rss_bytes = m->pulse.rss_bytes;
+        link->hang.told &= m->pulse.busy_ns > 0;
+        return;
+    case HGP_T_busy:
+        link->hang = (struct hg_link_hang){.channel = m->busy.channel,
+            .request = m->busy.request,
+            .view = m->busy.view,
+            .told = true};
         return;
     case HGP_T_error:
         take_last_words(link, &m->error);
@@ -415,6 +439,7 @@ static void ready(struct hg_source *source, uint32_t events)
     if (events & EPOLLOUT) {
         if (hg_outq_flush(&link->out, &link->transport) == HG_OK)
             update(link);
+        link->feed.pump |= link->feed.starved && hg_link_has_room(link);
         // A broken stream shows in reading, after the last answers.
     }
     if (events & (EPOLLIN | EPOLLHUP | EPOLLERR))

@@ -9,8 +9,12 @@
 #include "server/broker/loop.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
+#include "server/broker/quarantine.h"
 
-enum { HG_LINK_DEATHS_KEPT = 64 };
+enum {
+    HG_LINK_DEATHS_KEPT = 64,
+    HG_LINK_AHEAD = 2 << 20, // bytes that may wait in its queue before sessions wait for their turn
+};
 
 struct hg_link;
 struct hg_session;
@@ -39,11 +43,39 @@ struct hg_link_replay {
     uint64_t start_ns;
 };
 
-// A request that may have killed a worker and runs alone now. Of the layer above.
-struct hg_link_suspect {
-    struct hg_session *session; // NULL: none
-    uint32_t id;
-    uint64_t sent_ns;
+// Files whose load was under way when the session that asked for it ended.
+enum { HG_LINK_LEFT = 16 };
+struct hg_link_left {
+    struct hg_quarantine_entry files[HG_LINK_LEFT]; // ring
+    uint32_t count;
+};
+
+// What may have killed a worker is tried again, one thing at a time and with nothing beside it. Of
+// the layer above.
+struct hg_link_trial {
+    struct hg_session *session; // whose; NULL: nothing is tried at this moment
+    uint32_t id;                // of the request; 0: the subscription of a view
+    uint32_t view;
+    uint64_t sent_ns, patience_ns; // after which it is taken for harmless
+    uint32_t waiting;              // suspects, that one included
+    bool accused; // the worker said what it hung in: nothing else is suspect of its death
+    struct hg_link_left left;
+};
+
+// What sessions send to the worker. Of the layer above.
+struct hg_link_feed {
+    bool pump;             // sessions may have something to send
+    bool starved;          // and had more than there was room for
+    uint32_t turn;         // number of the session that had the newest turn
+    uint64_t unsent_bytes; // that sessions keep until there is room
+};
+
+// What the worker says that it has been at for longest.
+struct hg_link_hang {
+    uint64_t busy_ns; // how long, with the newest pulse
+    uint32_t channel, request, view;
+    bool told;  // in what
+    bool fatal; // it was ended for that
 };
 
 // Whom it works for. Of the pool.
@@ -65,7 +97,8 @@ struct hg_link {
     struct hg_outq out;
     enum hg_link_state state;
     pid_t pid; // 0 = none
-    uint64_t restart_ns, started_ns, pulse_ns, busy_ns, rss_bytes;
+    uint64_t restart_ns, started_ns, pulse_ns, rss_bytes;
+    struct hg_link_hang hang;
     uint64_t death_ns[HG_LINK_DEATHS_KEPT]; // ring
     uint32_t deaths;
     uint32_t last_id;
@@ -73,9 +106,9 @@ struct hg_link {
     char last_words[400]; // why the worker says it ends; "" = it says nothing
     bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory
     bool broken;          // could not queue a message: replaced at the end of the round
-    bool pump;            // sessions may have something to send
+    struct hg_link_feed feed;
     struct hg_link_replay replay;
-    struct hg_link_suspect suspect;
+    struct hg_link_trial trial;
 };
 
 // Path of the worker's program; false when there is none.
@@ -89,6 +122,7 @@ void hg_link_check_time(struct hg_link *link);
 void hg_link_exited(struct hg_link *link, int status);      // its process has been reaped
 uint32_t hg_link_recent_deaths(const struct hg_link *link); // within the last minute
 uint32_t hg_link_next_id(struct hg_link *link);
+bool hg_link_has_room(const struct hg_link *link); // for what sessions send
 // Takes over the reference. Without memory the worker is replaced.
 void hg_link_send_packet(
     struct hg_link *link, uint32_t channel, uint32_t id, struct hg_packet *packet);

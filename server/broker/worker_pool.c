@@ -155,7 +155,7 @@ void hg_worker_pool_check_times(struct hg_worker_pool *pool)
             continue;
         hg_link_check_time(link);
         check_idle(link);
-        link->pump |= link->suspect.session != NULL; // its patience may be over
+        link->feed.pump |= link->trial.session != NULL; // its patience may be over
     }
     keep_spare(pool);
 }

@@ -41,6 +41,9 @@ static const struct option long_options[] = {
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
     {"sandbox", required_argument, NULL, 'n'},
+    {"loader-cpu", required_argument, NULL, 'u'},
+    {"loader-memory", required_argument, NULL, 'M'},
+    {"loader-timeout", required_argument, NULL, 'o'},
     {"no-spill", no_argument, NULL, 'p'},
     {"device-info", no_argument, NULL, 'i'},
     {0},
@@ -104,13 +107,24 @@ static bool apply_option(struct worker_options *o, int option)
         o->threads = (uint32_t)strtoul(optarg, NULL, 10);
         return o->threads > 0;
     case 'l':
+        o->loader.log = optarg;
         return hg_log_configure(optarg, &err) == HG_OK;
     case 'v':
         return o->validation = true;
     case 'w':
         return o->warm_up = true;
     case 'n':
+        o->loader.sandbox = optarg;
         return hg_sandbox_parse(optarg, &o->sandbox);
+    case 'u':
+        o->loader.cpu_s = (uint32_t)strtoul(optarg, NULL, 10);
+        return o->loader.cpu_s > 0;
+    case 'M':
+        o->loader.memory_mib = (uint32_t)strtoul(optarg, NULL, 10);
+        return o->loader.memory_mib > 0;
+    case 'o':
+        o->loader.timeout_s = strtod(optarg, NULL);
+        return o->loader.timeout_s > 0;
     case 'p':
         return o->no_spill = true;
     case 'i':
@@ -210,7 +224,9 @@ static enum hg_status serve_link(struct worker *w)
 
 int main(int argc, char **argv)
 {
-    struct worker w = {.options = {.fd = 3, .overrides = hg_debug_environment_read()}};
+    struct worker w = {.options = {.fd = 3,
+                           .overrides = hg_debug_environment_read(),
+                           .loader = {.sandbox = "best-effort"}}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
     if (!parse_options(&w.options, argc, argv))
         return EXIT_USAGE;
@@ -235,7 +251,9 @@ int main(int argc, char **argv)
     hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);
     hg_io_thread_watch_disk(&w);
     struct hg_error err = {0};
-    enum hg_status status = hg_sandbox_enter(&w.options, &err);
+    enum hg_status status = hg_loader_start(&w.options.loader, &err);
+    if (!status)
+        status = hg_sandbox_enter(&w.options, &err);
     if (!status)
         status = hg_worker_init(&w);
     if (!status)

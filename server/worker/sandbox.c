@@ -312,13 +312,15 @@ static bool allow_some(scmp_filter_ctx filter)
     const int own[] = {SCMP_SYS(kill), SCMP_SYS(tgkill), SCMP_SYS(rt_sigqueueinfo),
         SCMP_SYS(rt_tgsigqueueinfo), SCMP_SYS(prlimit64)};
     const int mappings[] = {SCMP_SYS(mmap), SCMP_SYS(mprotect)};
-    const scmp_datum_t pid = (scmp_datum_t)getpid(), both = PROT_WRITE | PROT_EXEC;
+    const struct scmp_arg_cmp is_zero = {.arg = 0, .op = SCMP_CMP_EQ, .datum_a = 0};
+    const struct scmp_arg_cmp is_own = {
+        .arg = 0, .op = SCMP_CMP_EQ, .datum_a = (scmp_datum_t)getpid()};
+    const scmp_datum_t both = PROT_WRITE | PROT_EXEC;
     const scmp_datum_t protections[] = {0, PROT_WRITE, PROT_EXEC};
     bool ok = true;
     for (size_t i = 0; i < sizeof own / sizeof *own; i++)
-        ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, own[i], 1, SCMP_A0(SCMP_CMP_EQ, pid)) == 0;
-    ok &= seccomp_rule_add(
-              filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, SCMP_A0(SCMP_CMP_EQ, 0)) == 0;
+        ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, own[i], 1, is_own) == 0;
+    ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, is_zero) == 0;
     for (size_t i = 0; i < sizeof mappings / sizeof *mappings; i++)
         for (size_t k = 0; k < sizeof protections / sizeof *protections; k++)
             ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, mappings[i], 1,

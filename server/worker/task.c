@@ -1,8 +1,11 @@
 // task.c - loads and comparisons on threads of their own.
 #include "server/worker/task.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -30,11 +33,20 @@ static bool report_progress(void *user, const char *stage, uint64_t done, uint64
 {
     struct task *task = user;
     uint64_t now = hg_clock_now_ns();
+    hg_watch_go_on(&task->watch);
     if (now - task->progress_sent_ns >= PROGRESS_NS) {
         task->progress_sent_ns = now;
         hg_reply_progress(task->to, stage, done, total);
     }
     return !atomic_load(&task->cancel);
+}
+
+// Clients do not learn where files lie: the last name tells them which one it is.
+static void hide_folder(struct hg_error *err)
+{
+    const char *slash = strrchr(err->what, '/');
+    if (err->what[0] == '/' && slash[1])
+        memmove(err->what, slash + 1, strlen(slash));
 }
 
 // Checks a stored upload against its hash, and copies it.
@@ -68,6 +80,8 @@ static enum hg_status read_upload(const struct worker_options *options, const ui
     status = hg_file_read(path, limit_bytes, &data, &size, err);
     if (!status)
         status = take_upload(path, hash, data, size, out, err);
+    if (status)
+        hide_folder(err);
     hg_free(data);
     hg_free(path);
     return status;
@@ -137,9 +151,36 @@ static enum hg_status load_asset(struct task *task)
 // Between the steps of tasks that cannot be stopped inside one.
 static enum hg_status go_on(struct task *task, const char *what)
 {
+    hg_watch_go_on(&task->watch);
     if (!atomic_load(&task->cancel))
         return HG_OK;
     return hg_error_set(&task->err, HG_E_CANCELLED, what, NULL, "the session ended");
+}
+
+// The content of the store has the hash that it is named by.
+static enum hg_status verify_upload(const char *path, const uint8_t hash[32], struct hg_error *err)
+{
+    enum { CHUNK = 1 << 20 };
+    uint8_t digest[32], *chunk = hg_calloc(CHUNK, 1);
+    struct hg_sha256 *hasher = chunk ? hg_sha256_create() : NULL;
+    int fd = hasher ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    ssize_t got = fd < 0 ? -1 : 1;
+    while (got > 0 && (got = read(fd, chunk, CHUNK)) > 0)
+        hg_sha256_update(hasher, chunk, (size_t)got);
+    const int e = errno;
+    if (hasher)
+        hg_sha256_end(hasher, digest);
+    if (fd >= 0)
+        close(fd);
+    hg_free(chunk);
+    if (!hasher)
+        return hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory to verify it");
+    if (got < 0)
+        return hg_error_set(
+            err, hg_status_from_errno(e), path, NULL, "cannot be read: %s", strerror(e));
+    return memcmp(digest, hash, 32) == 0 ? HG_OK
+                                         : hg_error_set(err, HG_E_HASH, path, NULL,
+                                               "the stored upload is damaged; send it again");
 }
 
 static enum hg_status load_environment(struct task *task)
@@ -150,9 +191,12 @@ static enum hg_status load_environment(struct task *task)
     enum hg_status status = m->has_hash
                                 ? hg_asset_path_upload(options, m->hash, &path, &task->err)
                                 : hg_asset_path_resolve(options, m->path, &path, &task->err);
+    if (!status && m->has_hash)
+        status = verify_upload(path, m->hash, &task->err);
+    if (!status)
+        status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
     if (status)
-        return status;
-    status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
+        hide_folder(&task->err);
     hg_free(path);
     return status;
 }
@@ -164,9 +208,40 @@ static enum hg_status read_side(struct hgp_bytes bytes, const char *name, bool a
         as_float ? HG_PIXEL_RGBA32F : HG_PIXEL_RGBA8, NULL, out, err);
 }
 
-// 8-bit pictures are compared as they are; anything deeper in float.
-static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, struct hg_error *err)
+// Half of what the worker may take, a quarter of the machine where no limit is set.
+static uint64_t most_bytes(const struct worker_options *o)
 {
+    if (o->memory_limit_bytes)
+        return o->memory_limit_bytes / 2;
+    return (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
+}
+
+// Both images, the difference, and what the metric keeps of each pixel meanwhile.
+static enum hg_status check_size(
+    const struct task *task, const struct hg_image_info *side, bool as_float, struct hg_error *err)
+{
+    static const uint32_t kept[] = {[HG_METRIC_PSNR] = 4,
+        [HG_METRIC_SSIM] = 48,
+        [HG_METRIC_FLIP] = 84,
+        [HG_METRIC_RMSE] = 4,
+        [HG_METRIC_MAX] = 4};
+    const uint64_t pixel = kept[task->message.compare.metric] + 4 + 2 * (as_float ? 16 : 4);
+    const uint64_t bytes = (uint64_t)side->width * side->height * pixel;
+    const uint64_t most = most_bytes(&task->to.w->options);
+    if (bytes <= most)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, "compare", NULL,
+        "%u x %u pixels would take %llu MiB with this metric, more than the %llu that one "
+        "comparison "
+        "may have; compare parts",
+        side->width, side->height, (unsigned long long)(bytes >> 20),
+        (unsigned long long)(most >> 20));
+}
+
+// 8-bit pictures are compared as they are; anything deeper in float.
+static enum hg_status probe_sides(struct task *task, bool *as_float, struct hg_error *err)
+{
+    const struct hgp_compare *m = &task->message.compare;
     struct hg_image_info a, b;
     enum hg_status status = hg_image_probe_memory(
         &(struct hg_image_bytes){m->a.data, m->a.size, "first image"}, &a, err);
@@ -177,7 +252,8 @@ static enum hg_status probe_sides(const struct hgp_compare *m, bool *as_float, s
     if (status)
         return status;
     *as_float = a.is_float || b.is_float || a.is_16bit || b.is_16bit;
-    return HG_OK;
+    status = check_size(task, &a, *as_float, err);
+    return status ? status : check_size(task, &b, *as_float, err);
 }
 
 struct comparison {
@@ -188,7 +264,7 @@ static enum hg_status read_sides(struct task *task, struct comparison *c)
 {
     const struct hgp_compare *m = &task->message.compare;
     bool as_float;
-    enum hg_status status = probe_sides(m, &as_float, &task->err);
+    enum hg_status status = probe_sides(task, &as_float, &task->err);
     if (status)
         return status;
     status = read_side(m->a, "first image", as_float, &c->a, &task->err);
@@ -253,6 +329,9 @@ static enum hg_status examine_image(struct task *task)
 static void *task_main(void *arg)
 {
     struct task *task = arg;
+    struct watch_list *list = &task->to.w->watch;
+    hg_watch_add(list, &task->watch);
+    hg_watch_begin(&task->watch, (struct watch_work){task->to.channel, task->to.request, 0});
     switch (task->kind) {
     case TASK_ASSET:
         task->status = load_asset(task);
@@ -267,6 +346,7 @@ static void *task_main(void *arg)
         task->status = examine_image(task);
         break;
     }
+    hg_watch_remove(list, &task->watch);
     if (task->status && !task->err.status)
         hg_error_set(&task->err, task->status, NULL, NULL, "%s", hg_status_text(task->status));
     struct command *command = NULL;

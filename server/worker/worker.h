@@ -9,6 +9,7 @@
 // Files include only files of the lines above their own, and what a .c file exports is declared in
 // its own header, so calls go the same way. tests/unit/floors/floors.py reads this list:
 // Layers, lowest first:
+//   turn watch                              whose turn it is; what threads are at
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
 //   view_params frame_planes picture_extremes    parameters, planes and pixels, of protocol and
@@ -43,6 +44,8 @@
 #include "base/status.h"
 #include "protocol/hgp.h"
 #include "renderer/scene_gpu/debug_overrides.h"
+#include "server/loader/loader_client.h"
+#include "server/worker/watch.h"
 
 enum { WORKER_EXIT_DISK = 9 };
 
@@ -66,6 +69,7 @@ struct worker_options {
     uint64_t host_budget_bytes, cache_limit_bytes;
     uint32_t threads; // at most, for one thing at a time; 0 = one per core
     enum hg_sandbox_mode sandbox;
+    struct loader_options loader;
     bool no_spill, device_info, validation, warm_up;
     struct hg_debug_overrides overrides; // from the environment
 };
@@ -85,7 +89,7 @@ struct worker {
     struct encode_queue *encoders; // render -> encoder threads; set before the threads start
     struct command wake;           // in the inbox while wake_queued
     _Atomic bool wake_queued;
-    _Atomic uint64_t step_started_ns; // of the render thread; 0 = idle (read by the I/O thread)
+    struct watch_list watch; // all threads but the I/O thread, which reads it
     _Atomic uint32_t view_count;
     _Atomic uint64_t encode_ns; // of the newest frame
     _Atomic bool stop, device_lost, disk_lost;

@@ -1,7 +1,7 @@
 // gathered.glsl - light that was gathered for the surfaces of a picture at rest (shared/gi.h).
 //
-// A sample looks at the pixel that it lies in, jittered as it is, and where that shows another surface, at the
-// four beside it. Declare hg_gathered and include lib/environment.glsl, lib/light.glsl and lib/probes.glsl first.
+// A sample looks at its own pixel, and where that pixel's middle shows another surface, at the four
+// beside it. Declare hg_gathered and include lib/environment.glsl, lib/light.glsl and lib/probes.glsl first.
 #ifndef HG_LIB_GATHERED_GLSL
 #define HG_LIB_GATHERED_GLSL
 
@@ -9,10 +9,10 @@
 #define HG_GATHERED_LEAST  1e-6 // of another surface
 #define HG_GATHERED_DEPTH  0.02 // relative difference of depth at which the weight is a half
 
-// at: middle of the pixel that the sample is for; depth: metres along the view direction; n: shading normal.
+// at: middle of the sample's pixel; depth: metres along the view direction; n: shading normal.
 void hg_gathered_look(vec2 at, float depth, vec3 n)
 {
-    ivec2 pixel = ivec2(floor(at + hg_frame.jitter_px));
+    ivec2 pixel = ivec2(at);
     ivec2 last = ivec2(hg_frame.width, hg_frame.height) - 1;
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
     float sum = 0.0, sky = 0.0, sun = 0.0, most = -1.0;

@@ -15,6 +15,8 @@
 bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
 {
     bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
+    if (ends && HG_PATH_CAN(HG_PATH_GLASS)) // not filtered: the field has the light of all but lamps
+        return !lamp;
     bool drawn = bounce == 0u && lamp && e.delta && !HG_PATH_CAN(HG_PATH_LAMPS);
     return ends ? e.group == HG_EMITTER_GROUP_ENVIRONMENT : drawn;
 }
@@ -37,14 +39,32 @@ vec3 hg_gather_scattering(hg_bsdf b)
 // A path that met a surface after t metres ends there. Every second one goes on for a bounce more, which
 // halves the error of the field; pairs of samples and pixels take turns. Mirrors and glass are no ends, as
 // what they show is not what the field has about them, unless there may be no more bounces.
+bool hg_gather_mirrors(hg_bsdf b, hg_surface s)
+{
+    return s.roughness < HG_GATHER_ROUGH && hg_max3(hg_features_mirroring(b)) > HG_GATHER_MIRRORS;
+}
+
 bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
 {
-    if (s.roughness < HG_GATHER_ROUGH && hg_max3(hg_features_mirroring(b)) > HG_GATHER_MIRRORS)
+    if (hg_gather_mirrors(b, s))
         return p.bounce >= hg_path.max_bounces;
     uvec2 pixel = hg_path_pixel(p.slot);
     uint least = 1u + ((hg_path_sample(p.slot) >> 1u) + pixel.x + pixel.y & 1u);
     return p.bounce >= hg_path.max_bounces || (p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
         t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws));
+}
+
+// The surface of a camera ray that only looks for transmissive ones (HG_PATH_GLASS).
+bool hg_gather_is_glass(hg_vertex v, hg_surface s)
+{
+    return (v.flags & HG_DRAW_BLEND) != 0u && s.transmission > 0.0;
+}
+
+// A path by way of glass ends at the first surface that neither mirrors nor lets light through.
+bool hg_gather_ends_behind_glass(path p, hg_bsdf b, hg_surface s)
+{
+    bool through = s.transmission > 0.0 || s.diffuse_transmission > 0.0;
+    return p.bounce > 0u && !through && !hg_gather_mirrors(b, s);
 }
 
 // What the environment would send along the ray to the surface that it left, had it met nothing.

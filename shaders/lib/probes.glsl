@@ -93,15 +93,15 @@ float hg_probe_weight(hg_gpu_probe_grid p, uint probe, vec3 at_ws, hg_probe_poin
     return weight < 0.2 ? weight * weight * weight * 25.0 : weight;
 }
 
-// First word of what is looked up of the first probe. HG_PROBES_BETWEEN: the light between surfaces, without
+// First word of what is looked up of the first probe. HG_PROBES_BETWEEN, where true: the light between surfaces, without
 // what emitters send.
 uint hg_probe_irradiance_words(hg_gpu_probe_grid p)
 {
 #ifdef HG_PROBES_BETWEEN
-    return p.count * (1u + 3u * HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS);
-#else
-    return p.count;
+    if (HG_PROBES_BETWEEN)
+        return p.count * (1u + 3u * HG_PROBE_IRRADIANCE_TEXELS + HG_PROBE_MOMENT_TEXELS);
 #endif
+    return p.count;
 }
 
 // Irradiance of a probe, from the first word of its table. HG_PROBES_BILINEAR: of the four texels about n,

@@ -132,7 +132,7 @@ vec3 position_at(ivec2 pixel, float depth)
 
 // Radiance of what lies behind a layer's point, in a direction that was bent there, and after
 // `inside` metres of it leads on along `out_ws`: the opaque scene as this view has it, as far away as
-// it is at this pixel. Where the view does not have it, the environment.
+// it is at this pixel. Where the view does not have it, the environment, or what probes say that were looked at there.
 vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float roughness)
 {
     ivec2 here = ivec2(hg_at);
@@ -152,7 +152,19 @@ vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float rough
     float own = dot(position_ws - hg_frame.camera.eye_ws, hg_frame.camera.forward_ws);
     if (abs(color.a) < own)
         color = texelFetch(hg_front, here, 0);
-    return seen ? color.rgb : hg_environment_prefiltered(out_ws, roughness);
+    return seen ? color.rgb : hg_environment_reflected(out_ws, roughness);
+}
+
+// Radiance of a transmissive surface that paths brought (HG_FEATURE2_GLASS), of the pixel or one beside it. a 0: none.
+vec4 by_way_of_glass(ivec2 pixel)
+{
+    ivec2 last = ivec2(hg_frame.width, hg_frame.height) - 1;
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < 5; i++) {
+        ivec2 off = i == 0 ? ivec2(0) : (i & 1) == 0 ? ivec2(i - 3, 0) : ivec2(0, i - 2);
+        sum += (i == 0 ? 1.0 : 1e-3) * texelFetch(hg_mirrored, clamp(pixel + off, ivec2(0), last), 0);
+    }
+    return vec4(sum.rgb / max(sum.a, 1e-6), sum.a);
 }
 
 // Light that comes through the surface from what lies behind it. Rough ones bend at a facet of their
@@ -167,6 +179,9 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
     vec3 straight = -b.base.v, sum = vec3(0.0);
     if (!b.thin)
         hg_refract(b.base.v, b.base.n, eta, straight);
+    if (HG_HAS2(HG_FEATURE2_PROBES)) // rooms do not show the environment outside of them
+        hg_probes_look(v.position_ws + straight * thickness, -b.base.v, -b.base.v, -b.base.v, -b.base.v,
+            hg_random3(uvec2(gl_FragCoord.xy), 14u));
     uint taps = hg_frame.sample_index == 0u ? TRANSMITTED_TAPS : 1u, tap = 0u;
     do {
         vec2 xi = hg_random3(uvec2(hg_at), 3u + tap).xy;
@@ -213,6 +228,15 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
         hg_probes_look(v.position_ws, s.geometric_normal, b.base.n, view, r, xi);
     }
     b.delta = b.coat_delta = false; // highlights of point lights are to be seen
+    if (HG_HAS2(HG_FEATURE2_GLASS) && HG_HAS(HG_FEATURE_TRANSMISSION) && b.transmission > 0.0) {
+        vec4 glass = by_way_of_glass(ivec2(gl_FragCoord.xy));
+        hg_light_gathered = true;
+        hg_light_bsdf = b;
+        if (glass.a > 0.0)
+            return glass.rgb +
+                hg_light_brdf(b.base, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
+        hg_light_gathered = false;
+    }
     vec3 radiance = hg_bsdf_emission(b, s.emissive);
     radiance += hg_environment_bsdf(b, s.occlusion, hg_random3(uvec2(hg_at), 2u).xy);
     if (HG_HAS(HG_FEATURE_TRANSMISSION))

@@ -18,10 +18,10 @@
 #include "lib/brdf.glsl"
 #include "lib/shading_normal.glsl"
 #include "lib/light.glsl"
-#define HG_PROBES_BETWEEN
+#include "lib/path.glsl"
+#define HG_PROBES_BETWEEN !HG_PATH_CAN(HG_PATH_GLASS)
 #include "lib/probes.glsl"
 #include "lib/environment.glsl"
-#include "lib/path.glsl"
 #include "lib/hit.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/path_media.glsl"
@@ -135,6 +135,8 @@ uint miss(path p)
 {
     vec3 d = p.ray.direction_ws;
     vec3 radiance = vec3(0.0);
+    if (HG_PATH_CAN(HG_PATH_GLASS) && p.bounce == 0u)
+        return HG_PATH_DONE;
     float alpha = p.bounce == 0u && HG_BACKGROUND_IS_CLEAR(hg_frame.background_mode) ? 0.0 : 1.0;
     if (p.bounce == 0u)
         radiance = background(p, d);
@@ -496,6 +498,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     p.steps++;
     bool one_sided = s.unlit || HG_PATH_CAN(HG_PATH_SURFACES | HG_PATH_GATHERS);
     bool layer = HG_PATH_CAN(HG_PATH_GATHERS) && (v.flags & HG_DRAW_BLEND) != 0u;
+    layer = layer && !(HG_PATH_CAN(HG_PATH_GLASS) && hg_gather_is_glass(v, s));
     if (ub.w >= s.alpha || ((layer || (one_sided && behind)) && p.bounce == 0u)) {
         if (HG_PATH_CAN(HG_PATH_FIRST))
             store(p, 0.0);
@@ -505,6 +508,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     if (HG_PATH_CAN(HG_PATH_SURFACES))
         return see(p, v, s, hit);
+    if (HG_PATH_CAN(HG_PATH_GLASS) && p.bounce == 0u && !hg_gather_is_glass(v, s))
+        return HG_PATH_DONE;
     vec3 behind_it = HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 1u ? hg_gather_behind(p) : vec3(0.0);
     vec3 arriving = p.throughput;
     uvec2 around = p.media;
@@ -521,6 +526,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     float outside = hg_media_outside(p.media, v.material, s.front, s.ior, channel);
     hg_bsdf b = hg_bsdf_make(s, -p.ray.direction_ws, outside);
     bool ends = HG_PATH_CAN(HG_PATH_GATHERS) && !HG_PATH_CAN(HG_PATH_FIRST) && hg_gather_ends(p, b, s, hit.t);
+    ends = ends || (HG_PATH_CAN(HG_PATH_GLASS) && hg_gather_ends_behind_glass(p, b, s));
     light_choice light = choose_light(b, v, s, side, ua, ends);
     if (hg_texture_coarser != 0u)
         return HG_PATH_WAITS;

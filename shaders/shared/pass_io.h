@@ -6,7 +6,8 @@
 #include "shared/io.h"
 
 // shade*.frag; front: of layers the opaque scene, else the layers in front of it (lib/shade.glsl);
-// gathered: gathered light or probe light, shared/gi.h; mirrored: shared/mirror.h.
+// gathered: gathered light or probe light, shared/gi.h; mirrored: shared/mirror.h;
+// of layers light by way of glass: radiance of transmissive surfaces, premultiplied by their share of the pixel.
 #define HG_SHADE_IO(X)                                                                             \
     X(0, NEAREST_U2D, visibility)                                                                  \
     X(1, NEAREST_2D, front)                                                                        \

@@ -203,7 +203,8 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_FOLLOWS    0x20u // the guide has features seen in smooth surfaces
 #define HG_PATH_PLACED 0x40u // some draws are marked so
 #define HG_PATH_GATHERS 0x80u // final gathering for a real-time picture (hg_gpu_path.gather)
-#define HG_PATH_LAMPS 0x100u // of these there is HG_PATH_PLANE_LAMPS
+#define HG_PATH_GLASS 0x100u // with GATHERS: to transmissive surfaces that the camera sees first, and to none else
+#define HG_PATH_LAMPS 0x200u // of these there is HG_PATH_PLANE_LAMPS
 #define HG_PATH_SURFACES   0x2000000u // first hits only, by the rules of the real-time mode
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well

@@ -273,6 +273,42 @@ static void test_camera(void **state)
     }
 }
 
+static double exposure_after(struct hg_view *view)
+{
+    return -(double)settle(view, 8).exposure_ev - log2(1.2);
+}
+
+// What a file says of its camera counts until the view says otherwise, or looks through another
+// one.
+static void test_camera_of_file(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_view_params params = card_params;
+    struct hg_error err = {0};
+    struct hg_object *object;
+    const struct hg_view_camera with = {.input_seq = 1};
+    params.exposure_mode = HG_EXPOSURE_CAMERA;
+    make_card(rig, 4000);
+    assert_int_equal(hg_scene_add(rig->scene, HG_OBJECT_CAMERA, rig->next_id++, &object), HG_OK);
+    struct hg_camera *camera = (struct hg_camera *)object;
+    camera->optics = (struct hg_camera_optics){.f_number = 8, .shutter_s = 1.0f / 64, .iso = 400};
+    assert_int_equal(hg_scene_add(rig->scene, HG_OBJECT_NODE, rig->next_id++, &object), HG_OK);
+    struct hg_node *node = (struct hg_node *)object;
+    node->camera = camera;
+    node->translation[2] = 3;
+    hg_scene_publish(rig->scene);
+    struct hg_view *view = look(rig, &params);
+    assert_true(fabs(exposure_after(view) - log2(16 * 16 * 100)) < 1e-4); // f/16, 1/100 s
+    test_ok(hg_view_set_camera_node(view, node->head.id, &with, &err), &err);
+    assert_true(fabs(exposure_after(view) - 10) < 1e-4); // 64 * 64 / 4
+    params.f_number = 4;
+    test_ok(hg_view_set_params(view, &params, &err), &err);
+    assert_true(fabs(exposure_after(view) - 8) < 1e-4);
+    path_rig_look(view, eye, target, 0.6f);
+    assert_true(fabs(exposure_after(view) - log2(4 * 4 * 100)) < 1e-4);
+    hg_view_destroy(view);
+}
+
 static struct hg_refbuf *picture_of(
     struct rig *rig, const struct hg_view_params *params, const struct hg_view_camera *camera)
 {
@@ -346,6 +382,7 @@ int main(void)
         cmocka_unit_test(test_one_value), cmocka_unit_test(test_stated),
         cmocka_unit_test(test_motion), cmocka_unit_test(test_adaptation),
         cmocka_unit_test(test_adaptation_in_motion), cmocka_unit_test(test_camera),
-        cmocka_unit_test(test_camera_lens_and_shutter), cmocka_unit_test(test_nothing)};
+        cmocka_unit_test(test_camera_of_file), cmocka_unit_test(test_camera_lens_and_shutter),
+        cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

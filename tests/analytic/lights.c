@@ -420,6 +420,86 @@ static void test_shadows_in_sight(void **state)
     clear(probe, LAMPS);
 }
 
+// A million lamps: a bounded number of maps, which go to lamps before the
+// eye, and lists of bounded length.
+static void test_million(void **state)
+{
+    enum { LAMPS = 1000000 };
+    struct probe *probe = *state;
+    struct hg_light_set lights = {.count = LAMPS, .global_count = LAMPS};
+    struct hg_shadow_plan plan = {0};
+    struct hg_clusters cells = {0};
+    struct hg_light_cuts cuts = {0};
+    lights.items = hg_calloc(LAMPS, sizeof *lights.items);
+    lights.casts = hg_calloc(LAMPS, sizeof *lights.casts);
+    assert_true(lights.items && lights.casts);
+    for (uint32_t i = 0; i < LAMPS; i++) { // behind the eye, but for every hundredth
+        const float far = 1 + (float)(i % 997) * 0.1f, z = i % 100 == 0 ? -far : 0.1f * far;
+        lights.casts[i] = true;
+        lights.items[i] = (struct hg_gpu_light){.kind = HG_LIGHT_KIND_POINT,
+            .position_ws = {(float)(i % 101) * 0.01f, 0, z},
+            .direction_ws = {0, 0, -1},
+            .inv_range_sq = i % 100 == 0 ? 1 : 1e4f, // 1 m; 1 cm, which does not get to the eye
+            .color = {1, 1, 1},
+            .shadow = HG_SHADOW_NONE};
+    }
+    assert_int_equal(hg_shadow_plan_make(&plan, &lights, &probe->view, 4096), HG_OK);
+    print_message("of a million lamps %u have %u maps\n", plan.shadowed_lights, plan.count);
+    assert_true(plan.shadowed_lights > 100 && plan.count <= 256 * 6 && plan.atlas_px <= 4096);
+    assert_int_equal(plan.shadowed_lights + plan.unshadowed_lights, LAMPS);
+    for (uint32_t i = 0; i < LAMPS; i++)
+        assert_true(lights.items[i].shadow == HG_SHADOW_NONE || i % 100 == 0);
+    lights.global_count = 0; // all have a range
+    assert_int_equal(
+        hg_clusters_build(&cells, &lights, &probe->camera, probe->view.width, probe->view.height),
+        HG_OK);
+    assert_true(cells.overflow || cells.entry_count <= HG_CLUSTER_MOST_ENTRIES);
+    for (uint32_t i = 0; i < LAMPS; i++) // now all reach everything
+        lights.items[i].inv_range_sq = 0;
+    lights.global_count = LAMPS;
+    assert_int_equal(
+        hg_clusters_build(&cells, &lights, &probe->camera, probe->view.width, probe->view.height),
+        HG_OK);
+    assert_true(cells.overflow);
+    assert_int_equal(hg_light_cuts_build(&cuts, &cells, &lights, &probe->view, probe->jobs), HG_OK);
+    assert_true(cells.entry_count <= HG_CLUSTER_COUNT * HG_LIGHT_CUT_MOST);
+    assert_true(cuts.count <= cells.entry_count);
+    hg_light_cuts_finish(&cuts);
+    hg_clusters_finish(&cells);
+    hg_shadow_plan_finish(&plan);
+    hg_light_set_finish(&lights);
+}
+
+// Lamps without a place light nothing, have no map, and no cell is looked for them.
+static void test_nowhere(void **state)
+{
+    enum { LAMPS = 24 };
+    struct probe *probe = *state;
+    for (uint64_t id = 1; id <= LAMPS; id++) {
+        const float places[3] = {id % 4 == 1   ? NAN
+                                 : id % 4 == 2 ? INFINITY
+                                               : 0,
+            0, id % 4 == 3 ? 3e38f : -3};
+        struct hg_light *light = add_light(probe, id, places);
+        light->kind = id == 24      ? HG_LIGHT_DIRECTIONAL
+                      : id % 3 == 0 ? HG_LIGHT_SPOT
+                                    : HG_LIGHT_POINT;
+        light->outer_cone_rad = 0.5f;
+        light->intensity = id % 8 == 0 ? INFINITY : 10;
+        light->range = 2;
+        light->casts_shadow = true;
+    }
+    probe_sync(probe);
+    struct hg_lighting_stats stats;
+    hg_lighting_stats(probe->lighting, &stats);
+    assert_int_equal(stats.lights, LAMPS);
+    const struct hg_vec4 in[2] = {{0, -1, -3, 0}, {256, 384, 3, 0}};
+    struct hg_vec4 out;
+    probe_run(probe, PROBE_LIGHTS, 1, in, &out);
+    assert_true(isfinite(out.x) && out.x > 0);
+    clear(probe, LAMPS);
+}
+
 // Spots: by the cone of their light. A map looks one way.
 static void test_sight_of_cones(void **state)
 {
@@ -507,6 +587,8 @@ int main(void)
         cmocka_unit_test(test_shadows_among_many),
         cmocka_unit_test(test_maps_are_kept),
         cmocka_unit_test(test_shadows_in_sight),
+        cmocka_unit_test(test_million),
+        cmocka_unit_test(test_nowhere),
         cmocka_unit_test(test_sight_of_cones),
         cmocka_unit_test(test_pool),
     };

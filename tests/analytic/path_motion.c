@@ -563,7 +563,7 @@ static void test_point(void **state)
 }
 
 // A spot light and a sun that turn, with what moves in between: the mean of pictures of moments.
-static void turning_lights(struct rig *rig)
+static void turning_lights(struct rig *rig, bool sized)
 {
     static const double at[3] = {0.5, 0.5, 0}, down[3] = {0, -1, 0};
     static const float turn[2][12] = {
@@ -575,6 +575,13 @@ static void turning_lights(struct rig *rig)
         struct hg_light *light =
             rig_light(rig, i == 0 ? HG_LIGHT_SPOT : HG_LIGHT_DIRECTIONAL, at, down);
         light->intensity = i == 0 ? 4.0f : 0.5f;
+        if (sized && i == 0) {
+            light->kind = HG_LIGHT_RECTANGLE;
+            light->width = 0.6f;
+            light->height = 0.2f;
+        } else if (sized) {
+            light->angular_diameter_rad = 0.2f;
+        }
         struct hg_node *node = rig_node_of(rig, light);
         path_rig_animate(rig, node, HG_ANIM_ROTATION, 3, turn[i]);
         if (i == 0)
@@ -582,21 +589,20 @@ static void turning_lights(struct rig *rig)
     }
 }
 
-static void test_turning_lights(void **state)
+static void check_turning_lights(struct rig *rig, bool sized)
 {
     enum { MOMENTS = 64 };
-    struct rig *rig = *state;
     double got[WIDTH], still[WIDTH], want[WIDTH] = {0}, most = 0, mean = 0, change = 0;
     struct hg_view_params params = defaults;
     params.samples = 512;
     params.max_bounces = 2;
-    turning_lights(rig);
+    turning_lights(rig, sized);
     path_rig_pose(rig, 1.0);
     render_columns(rig, &params, &above, got);
     params.samples = 8;
     params.shutter_open = params.shutter_close = 0.0f;
     for (int i = 0; i < MOMENTS; i++) {
-        turning_lights(rig);
+        turning_lights(rig, sized);
         path_rig_pose(rig, 1.0 + ((i + 0.5) / MOMENTS - 0.5) * 0.5);
         params.seed = (uint32_t)i; // all samples of a pass lie at one place in their pixels
         render_columns(rig, &params, &above, still);
@@ -609,9 +615,22 @@ static void test_turning_lights(void **state)
         most = fmax(most, fabs(got[x] - want[x]) / mean);
         change = fmax(change, fabs(still[x] - want[x]) / mean);
     }
-    print_message("lights that turn: %.4f of the mean off at most, a moment %.2f\n", most, change);
+    print_message("lights that turn%s: %.4f of the mean off at most, a moment %.2f\n",
+        sized ? ", with sizes" : "", most, change);
     assert_true(most < 0.02);
     assert_true(change > 0.2); // it matters
+}
+
+static void test_turning_lights(void **state)
+{
+    check_turning_lights(*state, false);
+}
+
+// A rectangle and a sun with a disc: rays that run into them meet them where they are at their
+// time.
+static void test_turning_sizes(void **state)
+{
+    check_turning_lights(*state, true);
 }
 
 int main(void)
@@ -629,6 +648,7 @@ int main(void)
         cmocka_unit_test(test_lamp),
         cmocka_unit_test(test_point),
         cmocka_unit_test(test_turning_lights),
+        cmocka_unit_test(test_turning_sizes),
         cmocka_unit_test(test_vectors),
         cmocka_unit_test(test_vectors_turn),
     };

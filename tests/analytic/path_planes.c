@@ -41,7 +41,7 @@ static double mean_of(struct hg_view *view, enum hg_plane plane)
 }
 
 // A sphere over a plane, a wall behind; lights of all kinds.
-static void room(struct rig *rig, struct hg_material *ball)
+static void room(struct rig *rig, struct hg_material *ball, bool sized)
 {
     const float wall[4][3] = {{-2, 0, -1}, {2, 0, -1}, {2, 2, -1}, {-2, 2, -1}};
     const float lamp[4][3] = {
@@ -60,6 +60,11 @@ static void room(struct rig *rig, struct hg_material *ball)
     struct hg_light *point = rig_light(rig, HG_LIGHT_POINT, at, down);
     sun->head.name = hg_strdup("Sun");
     point->head.name = hg_strdup("Lamp");
+    if (!sized)
+        return;
+    sun->angular_diameter_rad = 0.2f;
+    point->kind = HG_LIGHT_RECTANGLE;
+    point->width = point->height = 0.5f;
 }
 
 static struct hg_view *picture(struct rig *rig, const struct hg_view_params *params)
@@ -88,7 +93,7 @@ static void test_sums(void **state)
 {
     struct rig *rig = *state;
     rig_scene(rig);
-    room(rig, layered(rig));
+    room(rig, layered(rig), false);
     struct hg_view_params params = defaults;
     params.planes = BIT(EMISSION) | BIT(LIGHT_GROUPS);
     for (int i = 0; i < 6; i++)
@@ -124,16 +129,15 @@ static void test_sums(void **state)
 }
 
 // Each group is the picture under its lights alone.
-static void test_groups(void **state)
+static void check_groups(struct rig *rig, bool sized)
 {
-    struct rig *rig = *state;
     double mean[3];
     struct hg_view_params params = defaults;
     params.samples = 128;
     params.max_bounces = 2;
     params.planes = BIT(LIGHT_GROUPS);
     rig_scene(rig);
-    room(rig, rig_material(rig));
+    room(rig, rig_material(rig), sized);
     struct hg_view *view = picture(rig, &params);
     for (uint32_t i = 0; i < 3; i++) {
         struct hg_error err = {0};
@@ -148,7 +152,7 @@ static void test_groups(void **state)
     params.planes = 0;
     for (int only = 0; only < 3; only++) {
         rig_scene(rig);
-        room(rig, rig_material(rig));
+        room(rig, rig_material(rig), sized);
         if (only != 0)
             path_rig_environment(rig, 0.0f);
         const struct hg_object_list *nodes = &rig->scene->objects[HG_OBJECT_NODE];
@@ -165,10 +169,22 @@ static void test_groups(void **state)
         }
         view = picture(rig, &params);
         const double alone = mean_of(view, HG_PLANE_COLOR);
-        print_message("group %d: %.5f, alone %.5f\n", only, mean[only], alone);
+        print_message(
+            "group %d%s: %.5f, alone %.5f\n", only, sized ? ", with sizes" : "", mean[only], alone);
         assert_true(fabs(mean[only] / alone - 1.0) < 0.01);
         hg_view_destroy(view);
     }
+}
+
+static void test_groups(void **state)
+{
+    check_groups(*state, false);
+}
+
+// A sun with a disc and a rectangle, which rays meet as well.
+static void test_sized_groups(void **state)
+{
+    check_groups(*state, true);
 }
 
 // Names that are alike once they are cut to 20 bytes, or once dots are gone, stay apart.
@@ -352,6 +368,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sums),
         cmocka_unit_test(test_groups),
+        cmocka_unit_test(test_sized_groups),
         cmocka_unit_test(test_long_names),
         cmocka_unit_test(test_lobes),
         cmocka_unit_test(test_catcher),

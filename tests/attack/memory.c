@@ -13,15 +13,6 @@
 
 enum { MIB = 1 << 20, SIDE = 1024, FRAME = SIDE * SIDE * 4 };
 
-static uint64_t allowed(uint64_t bytes)
-{
-#ifdef __SANITIZE_THREAD__
-    return bytes * 5; // shadow memory
-#else
-    return bytes;
-#endif
-}
-
 // The daemon takes no more than `bytes` while an honest client is served 50 times.
 static void stays_within(struct daemon *d, struct peer *honest, uint64_t before, uint64_t bytes)
 {
@@ -34,7 +25,22 @@ static void stays_within(struct daemon *d, struct peer *honest, uint64_t before,
     }
     print_message(
         "memory +%.1f MiB of %.0f\n", ((double)most - (double)before) / MIB, (double)bytes / MIB);
-    assert_true(most < before + allowed(bytes));
+    assert_true(most < before + daemon_allowed(bytes));
+}
+
+static void begin(struct daemon *d, struct peer *honest)
+{
+    daemon_init(d);
+    daemon_option(d, "output-limit", "8");
+    daemon_start(d);
+    peer_open_view(honest, d, 64, 64);
+}
+
+static void end(struct daemon *d, struct peer *honest, struct peer *slow)
+{
+    peer_close(slow);
+    peer_close(honest);
+    daemon_finish(d);
 }
 
 static void frames_are_charged_when_granted(void **state)
@@ -42,10 +48,7 @@ static void frames_are_charged_when_granted(void **state)
     (void)state;
     struct daemon d;
     struct peer slow, honest;
-    daemon_init(&d);
-    daemon_option(&d, "output-limit", "8");
-    daemon_start(&d);
-    peer_open_view(&honest, &d, 64, 64);
+    begin(&d, &honest);
     peer_open_view(&slow, &d, SIDE, SIDE);
     uint64_t before = daemon_rss_bytes(&d);
     for (int i = 0; i < 64; i++) // 256 MiB in all
@@ -55,9 +58,7 @@ static void frames_are_charged_when_granted(void **state)
         assert_true(peer_next(&slow));
         assert_int_equal(slow.header.type, HGP_T_frame);
     }
-    peer_close(&slow);
-    peer_close(&honest);
-    daemon_finish(&d);
+    end(&d, &honest, &slow);
 }
 
 static void queries_are_charged_when_granted(void **state)
@@ -65,10 +66,7 @@ static void queries_are_charged_when_granted(void **state)
     (void)state;
     struct daemon d;
     struct peer slow, honest;
-    daemon_init(&d);
-    daemon_option(&d, "output-limit", "8");
-    daemon_start(&d);
-    peer_open_view(&honest, &d, 64, 64);
+    begin(&d, &honest);
     peer_open_scene(&slow, &d, "");
     uint64_t before = daemon_rss_bytes(&d);
     for (int i = 0; i < 2000; i++) // 2 GiB in all
@@ -78,9 +76,7 @@ static void queries_are_charged_when_granted(void **state)
         assert_true(peer_next(&slow));
         assert_int_equal(slow.header.type, HGP_T_json);
     }
-    peer_close(&slow);
-    peer_close(&honest);
-    daemon_finish(&d);
+    end(&d, &honest, &slow);
 }
 
 // Subscriptions of many views take turns within the same limit.
@@ -140,9 +136,7 @@ static void drips_are_closed(void **state)
     }
     daemon_wait_log(&d, "min-drain");
     peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
-    peer_close(&drip);
-    peer_close(&honest);
-    daemon_finish(&d);
+    end(&d, &honest, &drip);
 }
 
 static void slow_readers_share_what_there_is(void **state)
@@ -170,6 +164,61 @@ static void slow_readers_share_what_there_is(void **state)
     daemon_finish(&d);
 }
 
+// Sessions that do nothing give their buffers back.
+static void idle_sessions_are_small(void **state)
+{
+    (void)state;
+    enum { SESSIONS = 400, EACH = 8 * 1024 };
+    static struct peer idle[SESSIONS];
+    struct daemon d;
+    daemon_init(&d);
+    daemon_option(&d, "max-sessions", "1000");
+    daemon_option(&d, "max-connections", "1000");
+    daemon_start(&d);
+    uint64_t before = daemon_rss_bytes(&d), deadline_ns = hg_clock_now_ns() + 60000000000u;
+    for (int i = 0; i < SESSIONS; i++)
+        peer_open(&idle[i], &d);
+    uint64_t after;
+    do {
+        usleep(100000);
+        after = daemon_rss_bytes(&d);
+    } while (after > before + daemon_allowed(SESSIONS * EACH) && hg_clock_now_ns() < deadline_ns);
+    print_message("%.1f KiB a session\n", ((double)after - (double)before) / 1024 / SESSIONS);
+    assert_true(after <= before + daemon_allowed(SESSIONS * EACH));
+    for (int i = 0; i < SESSIONS; i++)
+        peer_close(&idle[i]);
+    daemon_finish(&d);
+}
+
+// Journals of all scenes have a limit, and a tenant its share: another one can still edit.
+static void journals_share_what_there_is(void **state)
+{
+    (void)state;
+    enum { SIZE = 600000 };
+    struct daemon d;
+    struct peer hostile, honest;
+    uint8_t *points = calloc(SIZE, 1);
+    struct hgp_mesh_part part = {.positions = {points, SIZE}};
+    daemon_init_tokens(&d);
+    daemon_option(&d, "journal-total", "8");
+    daemon_start(&d);
+    peer_enter(&hostile, &d, "edit-token-1");
+    peer_scene(&hostile, "one");
+    struct hgp_mesh_set mesh = {.mesh = hostile.first_id, .parts = {&part, 1}};
+    for (int i = 0; i < 6; i++, mesh.mesh++) // 3.4 MiB: more than a quarter, less than half
+        peer_call(&hostile, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    peer_refused(&hostile, HGP_T_mesh_set, &mesh, HG_E_LIMIT);
+    assert_true(peer_says(&hostile, "journal-total"));
+    peer_enter(&honest, &d, "admin-token-1");
+    peer_scene(&honest, "two");
+    mesh.mesh = honest.first_id;
+    peer_call(&honest, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    free(points);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -178,6 +227,8 @@ int main(void)
         cmocka_unit_test(views_take_turns),
         cmocka_unit_test(drips_are_closed),
         cmocka_unit_test(slow_readers_share_what_there_is),
+        cmocka_unit_test(idle_sessions_are_small),
+        cmocka_unit_test(journals_share_what_there_is),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -10,15 +10,12 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
+#include "base/sha256.h"
 #include "tests/system/daemon.h"
 
 static void enter(struct peer *p, struct daemon *d, const char *token, const char *scene)
 {
-    peer_connect(p, d, true);
-    peer_hello(p);
-    peer_auth(p, token);
-    assert_true(peer_next(p));
-    assert_int_equal(p->header.type, HGP_T_auth_ok);
+    peer_enter(p, d, token);
     if (scene)
         peer_scene(p, scene);
 }
@@ -128,6 +125,38 @@ static void scenes_belong_to_tenants(void **state)
     daemon_finish(&d);
 }
 
+// A hash is not a key: who knows it neither loads the content nor learns that it is there.
+static void uploads_belong_to_tenants(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer anna, bert;
+    struct hgp_upload secret = {.total = 6, .data = {(const uint8_t *)"secret", 6}};
+    struct hgp_content content;
+    begin(&d, "4");
+    enter(&anna, &d, "anna-token-1", "hall");
+    enter(&bert, &d, "bert-token-1", "hall");
+    assert_int_equal(hg_sha256("secret", 6, secret.hash), HG_OK);
+    memcpy(content.hash, secret.hash, 32);
+    const struct hgp_upload_query query = {.contents = {&content, 1}};
+    struct hgp_asset_file file = {.uri = hgp_str_make("a.glb")};
+    memcpy(file.hash, secret.hash, 32);
+    struct hgp_asset_load load = {.asset = anna.first_id, .files = {&file, 1}};
+    peer_call(&anna, HGP_T_upload, &secret, HGP_T_ok);
+    peer_call(&anna, HGP_T_upload_query, &query, HGP_T_upload_have);
+    assert_true(anna.m.upload_have.have.items[0].value);
+    peer_call(&anna, HGP_T_asset_load, &load, HGP_T_asset_loaded);
+    load.asset = bert.first_id;
+    peer_call(&bert, HGP_T_upload_query, &query, HGP_T_upload_have);
+    assert_false(bert.m.upload_have.have.items[0].value);
+    peer_refused(&bert, HGP_T_asset_load, &load, HG_E_NOTFOUND);
+    peer_call(&bert, HGP_T_upload, &secret, HGP_T_ok); // whoever has it may use it
+    peer_call(&bert, HGP_T_asset_load, &load, HGP_T_asset_loaded);
+    peer_close(&anna);
+    peer_close(&bert);
+    daemon_finish(&d);
+}
+
 static void workers_are_limited_and_given_back(void **state)
 {
     (void)state;
@@ -139,7 +168,7 @@ static void workers_are_limited_and_given_back(void **state)
     enter(&bert, &d, "bert-token-1", NULL);
     peer_refused(
         &bert, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make("x")}, HG_E_LIMIT);
-    assert_non_null(memmem(bert.m.error.reason.data, bert.m.error.reason.size, "max-workers", 11));
+    assert_true(peer_says(&bert, "max-workers"));
     peer_call(&anna, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
     peer_scene(&bert, "x"); // anna's is idle, and its place is bert's now, in a process of its own
     assert_true(await_worker(&d, "bert", 0) != first);
@@ -174,6 +203,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(deaths_stay_with_their_tenant),
         cmocka_unit_test(scenes_belong_to_tenants),
+        cmocka_unit_test(uploads_belong_to_tenants),
         cmocka_unit_test(workers_are_limited_and_given_back),
         cmocka_unit_test(idle_workers_are_stopped),
     };

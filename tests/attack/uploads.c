@@ -17,24 +17,6 @@ static struct hgp_upload content_of(const void *data, uint32_t size)
     return m;
 }
 
-static bool is_there(struct peer *p, const uint8_t hash[32])
-{
-    struct hgp_content content;
-    memcpy(content.hash, hash, 32);
-    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
-        HGP_T_upload_have);
-    return p->m.upload_have.have.items[0].value;
-}
-
-static void enter(struct peer *p, struct daemon *d, const char *token)
-{
-    peer_connect(p, d, true);
-    peer_hello(p);
-    peer_auth(p, token);
-    assert_true(peer_next(p));
-    assert_int_equal(p->header.type, HGP_T_auth_ok);
-}
-
 static void announcements_evict_nothing(void **state)
 {
     (void)state;
@@ -44,16 +26,16 @@ static void announcements_evict_nothing(void **state)
     daemon_init_tokens(&d);
     daemon_option(&d, "upload-store", "16");
     daemon_start(&d);
-    enter(&honest, &d, "edit-token-1");
+    peer_enter(&honest, &d, "edit-token-1");
     peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
-    enter(&hostile, &d, "admin-token-1");
+    peer_enter(&hostile, &d, "admin-token-1");
     for (uint8_t i = 0; i < 16; i++) { // all of the store, sixteen times
         struct hgp_upload huge = {
             .total = 16 << 20, .hash = {i}, .data = {(const uint8_t *)"x", 1}};
         peer_tell(&hostile, HGP_T_upload, &huge);
     }
     peer_call(&hostile, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
-    assert_true(is_there(&honest, mine.hash));
+    assert_true(peer_has_upload(&honest, mine.hash));
     mine = content_of("more", 4); // and it is not full
     peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
     peer_close(&hostile);
@@ -70,10 +52,10 @@ static void quotas_survive_reconnecting(void **state)
     daemon_init_tokens(&d);
     daemon_option(&d, "max-upload-files", "50");
     daemon_start(&d);
-    enter(&honest, &d, "edit-token-1");
+    peer_enter(&honest, &d, "edit-token-1");
     peer_call(&honest, HGP_T_upload, &mine, HGP_T_ok);
     for (int round = 0; round < 4; round++) {
-        enter(&hostile, &d, "admin-token-1");
+        peer_enter(&hostile, &d, "admin-token-1");
         if (!round)
             peer_call(&hostile, HGP_T_upload, &first, HGP_T_ok);
         for (int i = 0; i < 20; i++) {
@@ -83,8 +65,8 @@ static void quotas_survive_reconnecting(void **state)
         }
         peer_close(&hostile);
     }
-    assert_true(is_there(&honest, mine.hash));
-    assert_false(is_there(&honest, first.hash)); // it went when its owner's quota was full
+    assert_true(peer_has_upload(&honest, mine.hash));
+    assert_false(peer_has_upload(&honest, first.hash)); // it went when its owner's quota was full
     peer_close(&honest);
     daemon_finish(&d);
 }

@@ -14,7 +14,7 @@ def daemon(helio, roots, cache=None, device=None):
     with tempfile.TemporaryDirectory(prefix="helio-") as folder:  # names of sockets have room for 108 bytes
         url, ready = "unix:%s/socket" % folder, os.path.join(folder, "ready")
         command = [os.path.join(os.path.dirname(helio), "heliod"), "--listen", url, "--port-file", ready,
-                   "--hang-timeout", "3600", "--log", "warn"]
+                   "--hang-timeout", "3600", "--sandbox", "best-effort", "--log", "warn"]
         for root in filter(os.path.isdir, roots):  # test data may be missing
             command += ["--asset-root", root]
         command += ["--cache-dir", cache] if cache else []

@@ -33,7 +33,7 @@ start_daemon() { # asset roots...
     local root roots=()
     for root; do roots+=(--asset-root "$root"); done
     url=unix:$temp/sock
-    "$heliod" --listen "$url" "${roots[@]}" --hang-timeout 3600 --log warn &
+    "$heliod" --listen "$url" "${roots[@]}" --hang-timeout 3600 --sandbox best-effort --log warn &
     daemon=$!
     answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
     until_true answers

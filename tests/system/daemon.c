@@ -57,6 +57,7 @@ void daemon_init(struct daemon *d)
     daemon_option(d, "worker", worker ? worker : text);
     daemon_option(d, "log", "debug");
     daemon_option(d, "isolation", "shared");
+    daemon_option(d, "sandbox", "best-effort"); // worker_sandbox tests the other way
 }
 
 void daemon_init_tokens(struct daemon *d)
@@ -299,6 +300,15 @@ pid_t daemon_worker(struct daemon *d, pid_t other_than)
     }
 }
 
+uint64_t daemon_allowed(uint64_t bytes)
+{
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+    return bytes * 5 + (UINT64_C(512) << 20); // shadow memory, quarantine
+#else
+    return bytes;
+#endif
+}
+
 uint64_t daemon_rss_bytes(struct daemon *d)
 {
     char path[64];
@@ -468,6 +478,21 @@ void peer_open(struct peer *p, struct daemon *d)
     assert_false(p->m.welcome.auth_required);
 }
 
+void peer_enter(struct peer *p, struct daemon *d, const char *token)
+{
+    peer_connect(p, d, true);
+    peer_hello(p);
+    peer_auth(p, token);
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_auth_ok);
+}
+
+bool peer_says(const struct peer *p, const char *text)
+{
+    const struct hgp_str *reason = &p->m.error.reason;
+    return memmem(reason->data, reason->size, text, strlen(text)) != NULL;
+}
+
 void peer_scene(struct peer *p, const char *name)
 {
     peer_call(p, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make(name)},
@@ -479,6 +504,15 @@ void peer_open_scene(struct peer *p, struct daemon *d, const char *name)
 {
     peer_open(p, d);
     peer_scene(p, name);
+}
+
+bool peer_has_upload(struct peer *p, const uint8_t hash[32])
+{
+    struct hgp_content content;
+    memcpy(content.hash, hash, 32);
+    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
+        HGP_T_upload_have);
+    return p->m.upload_have.have.items[0].value;
 }
 
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height)

@@ -41,6 +41,7 @@ char *daemon_read(struct daemon *d, const char *name);       // caller frees
 void daemon_wait_log(struct daemon *d, const char *text);    // until the log contains it
 pid_t daemon_worker(struct daemon *d, pid_t other_than);     // newest worker, once it is another
 uint64_t daemon_rss_bytes(struct daemon *d);
+uint64_t daemon_allowed(uint64_t bytes); // more under sanitizers, which keep what was freed
 
 struct peer {
     int fd;
@@ -56,6 +57,9 @@ void peer_connect(struct peer *p, struct daemon *d, bool tcp); // only the socke
 void peer_hello(struct peer *p);                               // preface, hello, welcome
 void peer_auth(struct peer *p, const char *token);             // auth, no answer awaited
 void peer_open(struct peer *p, struct daemon *d);              // unix, open session
+void peer_enter(struct peer *p, struct daemon *d, const char *token); // tcp, open session
+bool peer_says(const struct peer *p, const char *text); // the error that came has it as its reason
+bool peer_has_upload(struct peer *p, const uint8_t hash[32]); // upload_query of one content
 void peer_scene(struct peer *p, const char *name);
 void peer_open_scene(struct peer *p, struct daemon *d, const char *name); // both
 void peer_view(struct peer *p, uint32_t view, uint32_t width, uint32_t height);

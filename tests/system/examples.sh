@@ -19,7 +19,7 @@ f 2 5 3
 f 3 5 4
 f 4 5 1
 END
-"$heliod" --listen "$url" --asset-root "$temp/models" --log warn &
+"$heliod" --listen "$url" --asset-root "$temp/models" --sandbox best-effort --log warn &
 daemon=$!
 until_true test -S "$temp/heliod.sock"
 python=("$PYTHON3" "$HELIO_SOURCE_DIR/docs/examples/client.py")

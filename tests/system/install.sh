@@ -27,7 +27,7 @@ install_package() {
 if [ "${1:-}" = package ]; then install_package; else install_prefix; fi
 here=$root$prefix
 
-for file in bin/helio bin/heliod libexec/helio-worker libexec/helio-bench include/helio/helio.h \
+for file in bin/helio bin/heliod libexec/helio-worker libexec/helio-loader libexec/helio-bench include/helio/helio.h \
     share/man/man1/helio.1 share/man/man1/helio-render.1 share/man/man8/heliod.8 \
     share/bash-completion/completions/helio share/zsh/site-functions/_helio \
     lib/systemd/system/heliod.service lib/systemd/system/heliod.socket lib/sysusers.d/heliograph.conf \
@@ -41,7 +41,7 @@ grep -q "^ExecStart=$prefix/bin/heliod " "$here/lib/systemd/system/heliod.servic
 unset HELIO_WORKER HELIO_BENCH
 PATH=/usr/bin:/bin
 expect 0 "$here/bin/helio" render demo: -o "$temp/a.png" --size 64x48 --samples 1
-"$here/bin/heliod" --listen "unix:$temp/sock" --log warn &
+"$here/bin/heliod" --listen "unix:$temp/sock" --sandbox best-effort --log warn &
 daemon=$!
 answers() { "$here/bin/helio" ping --count 1 --connect "unix:$temp/sock" >/dev/null 2>&1; }
 until_true answers

@@ -452,15 +452,6 @@ static struct hgp_upload piece(const uint8_t *data, size_t total, size_t offset,
     return m;
 }
 
-static bool is_there(struct peer *p, const uint8_t hash[32])
-{
-    struct hgp_content content;
-    memcpy(content.hash, hash, 32);
-    peer_call(p, HGP_T_upload_query, &(struct hgp_upload_query){.contents = {&content, 1}},
-        HGP_T_upload_have);
-    return p->m.upload_have.have.items[0].value;
-}
-
 static void uploads_are_kept_once(void **state)
 {
     (void)state;
@@ -472,14 +463,14 @@ static void uploads_are_kept_once(void **state)
     daemon_begin(&d);
     peer_open(&p, &d);
     struct hgp_upload m = piece(data, SIZE, 0, PIECE);
-    assert_false(is_there(&p, m.hash));
+    assert_false(peer_has_upload(&p, m.hash));
     peer_tell(&p, HGP_T_upload, &m);
     m = piece(data, SIZE, PIECE, PIECE);
     peer_tell(&p, HGP_T_upload, &m);
     m = piece(data, SIZE, 2 * PIECE, PIECE);
     peer_call(&p, HGP_T_upload, &m, HGP_T_ok);
     peer_open(&q, &d);
-    assert_true(is_there(&q, m.hash)); // for every session
+    assert_true(peer_has_upload(&q, m.hash)); // for every session
     char hex[HG_SHA256_HEX], name[128];
     hg_sha256_hex(m.hash, hex);
     snprintf(name, sizeof name, "cache/uploads/%s", hex);
@@ -501,16 +492,16 @@ static void uploads_are_kept_once(void **state)
     m = piece(data, SIZE, 0, SIZE);
     m.hash[5] ^= 1;
     peer_refused(&p, HGP_T_upload, &m, HG_E_HASH);
-    assert_false(is_there(&p, m.hash));
+    assert_false(peer_has_upload(&p, m.hash));
     m = piece(data, SIZE, PIECE, PIECE);
     peer_refused(&p, HGP_T_upload, &m, HG_E_STATE);
-    assert_false(is_there(&p, m.hash));
+    assert_false(peer_has_upload(&p, m.hash));
     assert_false(daemon_has_file(&d, "cache/uploads/.incoming.2"));
     // Nothing at all is a content, too.
     struct hgp_upload empty = {0};
     assert_int_equal(hg_sha256("", 0, empty.hash), HG_OK);
     peer_call(&p, HGP_T_upload, &empty, HGP_T_ok);
-    assert_true(is_there(&p, empty.hash));
+    assert_true(peer_has_upload(&p, empty.hash));
     free(data);
     peer_close(&p);
     peer_close(&q);
@@ -540,7 +531,7 @@ static void full_disk_on_upload(void **state)
     }
     struct hgp_upload m = piece(data, SIZE, 2 * PIECE, PIECE);
     peer_refused(&p, HGP_T_upload, &m, HG_E_NOSPACE);
-    assert_false(is_there(&p, m.hash));
+    assert_false(peer_has_upload(&p, m.hash));
     assert_false(daemon_has_file(&d, "cache/uploads/.incoming.1")); // nothing is left behind
     // What fits is taken.
     m = piece(data, PIECE, 0, PIECE);

@@ -387,10 +387,10 @@ static void store_evicts_what_nobody_uses(void **state)
     struct hg_upload_owner *owner = owner_of(store, 1);
     put(store, owner, 1, 1000, a); // two blocks each
     put(store, owner, 2, 1000, b);
-    assert_true(hg_upload_store_has(store, a)); // used: b is the oldest now
-    put(store, owner, 3, BLOCK + 1, c);         // three
-    assert_true(hg_upload_store_has(store, a) && !hg_upload_store_has(store, b) &&
-                hg_upload_store_has(store, c));
+    assert_true(hg_upload_store_has(store, NULL, a)); // used: b is the oldest now
+    put(store, owner, 3, BLOCK + 1, c);               // three
+    assert_true(hg_upload_store_has(store, NULL, a) && !hg_upload_store_has(store, NULL, b) &&
+                hg_upload_store_has(store, NULL, c));
     assert_int_equal(hg_upload_store_pin(store, a), HG_OK);
     assert_int_equal(hg_upload_store_pin(store, c), HG_OK);
     // An announcement takes a block; what does not fit beside what is in use is refused.
@@ -401,12 +401,12 @@ static void store_evicts_what_nobody_uses(void **state)
     assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     hg_upload_store_unpin(store, a);
     put(store, owner, 4, 500, d);
-    assert_true(!hg_upload_store_has(store, a) && hg_upload_store_has(store, c) &&
-                hg_upload_store_has(store, d));
+    assert_true(!hg_upload_store_has(store, NULL, a) && hg_upload_store_has(store, NULL, c) &&
+                hg_upload_store_has(store, NULL, d));
     assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     // An announcement of everything evicts nothing; given up it leaves no file.
     assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK, &upload, &err), HG_OK);
-    assert_true(hg_upload_store_has(store, c) && hg_upload_store_has(store, d));
+    assert_true(hg_upload_store_has(store, NULL, c) && hg_upload_store_has(store, NULL, d));
     hg_upload_abort(upload);
     assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK + 1, &upload, &err), HG_E_LIMIT);
@@ -414,11 +414,47 @@ static void store_evicts_what_nobody_uses(void **state)
     // A later run finds what is there, and clears away what was under way.
     test_text_write(folder, "cache/deep/uploads/.incoming.7", "rest");
     assert_int_equal(hg_upload_store_create(uploads, 6 * BLOCK, &store, &err), HG_OK);
-    assert_true(hg_upload_store_has(store, c) && hg_upload_store_has(store, d));
+    assert_true(hg_upload_store_has(store, NULL, c) && hg_upload_store_has(store, NULL, d));
     assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     assert_true(access(path_of("cache/deep/uploads/.incoming.7"), F_OK) != 0);
     hg_upload_store_forget(store, c);
-    assert_false(hg_upload_store_has(store, c));
+    assert_false(hg_upload_store_has(store, NULL, c));
+    hg_upload_store_destroy(store);
+}
+
+// What two have sent is stored once, and each sees it only when it has sent all of it.
+static void contents_have_owners(void **state)
+{
+    (void)state;
+    struct hg_upload_store *store;
+    struct hg_error err;
+    uint8_t hash[32], again[32];
+    assert_int_equal(hg_upload_store_create(path_of("owners"), 1 << 20, &store, &err), HG_OK);
+    struct hg_upload_owner *anna = owner_of(store, 1), *bert = owner_of(store, 2);
+    put(store, anna, 1, 100, hash);
+    assert_true(hg_upload_store_has(store, anna, hash));
+    assert_false(hg_upload_store_has(store, bert, hash));
+    put(store, bert, 1, 100, again);
+    assert_memory_equal(hash, again, 32);
+    assert_true(hg_upload_store_has(store, bert, hash));
+    assert_int_equal(hg_upload_store_bytes(store), 2 * BLOCK);
+    assert_int_equal(hg_upload_owner_usage(bert).files, 1);
+    // One's quota takes it from that one only.
+    hg_upload_owner_set_quota(anna, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 1});
+    put(store, anna, 2, 100, again);
+    assert_false(hg_upload_store_has(store, anna, hash));
+    assert_true(hg_upload_store_has(store, bert, hash));
+    hg_upload_store_destroy(store);
+    // A later run knows whose they are.
+    assert_int_equal(hg_upload_store_create(path_of("owners"), 1 << 20, &store, &err), HG_OK);
+    anna = owner_of(store, 1);
+    bert = owner_of(store, 2);
+    assert_true(hg_upload_store_has(store, bert, hash) && hg_upload_store_has(store, anna, again));
+    assert_false(hg_upload_store_has(store, anna, hash) || hg_upload_store_has(store, bert, again));
+    assert_int_equal(hg_upload_owner_usage(anna).bytes, 2 * BLOCK);
+    hg_upload_store_forget(store, hash);
+    assert_false(hg_upload_store_has(store, bert, hash));
+    assert_int_equal(hg_upload_owner_usage(bert).files, 0);
     hg_upload_store_destroy(store);
 }
 
@@ -438,8 +474,8 @@ static void owners_have_quotas(void **state)
     for (uint32_t i = 0; i < 300; i++)
         put(store, greedy, 1000 + i, 4, hash);
     assert_int_equal(hg_upload_owner_usage(greedy).files, 100);
-    assert_false(hg_upload_store_has(store, first));
-    assert_true(hg_upload_store_has(store, other) && hg_upload_store_has(store, hash));
+    assert_false(hg_upload_store_has(store, NULL, first));
+    assert_true(hg_upload_store_has(store, NULL, other) && hg_upload_store_has(store, NULL, hash));
     for (uint32_t i = 0; i < 100; i++)
         put(store, greedy, 5000 + i, 6 * BLOCK, hash);
     assert_true(hg_upload_owner_usage(greedy).bytes <= 1 << 20);
@@ -557,6 +593,7 @@ int main(void)
         cmocka_unit_test(addresses_are_checked),
         cmocka_unit_test(store_evicts_what_nobody_uses),
         cmocka_unit_test(owners_have_quotas),
+        cmocka_unit_test(contents_have_owners),
         cmocka_unit_test(streams_are_cut_into_messages),
         cmocka_unit_test(scenes_are_spread_over_workers),
     };

@@ -10,8 +10,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/vfs.h>
+#include <unistd.h>
 
+#include "base/sha256.h"
 #include "tests/system/worker_link_rig.h"
 
 // ---- tests --------------------------------------------------------------------------------------
@@ -227,6 +230,45 @@ static void test_lights_need_the_size_of_their_kind(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &none), HG_E_INVAL, "radius");
 }
 
+// Profiles are photometric files, textures have to be there; a light does without one that is
+// removed.
+static void test_lights_with_profile_and_texture(void **state)
+{
+    struct rig *rig = *state;
+    static const char ies[] = "TILT=NONE\n1 -1 1 2 1 1 1 0 0 0\n1 1 20\n0 180\n0\n250 50\n";
+    static const uint8_t pixel[4] = {255, 0, 0, 255};
+    link_attach(rig, 1, "a");
+    struct hgp_light_set light = {.light = FIRST_ID,
+        .has_kind = true,
+        .kind = HGP_light_kind_SPOT,
+        .has_profile = true,
+        .profile = {(const uint8_t *)"TILT=NONE\n1 x", 13}};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &light), HG_E_FORMAT, "line 2");
+    light.profile = (struct hgp_bytes){(const uint8_t *)ies, sizeof ies - 1};
+    light.has_texture = true;
+    light.texture = FIRST_ID + 1;
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_light_set, &light), HG_E_NOTFOUND, "texture");
+    struct hgp_object_remove remove = {.kind = HGP_object_kind_LIGHT, .object = FIRST_ID};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_object_remove, &remove), HG_E_NOTFOUND, NULL);
+    struct hgp_texture_set texture = {.texture = FIRST_ID + 1,
+        .format = HGP_pixel_format_RGBA8_SRGB,
+        .width = 1,
+        .height = 1,
+        .pixels = {pixel, sizeof pixel}};
+    link_expect(rig, link_ask(rig, 1, HGP_T_texture_set, &texture), HGP_T_ok);
+    light.has_lumens = light.has_profile_absolute = true;
+    light.lumens = 800;
+    link_expect(rig, link_ask(rig, 1, HGP_T_light_set, &light), HGP_T_ok);
+    link_expect(
+        rig, link_ask(rig, 1, HGP_T_texture_set, &texture), HGP_T_ok); // its image is made anew
+    remove.kind = HGP_object_kind_TEXTURE;
+    remove.object = FIRST_ID + 1;
+    link_expect(rig, link_ask(rig, 1, HGP_T_object_remove, &remove), HGP_T_ok);
+    light.has_texture = false;
+    light.profile.size = 0; // none
+    link_expect(rig, link_ask(rig, 1, HGP_T_light_set, &light), HGP_T_ok);
+}
+
 static void test_refused_edits_make_no_objects(void **state)
 {
     struct rig *rig = *state;
@@ -384,6 +426,42 @@ static void test_a_whole_file_after_a_part(void **state)
     assert_int_equal(send_part(rig, 2, 1, &one), HG_E_INVAL);
 }
 
+// A few bytes that claim much are refused before memory is taken for them.
+static void test_huge_comparisons_are_refused(void **state)
+{
+    struct rig *rig = *state;
+    static const char huge[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 16384\n";
+    const struct hgp_bytes bytes = {(const uint8_t *)huge, sizeof huge - 1};
+    link_attach(rig, 1, "huge");
+    link_expect_error(rig,
+        link_ask(rig, 1, HGP_T_compare,
+            &(struct hgp_compare){.metric = HGP_metric_FLIP, .a = bytes, .b = bytes}),
+        HG_E_LIMIT, NULL);
+}
+
+// What the store has under a hash must have it; the error does not tell where that lies.
+static void test_damaged_uploads_are_refused(void **state)
+{
+    struct rig *rig = *state;
+    char folder[4200], path[4400], hex[HG_SHA256_HEX];
+    struct hgp_environment_set set = {
+        .has_kind = true, .kind = HGP_environment_kind_FILE, .has_hash = true};
+    assert_int_equal(hg_sha256("what was sent", 13, set.hash), HG_OK);
+    hg_sha256_hex(set.hash, hex);
+    snprintf(folder, sizeof folder, "%s/uploads", link_cache_folder(path, sizeof path));
+    mkdir(folder, 0700);
+    snprintf(path, sizeof path, "%s/%s", folder, hex);
+    test_file_write(path, "something else", 14);
+    link_attach(rig, 1, "damaged");
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_environment_set, &set), HG_E_HASH, NULL);
+    const struct hgp_str *what = &rig->message.error.what;
+    assert_null(memchr(what->data, '/', what->size));
+    assert_int_equal(unlink(path), 0);
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_environment_set, &set), HG_E_NOTFOUND, NULL);
+    what = &rig->message.error.what;
+    assert_null(memchr(what->data, '/', what->size));
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, link_start, link_stop)
@@ -400,6 +478,7 @@ int main(void)
         TEST(test_an_assets_transform_moves_it_and_goes_with_it),
         TEST(test_comparison_of_bytes_that_are_no_image),
         TEST(test_lights_need_the_size_of_their_kind),
+        TEST(test_lights_with_profile_and_texture),
         TEST(test_refused_edits_make_no_objects),
         TEST(test_scene_open_without_a_session_is_answered),
         TEST(test_a_peer_may_leave_without_reading),
@@ -408,6 +487,12 @@ int main(void)
         TEST(test_a_whole_file_after_a_part),
         cmocka_unit_test_setup_teardown(
             test_verified_files_take_no_memory, link_start_with_cache, link_stop),
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // they pass any limit
+        cmocka_unit_test_setup_teardown(
+            test_huge_comparisons_are_refused, link_start_with_limit, link_stop),
+#endif
+        cmocka_unit_test_setup_teardown(
+            test_damaged_uploads_are_refused, link_start_with_cache, link_stop),
     };
     return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
 }

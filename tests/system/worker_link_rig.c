@@ -19,7 +19,7 @@
 
 extern char **environ;
 
-static int start_with(void **state, const char *option, const char *value)
+int link_start_with(void **state, const char *const *options)
 {
     struct rig *rig = calloc(1, sizeof *rig);
     int pair[2];
@@ -31,8 +31,9 @@ static int start_with(void **state, const char *option, const char *value)
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, pair[1], 3);
-    char *argv[] = {rig->path, "--fd", "3", "--asset-root", rig->root, "--log", "warn",
-        (char *)(uintptr_t)option, (char *)(uintptr_t)value, NULL};
+    char *argv[24] = {rig->path, "--fd", "3", "--asset-root", rig->root, "--log", "warn"};
+    for (int i = 0; options[i]; i++)
+        argv[7 + i] = (char *)(uintptr_t)options[i];
     assert_int_equal(posix_spawn(&rig->pid, rig->path, &actions, NULL, argv, environ), 0);
     posix_spawn_file_actions_destroy(&actions);
     close(pair[1]);
@@ -43,7 +44,7 @@ static int start_with(void **state, const char *option, const char *value)
 
 int link_start(void **state)
 {
-    return start_with(state, NULL, NULL);
+    return link_start_with(state, (const char *[]){NULL});
 }
 
 char *link_cache_folder(char *path, size_t size)
@@ -56,7 +57,13 @@ char *link_cache_folder(char *path, size_t size)
 int link_start_with_cache(void **state)
 {
     char folder[4200];
-    return start_with(state, "--cache-dir", link_cache_folder(folder, sizeof folder));
+    return link_start_with(
+        state, (const char *[]){"--cache-dir", link_cache_folder(folder, sizeof folder), NULL});
+}
+
+int link_start_with_limit(void **state)
+{
+    return link_start_with(state, (const char *[]){"--memory-limit", "1024", NULL});
 }
 
 static void forget_answer(struct rig *rig)

@@ -22,8 +22,12 @@ struct rig {
 };
 
 int link_start(void **state); // set-up of a test
+// The same with more options, of which the last is NULL; at most 16.
+int link_start_with(void **state, const char *const *options);
 // With a folder for what is large; on a disk, where the build is on one.
 int link_start_with_cache(void **state);
+// With a GiB of memory.
+int link_start_with_limit(void **state);
 char *link_cache_folder(char *path, size_t size);
 // Tear-down: the worker has to end with exit code 0.
 int link_stop(void **state);

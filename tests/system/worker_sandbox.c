@@ -85,6 +85,25 @@ static int inside(int (*attempt)(void))
     return WEXITSTATUS(status);
 }
 
+// Where the kernel lacks something a worker that must be confined does not start.
+static void test_require(void **state)
+{
+    (void)state;
+    pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) {
+        const struct worker_options options = {.sandbox = HG_SANDBOX_REQUIRE, .cache_dir = cache};
+        struct hg_error err = {0};
+        enum hg_status status = hg_sandbox_enter(&options, &err);
+        bool says = err.reason[0] != 0;
+        _exit(status == HG_OK ? 0 : status == HG_E_UNSUPPORTED && says ? 1 : 255);
+    }
+    int status = 0;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), landlock_abi() ? 0 : 1);
+}
+
 static int open_read(const char *path)
 {
     int fd = open(path, O_RDONLY | O_CLOEXEC);
@@ -301,6 +320,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_files),
         cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_signals),
-        cmocka_unit_test(test_processes), cmocka_unit_test(test_programs_sockets_and_memory)};
+        cmocka_unit_test(test_processes), cmocka_unit_test(test_require),
+        cmocka_unit_test(test_programs_sockets_and_memory)};
     return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);
 }

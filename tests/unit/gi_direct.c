@@ -264,10 +264,42 @@ static void test_projected(void **state)
     }
 }
 
+// Of more tables than there is room for, the last lights do without; equal lights share one.
+static void test_many_tables(void **state)
+{
+    (void)state;
+    enum { LIGHTS = 1100 };
+    struct lit l;
+    float factors[4] = {1, 1, 1, 1};
+    begin(&l, HG_LIGHT_POINT);
+    assert_int_equal(hg_light_profile_create(factors, 4, 1, &l.light->profile), HG_OK);
+    for (uint64_t i = 1; i < LIGHTS; i++) {
+        struct hg_node *node = (struct hg_node *)add(l.scene, HG_OBJECT_NODE, 2 * i + 1);
+        node->light = (struct hg_light *)add(l.scene, HG_OBJECT_LIGHT, 2 * i + 2);
+        node->light->kind = HG_LIGHT_POINT;
+        if (i == 1)
+            node->light->profile = hg_light_table_ref(l.light->profile);
+        else
+            assert_int_equal(hg_light_profile_create(factors, 4, 1, &node->light->profile), HG_OK);
+    }
+    const double origin[3] = {0};
+    hg_scene_update(l.scene);
+    assert_int_equal(hg_light_set_collect(&l.set, l.scene, origin), HG_OK);
+    assert_int_equal(l.set.count, LIGHTS);
+    assert_int_equal(l.set.items[0].profile, 0);
+    assert_int_equal(l.set.items[1].profile, 0);
+    assert_int_equal(l.set.items[2].profile, 5);
+    assert_int_equal(l.set.items[1024].profile, 5 * 1023);
+    assert_int_equal(l.set.items[1025].profile, HG_LIGHT_NO_TABLE);
+    assert_int_equal(l.set.left_out, LIGHTS - 1025);
+    assert_int_equal(l.set.word_count, 5 * 1024);
+    end(&l);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_spheres), cmocka_unit_test(test_flat),
         cmocka_unit_test(test_tube), cmocka_unit_test(test_profile),
-        cmocka_unit_test(test_projected)};
+        cmocka_unit_test(test_projected), cmocka_unit_test(test_many_tables)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -467,6 +467,37 @@ static void test_target(void **state)
     hg_refbuf_unref(settled[1]);
 }
 
+// Sharpened pictures in motion are others, settled ones are not.
+static void test_sharpen(void **state)
+{
+    (void)state;
+    struct hg_refbuf *pictures[2][3];
+    for (int i = 0; i < 2; i++) {
+        struct rig rig;
+        open_rig(&rig, 2);
+        add_fence(&rig);
+        const struct hg_view_params params = {.width = WIDTH,
+            .height = HEIGHT,
+            .samples = 8,
+            .temporal = HG_TEMPORAL_AUTO,
+            .scale = 67,
+            .sharpen = i == 0 ? 0 : 1};
+        hg_scene_publish(rig.scene);
+        rig_view(&rig, &params);
+        hg_refbuf_unref(move_to(&rig, 0, 0));
+        pictures[i][0] = move_to(&rig, STEP_M, 0);
+        pictures[i][1] = move_to(&rig, 2 * STEP_M, 0);
+        rig_settle(&rig, 16);
+        pictures[i][2] = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        rig_close(&rig);
+    }
+    for (int k = 0; k < 2; k++)
+        assert_true(difference(pictures[0][k], pictures[1][k]) > 0.05);
+    rig_assert_same(pictures[0][2], pictures[1][2]);
+    for (int k = 0; k < 6; k++)
+        hg_refbuf_unref(pictures[k / 3][k % 3]);
+}
+
 // A camera that jumps shows the picture of a view that never was elsewhere.
 static void test_teleport(void **state)
 {
@@ -566,7 +597,8 @@ int main(void)
         cmocka_unit_test(test_error_falls), cmocka_unit_test(test_scale),
         cmocka_unit_test(test_checkerboard), cmocka_unit_test(test_checkerboard_holes),
         cmocka_unit_test(test_scale_view), cmocka_unit_test(test_same_bytes),
-        cmocka_unit_test(test_target), cmocka_unit_test(test_teleport),
-        cmocka_unit_test(test_ghosts), cmocka_unit_test(test_posed_edges)};
+        cmocka_unit_test(test_target), cmocka_unit_test(test_sharpen),
+        cmocka_unit_test(test_teleport), cmocka_unit_test(test_ghosts),
+        cmocka_unit_test(test_posed_edges)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

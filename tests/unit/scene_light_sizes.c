@@ -1,4 +1,4 @@
-// What the glTF loader makes of the size of lights.
+// What the glTF loader makes of the size of lights and of the optics of cameras.
 #include <stdarg.h>
 #include <stddef.h>
 #include <setjmp.h>
@@ -49,8 +49,27 @@ static void test_light_sizes(void **state)
     hg_asset_destroy(asset);
 }
 
+// Lens and sensor in extras of cameras, and of the nodes that have them.
+static void test_camera_optics(void **state)
+{
+    (void)state;
+    static struct memory_gltf other;
+    struct hg_asset *asset = memory_load_ok(&other,
+        "\"cameras\":[{\"type\":\"perspective\",\"perspective\":{\"yfov\":1,\"znear\":0.1},"
+        "\"extras\":{\"fNumber\":2.8,\"iso\":-3,\"focus_distance\":\"near\"}}],"
+        "\"nodes\":[{\"camera\":0,\"extras\":{\"shutter_time\":0.02,\"iso\":200,"
+        "\"sensor_mm\":24,\"focusDistance\":3}}]");
+    const struct hg_camera_optics *o = &asset->cameras[0]->optics;
+    assert_true(o->f_number == 2.8f && o->shutter_s == 0.02f && o->iso == 200);
+    assert_true(o->sensor_mm == 24 && o->focus_distance == 3);
+    assert_int_equal(asset->warning_count, 2);
+    assert_string_equal(asset->warnings[0].where, "/cameras/0/extras/iso");
+    hg_asset_destroy(asset);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_light_sizes)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_light_sizes), cmocka_unit_test(test_camera_optics)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "renderer/temporal/look_up.h"
+#include "renderer/temporal/sharpen.h"
 
 #define WIDTH    203
 #define HEIGHT   5
@@ -92,8 +93,56 @@ static void test_filters(void **state)
         assert_true(found[0][4 * i] > -0.6f && found[0][4 * i] < 1.6f && found[0][4 * i] != 0);
 }
 
+static uint8_t channel(const uint8_t *rgba, uint32_t x, uint32_t y, uint32_t c)
+{
+    return rgba[4 * (y * WIDTH + x) + c];
+}
+
+// Ramps become steeper and nothing goes beyond its neighbours, so what is flat stays, and alpha
+// does.
+static void test_sharpen(void **state)
+{
+    (void)state;
+    static uint8_t from[WIDTH * HEIGHT * 4], to[2][WIDTH * HEIGHT * 4];
+    const uint32_t size[2] = {WIDTH, HEIGHT};
+    struct hg_jobs *jobs = hg_jobs_create(2);
+    uint32_t random = 7, moved = 0;
+    assert_non_null(jobs);
+    for (uint32_t i = 0; i < WIDTH * HEIGHT; i++) {
+        const uint32_t x = i % WIDTH;
+        from[4 * i] = (uint8_t)(x < 6 ? 60 : x < 9 ? 60 + 10 * (x - 5) * (x - 5) : 150); // a bend
+        from[4 * i + 1] = 90;
+        from[4 * i + 2] = from[4 * i + 3] = (uint8_t)next(&random);
+    }
+    hg_temporal_sharpen(jobs, from, size, 0, to[0]);
+    assert_memory_equal(from, to[0], sizeof from);
+    hg_temporal_sharpen(jobs, from, size, 0.5f, to[0]);
+    hg_temporal_sharpen(jobs, from, size, 1, to[1]);
+    for (uint32_t y = 1; y + 1 < HEIGHT; y++)
+        for (uint32_t x = 1; x + 1 < WIDTH; x++) {
+            assert_int_equal(channel(to[1], x, y, 1), 90);
+            assert_int_equal(channel(to[1], x, y, 3), channel(from, x, y, 3));
+            const uint8_t five[5] = {channel(from, x, y, 2), channel(from, x - 1, y, 2),
+                channel(from, x + 1, y, 2), channel(from, x, y - 1, 2), channel(from, x, y + 1, 2)};
+            uint8_t low = 255, high = 0;
+            for (int k = 0; k < 5; k++) {
+                low = five[k] < low ? five[k] : low;
+                high = five[k] > high ? five[k] : high;
+            }
+            assert_true(channel(to[1], x, y, 2) >= low && channel(to[1], x, y, 2) <= high);
+            moved += channel(to[1], x, y, 2) != five[0];
+        }
+    assert_true(moved > WIDTH * HEIGHT / 8);
+    // The bend upwards at x = 6 and 7 gets deeper, by more with more strength.
+    for (uint32_t x = 6; x < 8; x++)
+        assert_true(channel(to[1], x, 2, 0) < channel(to[0], x, 2, 0) &&
+                    channel(to[0], x, 2, 0) < channel(from, x, 2, 0));
+    hg_jobs_destroy(jobs);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_runs), cmocka_unit_test(test_filters)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_runs), cmocka_unit_test(test_filters),
+        cmocka_unit_test(test_sharpen)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

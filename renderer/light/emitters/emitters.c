@@ -15,7 +15,9 @@
 #include "renderer/light/env/sky.h"
 #include "renderer/math/vec.h"
 
-#define SKY_SUN_RAD 0.012f // of the disc in the image of a sky, its soft edge included
+// Of the disc in the image of a sky: its own radius, a texel of soft edge, and the diagonal of a
+// texel that bilinear lookups spread it over.
+#define SKY_SUN_RAD 0.0195f
 
 #define BUDGET     (96ull << 20)
 #define LEAF_BYTES (2 * sizeof(struct hg_gpu_light_node) + sizeof(struct hg_gpu_emitter_leaf) + 4)

@@ -9,6 +9,7 @@
 #ifndef HG_RENDERER_SCENE_FORMATS_FORMATS_H
 #define HG_RENDERER_SCENE_FORMATS_FORMATS_H
 
+#include "base/isolate.h"
 #include "renderer/scene/load.h"
 
 typedef enum hg_status hg_format_load_fn(const struct hg_load_params *params,
@@ -18,6 +19,7 @@ typedef enum hg_status hg_format_load_fn(const struct hg_load_params *params,
 // params->fetch. References `main`.
 enum hg_status hg_gltf_load(const struct hg_load_params *params, struct hg_refbuf *main,
     const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
+hg_isolate_serve_fn hg_draco_serve HG_MUST_CHECK; // of HG_ISOLATE_DRACO and HG_ISOLATE_DRACO_VALUES
 
 // mesh/
 hg_format_load_fn hg_ply_load HG_MUST_CHECK;
@@ -25,10 +27,11 @@ hg_format_load_fn hg_stl_load HG_MUST_CHECK;
 hg_format_load_fn hg_obj_load HG_MUST_CHECK;
 hg_format_load_fn hg_off_load HG_MUST_CHECK;
 
-// import/: FBX and Collada through assimp. Whether the name's ending is one of these; also
-// HG_E_UNSUPPORTED.
+// import/: FBX and Collada through assimp, in a process of its own where there is one
+// (base/isolate.h). Whether the name's ending is one of these; also HG_E_UNSUPPORTED.
 bool hg_import_knows(const char *path);
 hg_format_load_fn hg_import_load HG_MUST_CHECK;
+hg_isolate_serve_fn hg_import_serve HG_MUST_CHECK; // of HG_ISOLATE_IMPORT, in that process
 // Inflates a gzip file. HG_E_FORMAT, HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_import_gunzip(const struct hg_refbuf *in, uint64_t limit_bytes, const char *label,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;

@@ -9,7 +9,7 @@ Rules (names as they are printed):
     floor       an include goes to the same or a higher floor
     down        rooms of floor 2 include each other only downhill, in the order of HILL
     apart       broker, worker and client meet only in the protocol; client and broker do not
-                include the renderer, the worker includes it without the benchmarks
+                include the renderer, worker and loader include it without the benchmarks
     border      a folder within a room is included from outside by another header than those of BORDERS
     pass        a pass includes another pass
     vulkan      Vulkan headers outside renderer/, also through headers of the project
@@ -42,7 +42,7 @@ FLOORS = {
     "renderer/pathtrace": 3.5,  # made of passes, without a view around it
     "renderer/frame": 4,
     "renderer": 5, "renderer/bake": 5,
-    "renderer/bench": 6, "server": 6, "server/broker": 6, "server/worker": 6, "client": 6,
+    "renderer/bench": 6, "server": 6, "server/broker": 6, "server/loader": 6, "server/worker": 6, "client": 6,
 }
 # Within floor 2 an include goes to a smaller number.
 HILL = {room: height for height, room in enumerate((
@@ -53,7 +53,8 @@ HILL = {room: height for height, room in enumerate((
 APART = {
     "server": {"server"},
     "server/broker": {"server", "server/broker"},
-    "server/worker": {"server", "server/worker", "renderer", "shaders/shared"},
+    "server/loader": {"server", "server/loader", "renderer"},
+    "server/worker": {"server", "server/loader", "server/worker", "renderer", "shaders/shared"},
     "client": {"client", "base/store"},
 }
 # Folders within rooms, and the headers by which files outside of them may include them.

@@ -182,6 +182,8 @@ static void finish(struct hg_gltf *g)
     hg_free(g->views);
     hg_free(g->images);
     json_decref(g->json);
+    if (g->draco)
+        hg_isolate_get()->close(g->draco);
     hg_asset_destroy(g->asset);
 }
 

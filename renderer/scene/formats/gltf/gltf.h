@@ -49,6 +49,7 @@ struct hg_gltf {
     uint32_t buffer_count, view_count, image_count, profile_count;
     uint32_t punctual_count; // lights of KHR_lights_punctual
     uint64_t memory_used, memory_limit;
+    struct hg_isolated *draco; // decodes compressed meshes; NULL: not started
     bool has_quantization; // KHR_mesh_quantization is declared
 };
 
@@ -88,6 +89,10 @@ bool hg_gltf_bool(const struct hg_gltf_at *at, const char *key, bool fallback);
 const char *hg_gltf_string(const struct hg_gltf_at *at, const char *key); // NULL: absent
 // Up to `count` numbers; absent: out is untouched and false is returned.
 bool hg_gltf_numbers(const struct hg_gltf_at *at, const char *key, float *out, size_t count);
+// Of extras: a number above 0 and at most `most` under one of the names, NULL last; 0: there is
+// none. Any other value is reported as a notice that names the owner ("light").
+float hg_gltf_read_extra(struct hg_gltf *g, const struct hg_gltf_at *extras, const char *owner,
+    const char *const *names, float most);
 // Index into an array of the file; -1 when absent.
 int64_t hg_gltf_index(const struct hg_gltf_at *at, const char *key);
 // Item `index` of the root array `name`. `up` holds the way to it and must live as long.
@@ -135,9 +140,20 @@ void hg_gltf_read_uints(const struct hg_gltf_accessor *a, uint32_t components, u
 // gltf_meshopt.c, gltf_draco.c
 enum hg_status hg_gltf_decode_meshopt(
     struct hg_gltf *g, const struct hg_gltf_at *extension, struct hg_gltf_view *view) HG_MUST_CHECK;
-struct hg_draco_mesh;
-enum hg_status hg_gltf_decode_draco(struct hg_gltf *g, const struct hg_gltf_at *extension,
-    struct hg_draco_mesh **out) HG_MUST_CHECK;
+struct hg_gltf_draco; // a decoded mesh; the next one of the load is decoded after its destruction
+struct hg_gltf_draco_attribute {
+    uint32_t id, component_type, components; // as the accessor has it
+};
+enum hg_status hg_gltf_draco_decode(struct hg_gltf *g, const struct hg_gltf_at *extension,
+    struct hg_gltf_draco **out) HG_MUST_CHECK;
+void hg_gltf_draco_destroy(struct hg_gltf_draco *draco); // accepts NULL
+uint32_t hg_gltf_draco_point_count(const struct hg_gltf_draco *draco);
+uint32_t hg_gltf_draco_face_count(const struct hg_gltf_draco *draco);
+void hg_gltf_draco_indices(const struct hg_gltf_draco *draco, uint32_t *out); // 3 a face
+// Tightly packed values of all points. HG_E_NOTFOUND, HG_E_FORMAT (not convertible); err->reason
+// where it says more.
+enum hg_status hg_gltf_draco_values(struct hg_gltf *g, const struct hg_gltf_draco *draco,
+    const struct hg_gltf_draco_attribute *attribute, void *out, struct hg_error *err) HG_MUST_CHECK;
 
 // gltf_mesh.c, gltf_material.c, gltf_texture.c, gltf_light.c, gltf_node.c, gltf_anim.c
 enum hg_status hg_gltf_load_images(struct hg_gltf *g) HG_MUST_CHECK;

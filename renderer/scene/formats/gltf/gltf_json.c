@@ -164,3 +164,19 @@ void *hg_gltf_alloc(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t cou
         g->memory_used = total;
     return memory;
 }
+
+float hg_gltf_read_extra(struct hg_gltf *g, const struct hg_gltf_at *extras, const char *owner,
+    const char *const *names, float most)
+{
+    for (; *names; names++) {
+        const struct hg_gltf_at at = hg_gltf_key(extras, *names);
+        const double value = json_number_value(at.json);
+        if (!at.json)
+            continue;
+        if (json_is_number(at.json) && value >= 0 && value <= (double)most)
+            return (float)value;
+        hg_gltf_warn(g, &at, "VALUE_NOT_IN_RANGE: a %s's %s is a number from 0 to %g", owner,
+            *names, (double)most);
+    }
+    return 0;
+}

@@ -11,21 +11,10 @@
 
 // ---- size --------------------------------------------------------------------------------------
 
-// A number above 0 and at most `most` under one of the names, NULL last; 0: there is none.
 static float read_size(
     struct hg_gltf *g, const struct hg_gltf_at *extras, const char *const *names, float most)
 {
-    for (; *names; names++) {
-        const struct hg_gltf_at at = hg_gltf_key(extras, *names);
-        const double value = json_number_value(at.json);
-        if (!at.json)
-            continue;
-        if (json_is_number(at.json) && value >= 0 && value <= (double)most)
-            return (float)value;
-        hg_gltf_warn(g, &at, "VALUE_NOT_IN_RANGE: a light's %s is a number from 0 to %g", *names,
-            (double)most);
-    }
-    return 0;
+    return hg_gltf_read_extra(g, extras, "light", names, most);
 }
 
 static void read_shape(struct hg_gltf *g, const struct hg_gltf_at *extras, struct hg_light *light)

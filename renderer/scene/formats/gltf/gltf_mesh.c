@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/scene/formats/gltf/draco.h"
 #include "renderer/scene/mesh_tools.h"
 #include "renderer/scene/xform.h"
 
@@ -16,7 +15,7 @@ struct primitive {
     struct hg_gltf *g;
     struct hg_gltf_at at, attributes, draco_at;
     struct hg_mesh_part *part;
-    struct hg_draco_mesh *draco;
+    struct hg_gltf_draco *draco;
     void *temps[MAX_TEMPS];
     uint32_t temp_count;
     uint32_t target_count;
@@ -53,7 +52,7 @@ static enum hg_status use_draco(struct primitive *p, const char *name, struct hg
     int64_t id = hg_gltf_index(&ids, name);
     if (!p->draco || id < 0)
         return HG_OK;
-    uint32_t points = hg_draco_point_count(p->draco);
+    uint32_t points = hg_gltf_draco_point_count(p->draco);
     if (a->count != points)
         hg_gltf_warn(p->g, &p->attributes, "%s: %u elements declared, %u in the compressed data",
             name, a->count, points);
@@ -69,8 +68,11 @@ static enum hg_status use_draco(struct primitive *p, const char *name, struct hg
                    : hg_gltf_fail(p->g, &p->draco_at, HG_E_LIMIT, "too many compressed attributes");
     p->temps[p->temp_count++] = data;
     a->data = data;
-    enum hg_status status =
-        hg_draco_attribute(p->draco, (uint32_t)id, a->component_type, a->rows, data);
+    const struct hg_gltf_draco_attribute wanted = {(uint32_t)id, a->component_type, a->rows};
+    struct hg_error err = {0};
+    const enum hg_status status = hg_gltf_draco_values(p->g, p->draco, &wanted, data, &err);
+    if (status == HG_E_LIMIT || status == HG_E_CANCELLED)
+        return hg_gltf_fail(p->g, &p->draco_at, status, "Draco: %.230s", err.reason);
     if (status)
         return hg_gltf_fail(p->g, &p->draco_at, HG_E_FORMAT,
             "attribute %s with id %lld is not in the compressed data", name, (long long)id);
@@ -328,11 +330,11 @@ static enum hg_status read_skinning(struct primitive *p)
 static enum hg_status open_indices(struct primitive *p, uint32_t **raw, uint32_t *count)
 {
     if (p->draco) {
-        *count = hg_draco_face_count(p->draco) * 3;
+        *count = hg_gltf_draco_face_count(p->draco) * 3;
         *raw = hg_gltf_alloc(p->g, &p->draco_at, *count, sizeof **raw);
         if (!*raw)
             return p->g->err->status;
-        hg_draco_indices(p->draco, *raw);
+        hg_gltf_draco_indices(p->draco, *raw);
         return HG_OK;
     }
     int64_t index = hg_gltf_index(&p->at, "indices");
@@ -457,7 +459,7 @@ static enum hg_status read_primitive(struct primitive *p)
     p->draco_at = hg_gltf_extension(&p->at, "KHR_draco_mesh_compression", &extensions);
     enum hg_status status = HG_OK;
     if (p->draco_at.json)
-        status = hg_gltf_decode_draco(p->g, &p->draco_at, &p->draco);
+        status = hg_gltf_draco_decode(p->g, &p->draco_at, &p->draco);
     if (!status)
         status = read_positions(p);
     if (!status)
@@ -475,7 +477,7 @@ static enum hg_status read_primitive(struct primitive *p)
     p->part->material = find_material(p->g, hg_gltf_index(&p->at, "material"));
     for (uint32_t i = 0; i < p->temp_count; i++)
         hg_free(p->temps[i]);
-    hg_draco_destroy(p->draco);
+    hg_gltf_draco_destroy(p->draco);
     return status;
 }
 

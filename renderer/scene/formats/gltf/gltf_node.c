@@ -9,6 +9,32 @@
 
 // ---- cameras -----------------------------------------------------------------------------------
 
+// glTF knows no lenses and sensors: they are read from the extras of a camera and of the nodes that
+// have it (docs/internals/exposure.md, "Cameras of files").
+static void read_optics(struct hg_gltf *g, const struct hg_gltf_at *at, struct hg_camera *camera)
+{
+    static const char *const apertures[] = {"f_number", "fNumber", "fstop", NULL};
+    static const char *const shutters[] = {"shutter_s", "shutter_time", "exposure_time", NULL};
+    static const char *const speeds[] = {"iso", NULL};
+    static const char *const sensors[] = {"sensor_mm", "sensor_height", NULL};
+    static const char *const distances[] = {"focus_distance", "focusDistance", NULL};
+    const struct hg_gltf_at extras = hg_gltf_key(at, "extras");
+    struct hg_camera_optics *o = &camera->optics;
+    if (!json_is_object(extras.json))
+        return;
+    const struct {
+        const char *const *names;
+        float most, *to;
+    } values[] = {{apertures, 1000, &o->f_number}, {shutters, 1e6f, &o->shutter_s},
+        {speeds, 1e7f, &o->iso}, {sensors, 10000, &o->sensor_mm},
+        {distances, 1e12f, &o->focus_distance}};
+    for (size_t i = 0; i < sizeof values / sizeof *values; i++) {
+        const float value =
+            hg_gltf_read_extra(g, &extras, "camera", values[i].names, values[i].most);
+        *values[i].to = value > 0 ? value : *values[i].to;
+    }
+}
+
 static void read_camera(const struct hg_gltf_at *at, struct hg_camera *camera)
 {
     struct hg_gltf_at perspective = hg_gltf_key(at, "perspective");
@@ -40,6 +66,7 @@ enum hg_status hg_gltf_load_cameras(struct hg_gltf *g)
         if (!camera)
             return hg_gltf_fail(g, &at, HG_E_NOMEM, "no memory for a camera");
         read_camera(&at, camera);
+        read_optics(g, &at, camera);
     }
     return HG_OK;
 }
@@ -163,6 +190,8 @@ static enum hg_status read_node(
         node->mesh = g->asset->meshes[mesh];
     if (camera >= 0 && camera < g->asset->camera_count)
         node->camera = g->asset->cameras[camera];
+    if (node->camera)
+        read_optics(g, at, node->camera);
     enum hg_status status = HG_OK;
     if (light >= 0 && light < g->punctual_count) {
         node->light = g->asset->lights[light];

@@ -117,39 +117,18 @@ static void file_flush(struct aiFile *file)
     (void)file;
 }
 
-// Names reach us relative to the main file's folder, which assimp knows as "".
-static struct hg_refbuf *find_bytes(struct file_system *fs, const char *name)
-{
-    while (strncmp(name, "./", 2) == 0)
-        name += 2;
-    if (strcmp(name, fs->im->file) == 0) {
-        struct hg_refbuf *main = (struct hg_refbuf *)fs->main;
-        return hg_refbuf_ref(main);
-    }
-    struct hg_refbuf *data = NULL;
-    struct hg_error error = {0};
-    uint64_t left = fs->im->memory_limit - fs->im->memory_used;
-    enum hg_status status =
-        fs->im->params->fetch(fs->im->params->fetch_user, name, left, &data, &error);
-    if (status == HG_E_PERM || status == HG_E_LIMIT)
-        hg_asset_warn(fs->im->asset, name, "not read: %s", error.reason);
-    if (data)
-        fs->im->memory_used += data->size;
-    return data;
-}
-
 static struct aiFile *open_file(struct aiFileIO *io, const char *name, const char *mode)
 {
     struct file_system *fs = (struct file_system *)io->UserData;
+    while (strncmp(name, "./", 2) == 0)
+        name += 2;
     if (!strchr(mode, 'r'))
         return NULL;
-    struct open_file *f = hg_calloc(1, sizeof *f);
-    struct hg_refbuf *data = f ? find_bytes(fs, name) : NULL;
-    if (!data) {
-        hg_free(f);
+    // FBX and Collada keep their geometry in one file; images are fetched later, and not by assimp.
+    struct open_file *f = strcmp(name, fs->im->file) == 0 ? hg_calloc(1, sizeof *f) : NULL;
+    if (!f)
         return NULL;
-    }
-    f->data = data;
+    f->data = hg_refbuf_ref((struct hg_refbuf *)fs->main);
     f->api = (struct aiFile){.ReadProc = file_read,
         .WriteProc = file_write,
         .TellProc = file_tell,
@@ -346,15 +325,13 @@ static enum hg_status import_text(struct hg_import *im, const struct hg_refbuf *
     return status;
 }
 
-enum hg_status hg_import_load(const struct hg_load_params *params, const struct hg_refbuf *main,
+enum hg_status hg_import_parse(const struct hg_load_params *params, const struct hg_refbuf *main,
     const char *label, struct hg_asset **out, struct hg_error *err)
 {
     *out = NULL;
     struct hg_import im = {.params = params, .err = err, .file = label};
-    im.memory_limit = params->memory_limit_bytes ? params->memory_limit_bytes : 8ull << 30;
+    im.memory_limit = params->memory_limit_bytes;
     im.memory_used = main->size;
-    if (main->size > im.memory_limit / 8) // what assimp builds is several times the file
-        return hg_import_fail(&im, HG_E_LIMIT, NULL, "the file is too large for the memory limit");
     im.asset = hg_asset_create(params->asset_number, label);
     if (!im.asset)
         return hg_import_fail(&im, HG_E_NOMEM, NULL, "no memory");

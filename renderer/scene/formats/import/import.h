@@ -1,6 +1,5 @@
 // import.h - FBX and Collada through assimp's C interface.
-// Floor 2, private to scene/. One load on one thread. assimp reads files only through the load's
-// fetch function, so the path rules hold for whatever a file names.
+// Floor 2, private to scene/. One load on one thread. assimp gets the main file and no other.
 #ifndef HG_RENDERER_SCENE_FORMATS_IMPORT_IMPORT_H
 #define HG_RENDERER_SCENE_FORMATS_IMPORT_IMPORT_H
 
@@ -21,7 +20,12 @@ struct hg_import {
     struct hg_collada_cameras cameras; // of a Collada file
 };
 
-// Parts of hg_import_load, in this order.
+// All but the images, which are fetched by name later: their sources hold names, or what the file
+// embeds. As hg_import_load; params: asset_number, memory_limit_bytes, progress.
+enum hg_status hg_import_parse(const struct hg_load_params *params, const struct hg_refbuf *main,
+    const char *label, struct hg_asset **out, struct hg_error *err) HG_MUST_CHECK;
+
+// Parts of hg_import_parse, in this order.
 enum hg_status hg_import_materials(struct hg_import *im) HG_MUST_CHECK;
 enum hg_status hg_import_meshes(struct hg_import *im) HG_MUST_CHECK;
 enum hg_status hg_import_nodes(struct hg_import *im) HG_MUST_CHECK;

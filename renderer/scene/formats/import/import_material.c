@@ -137,15 +137,9 @@ static enum hg_status make_texture(
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for a texture");
     texture->image = source;
     const struct aiTexture *embedded = find_embedded(im->scene, path->data);
-    enum hg_status status = embedded ? embedded_image(im, embedded, source)
-                                     : hg_texture_fetch(im->params, im->asset, path->data,
-                                           im->memory_limit - im->memory_used, source);
+    const enum hg_status status = embedded ? embedded_image(im, embedded, source) : HG_OK;
     if (status && !im->err->status)
         return hg_import_fail(im, status, NULL, "no memory for a texture");
-    if (!status && !hg_texture_is_usable(im->asset, path->data, source)) {
-        hg_image_source_unref(source);
-        texture->image = NULL;
-    }
     *out = texture;
     return status;
 }

@@ -1,0 +1,304 @@
+// loader.c - files that crash, stall or bloat the readers of foreign formats, beside a scene of the
+// same worker that goes on: each ends by rule, with an error that names the file and the reason.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <ctype.h>
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "tests/system/worker_link_rig.h"
+
+enum { ATTACKER = 1, NEIGHBOUR = 2, VIEW = 1, SIDE = 16, DEEP = 200000, LAMPS = 30000 };
+
+// ---- files -------------------------------------------------------------------------------------
+
+static const char head[] =
+    "<?xml version=\"1.0\"?><COLLADA xmlns=\"http://www.collada.org/2005/11/COLLADASchema\" "
+    "version=\"1.4.1\"><asset><unit meter=\"1\"/></asset>";
+static const char geometry[] =
+    "<library_geometries><geometry id=\"G\"><mesh><source id=\"P\"><float_array id=\"A\" "
+    "count=\"%s\">0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source=\"#A\" "
+    "count=\"3\" stride=\"3\"><param name=\"X\" type=\"float\"/><param name=\"Y\" type=\"float\"/>"
+    "<param name=\"Z\" type=\"float\"/></accessor></technique_common></source><vertices id=\"V\">"
+    "<input semantic=\"POSITION\" source=\"#P\"/></vertices><triangles count=\"1\"><input "
+    "semantic=\"VERTEX\" source=\"#V\" offset=\"0\"/><p>0 1 2</p></triangles></mesh></geometry>"
+    "</library_geometries>";
+static const char leaf[] = "<node id=\"n\"><instance_geometry url=\"#G\"/></node>";
+static const char tail[] = "</visual_scene></library_visual_scenes><scene><instance_visual_scene "
+                           "url=\"#S\"/></scene></COLLADA>";
+static const char opening[] = "<library_visual_scenes><visual_scene id=\"S\">";
+
+static FILE *begin_file(const struct rig *rig, const char *name)
+{
+    char path[TEST_FOLDER_MAX + 64];
+    snprintf(path, sizeof path, "%s/%s", rig->root, name);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    return file;
+}
+
+static void write_collada(const struct rig *rig, const char *name, const char *float_count)
+{
+    FILE *file = begin_file(rig, name);
+    fputs(head, file);
+    fprintf(file, geometry, float_count);
+    fprintf(file, "%s%s%s", opening, leaf, tail);
+    assert_int_equal(fclose(file), 0);
+}
+
+// Nodes within nodes: the parser calls itself for each.
+static void write_deep(const struct rig *rig, const char *name)
+{
+    FILE *file = begin_file(rig, name);
+    fputs(head, file);
+    fprintf(file, geometry, "9");
+    fputs(opening, file);
+    for (int i = 0; i < DEEP; i++)
+        fputs("<node>", file);
+    fputs(leaf, file);
+    for (int i = 0; i < DEEP; i++)
+        fputs("</node>", file);
+    fputs(tail, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+// Lamps, whose nodes are looked for by name among all nodes.
+static void write_slow(const struct rig *rig, const char *name)
+{
+    FILE *file = begin_file(rig, name);
+    fputs(head, file);
+    fprintf(file, geometry, "9");
+    fputs("<library_lights>", file);
+    for (int i = 0; i < LAMPS; i++)
+        fprintf(file,
+            "<light id=\"l%d\"><technique_common><point><color>1 1 1</color></point>"
+            "</technique_common></light>",
+            i);
+    fprintf(file, "</library_lights>%s%s", opening, leaf);
+    for (int i = 0; i < LAMPS; i++)
+        fprintf(file,
+            "<node id=\"a node with a long name %d\" name=\"a node with a long name %d\">"
+            "<instance_light url=\"#l%d\"/></node>",
+            i, i, i);
+    fputs(tail, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+// ---- processes ---------------------------------------------------------------------------------
+
+// Processes called helio-loader whose parent is `parent`; *last: one of them.
+static int count_loaders(pid_t parent, pid_t *last)
+{
+    int count = 0;
+    DIR *folder = opendir("/proc");
+    assert_non_null(folder);
+    for (struct dirent *entry; (entry = readdir(folder));) {
+        char path[300], line[200] = "";
+        int pid = atoi(entry->d_name), of = 0;
+        snprintf(path, sizeof path, "/proc/%s/stat", entry->d_name);
+        FILE *file = isdigit((unsigned char)*entry->d_name) ? fopen(path, "r") : NULL;
+        if (!file)
+            continue;
+        const bool read = fgets(line, sizeof line, file) != NULL;
+        fclose(file);
+        const char *end = strrchr(line, ')');
+        if (read && end && strstr(line, "(helio-loader)") && sscanf(end, ") %*c %d", &of) == 1 &&
+            of == parent) {
+            count++;
+            *last = pid;
+        }
+    }
+    closedir(folder);
+    return count;
+}
+
+static int count_files_being_read(const struct rig *rig)
+{
+    pid_t spawner = 0, loader = 0;
+    assert_int_equal(count_loaders(rig->pid, &spawner), 1);
+    return count_loaders(spawner, &loader);
+}
+
+static void await_files_being_read(const struct rig *rig, int count)
+{
+    const uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
+    while (count_files_being_read(rig) != count) {
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        usleep(10000);
+    }
+}
+
+// ---- scenes ------------------------------------------------------------------------------------
+
+static void show(struct rig *rig)
+{
+    link_expect(rig,
+        link_ask(rig, NEIGHBOUR, HGP_T_frame_request, &(struct hgp_frame_request){.view = VIEW}),
+        HGP_T_frame);
+}
+
+static uint32_t load(struct rig *rig, const char *name)
+{
+    return link_ask(rig, ATTACKER, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = FIRST_ID, .path = hgp_str_make(name)});
+}
+
+static void refused(struct rig *rig, const char *name, enum hg_status code, const char *reason)
+{
+    link_expect(rig, load(rig, name), HGP_T_error);
+    const struct hgp_error *e = &rig->message.error;
+    if (e->code != code || !memmem(e->what.data, e->what.size, name, strlen(name)) ||
+        !memmem(e->reason.data, e->reason.size, reason, strlen(reason)))
+        fail_msg("%s: %.*s: %.*s (%d)", name, (int)e->what.size, e->what.data, (int)e->reason.size,
+            e->reason.data, e->code);
+    show(rig);
+}
+
+static void begin(struct rig *rig)
+{
+    link_attach(rig, ATTACKER, "attacked");
+    link_attach(rig, NEIGHBOUR, "beside it");
+    link_expect(rig,
+        link_ask(rig, NEIGHBOUR, HGP_T_view_set,
+            &(struct hgp_view_set){.view = VIEW,
+                .has_width = true,
+                .width = SIDE,
+                .has_height = true,
+                .height = SIDE,
+                .has_samples = true,
+                .samples = 1,
+                .has_gi = true,
+                .gi = HGP_gi_NONE}),
+        HGP_T_ok);
+    show(rig);
+}
+
+static int start(void **state)
+{
+    static const char *const options[] = {"--loader-cpu", "2", "--loader-memory", "512", NULL};
+    return link_start_with(state, options);
+}
+
+static int start_impatient(void **state)
+{
+    static const char *const options[] = {"--loader-timeout", "0.2", NULL};
+    return link_start_with(state, options);
+}
+
+// ---- tests -------------------------------------------------------------------------------------
+
+static void files_end_by_rule(void **state)
+{
+    struct rig *rig = *state;
+    begin(rig);
+    write_collada(rig, "sound.dae", "9");
+    write_collada(rig, "bloated.dae", "1500000000");
+    write_deep(rig, "deep.dae");
+    write_slow(rig, "slow.dae");
+    refused(rig, "bloated.dae", HG_E_LIMIT, "512 MiB of memory");
+    refused(rig, "deep.dae", HG_E_FORMAT, "crashed");
+    refused(rig, "slow.dae", HG_E_LIMIT, "2 s of processor time");
+    link_expect(rig, load(rig, "sound.dae"), HGP_T_asset_loaded);
+    assert_int_equal(rig->message.asset_loaded.triangles, 1);
+    await_files_being_read(rig, 0);
+}
+
+static void answers_have_a_time(void **state)
+{
+    struct rig *rig = *state;
+    begin(rig);
+    write_slow(rig, "slow.dae");
+    refused(rig, "slow.dae", HG_E_LIMIT, "within 0.2 s");
+    await_files_being_read(rig, 0);
+}
+
+// The neighbour's frames come while the file is read, and the reader ends with its session.
+static void readers_end_with_their_session(void **state)
+{
+    struct rig *rig = *state;
+    begin(rig);
+    write_slow(rig, "slow.dae");
+    load(rig, "slow.dae");
+    const uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
+    pid_t spawner;
+    while (!count_loaders(rig->pid, &spawner) || !count_files_being_read(rig))
+        assert_true(hg_clock_now_ns() < deadline_ns);
+    show(rig);
+    link_ask(rig, ATTACKER, HGP_T_session_detach, &(struct hgp_session_detach){0});
+    await_files_being_read(rig, 0);
+    show(rig);
+}
+
+// A picture that claims to be large, and one that says nothing more.
+static void images_end_by_rule(void **state)
+{
+    struct rig *rig = *state;
+    static const uint8_t tiff[] = {'I', 'I', '*', 0, 8, 0, 0, 0, 8, 0, // 30000 x 30000, grey
+        0, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0, 1, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0, 2, 1, 3,
+        0, 1, 0, 0, 0, 8, 0, 0, 0, 3, 1, 3, 0, 1, 0, 0, 0, 5, 0, 0, 0, 6, 1, 3, 0, 1, 0, 0, 0, 1, 0,
+        0, 0, 0x11, 1, 4, 0, 1, 0, 0, 0, 8, 0, 0, 0, 0x16, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0,
+        0x17, 1, 4, 0, 1, 0, 0, 0, 100, 0, 0, 0, 0, 0, 0, 0};
+    static const char *const names[] = {"bomb.tif", "cut.webp"};
+    static const enum hg_status codes[] = {HG_E_LIMIT, HG_E_FORMAT}; // one strip of 900 MB; no end
+    begin(rig);
+    FILE *file = begin_file(rig, names[0]);
+    assert_int_equal(fwrite(tiff, sizeof tiff, 1, file), 1);
+    assert_int_equal(fclose(file), 0);
+    test_text_write(rig->root, names[1], "RIFF....WEBPVP8L");
+    for (int i = 0; i < 2; i++) {
+        const struct hgp_environment_set m = {.has_kind = true,
+            .kind = HGP_environment_kind_FILE,
+            .has_path = true,
+            .path = hgp_str_make(names[i])};
+        link_expect_error(rig, link_ask(rig, ATTACKER, HGP_T_environment_set, &m), codes[i], NULL);
+        const struct hgp_error *e = &rig->message.error;
+        assert_non_null(memmem(e->what.data, e->what.size, names[i], strlen(names[i])));
+        assert_true(e->reason.size > 0);
+        show(rig);
+    }
+    await_files_being_read(rig, 0);
+}
+
+// Formats that have readers of our own, in the worker: nothing is taken that is not there.
+static void own_readers_hold(void **state)
+{
+    struct rig *rig = *state;
+    begin(rig);
+    test_text_write(rig->root, "endless.ply", "ply\nformat binary_little_endian");
+    test_text_write(rig->root, "claims.ply",
+        "ply\nformat ascii 1.0\nelement vertex 30000000\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 "
+        "0\n");
+    test_text_write(rig->root, "beyond.ply",
+        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\n"
+        "property float y\nproperty float z\nelement face 1\nproperty list uchar int "
+        "vertex_indices\n"
+        "end_header\n0123456789");
+    test_text_write(rig->root, "claims.stl", "solid");
+    test_text_write(rig->root, "beyond.obj", "v 0 0 0\nf 1 2 4000000000\n");
+    refused(rig, "endless.ply", HG_E_FORMAT, "");
+    refused(rig, "claims.ply", HG_E_FORMAT, "");
+    refused(rig, "beyond.ply", HG_E_FORMAT, "");
+    refused(rig, "claims.stl", HG_E_FORMAT, "");
+    refused(rig, "beyond.obj", HG_E_FORMAT, "");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(files_end_by_rule, start, link_stop),
+        cmocka_unit_test_setup_teardown(answers_have_a_time, start_impatient, link_stop),
+        cmocka_unit_test_setup_teardown(readers_end_with_their_session, link_start, link_stop),
+        cmocka_unit_test_setup_teardown(images_end_by_rule, start, link_stop),
+        cmocka_unit_test_setup_teardown(own_readers_hold, link_start, link_stop),
+    };
+    return cmocka_run_group_tests_name("attack_loader", tests, NULL, NULL);
+}
