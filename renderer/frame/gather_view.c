@@ -159,8 +159,8 @@ static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *er
     struct hg_refbuf *colors = NULL;
     enum hg_status status = hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err);
     if (status == HG_OK)
-        status = make_image(view, image, s->height, VK_FORMAT_R32G32B32A32_SFLOAT,
-            "light by way of glass", err);
+        status = make_image(
+            view, image, s->height, VK_FORMAT_R32G32B32A32_SFLOAT, "light by way of glass", err);
     if (status == HG_OK)
         status = hg_gpu_image_upload(view->context->gpu, image, &all, colors->data, 0, err);
     hg_refbuf_unref(colors);
