@@ -72,7 +72,11 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
         .samples = glass ? samples_of(s) : all_samples_of(s),
         .seed = s->seed,
         .error_px = s->error_px,
-        .gather = {.on = true, .glass = glass, .reach = REACH, .full = samples_of(s)},
+        .gather = {.on = true,
+            .glass = glass,
+            .lamps = !glass && hg_lighting_has_shadowed_lamps(view->lighting),
+            .reach = REACH,
+            .full = samples_of(s)},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     request.settings = (struct hg_path_settings){.trace = s->path.trace,
@@ -93,12 +97,12 @@ static uint32_t first_half(uint32_t samples)
 }
 
 static enum hg_status make_image(struct hg_view_state *view, struct hg_gpu_image *image,
-    VkFormat format, const char *name, struct hg_error *err)
+    uint32_t rows, VkFormat format, const char *name, struct hg_error *err)
 {
-    const struct hg_view_settings *s = &view->settings;
+    const uint32_t width = view->settings.width;
     const struct hg_gpu_image_params params = {
-        .format = format, .width = s->width, .height = s->height, .name = name};
-    if (image->width == s->width && image->height == s->height)
+        .format = format, .width = width, .height = rows, .name = name};
+    if (image->width == width && image->height == rows)
         return HG_OK;
     hg_gpu_image_destroy(view->context->gpu, image);
     return hg_gpu_image_create(view->context->gpu, &params, image, err);
@@ -106,14 +110,16 @@ static enum hg_status make_image(struct hg_view_state *view, struct hg_gpu_image
 
 // What the paths brought, out of their film, which is large and let go of.
 static enum hg_status load(
-    struct hg_view_state *view, struct hg_gi_gather **out, struct hg_error *err)
+    struct hg_view_state *view, struct hg_gi_gather **out, uint32_t *rows, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
     struct hg_gi_gather_input input = {.width = s->width,
         .height = s->height,
         .samples = samples_of(s),
         .first_half = first_half(samples_of(s))};
-    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &input.sums, err);
+    enum hg_status status =
+        hg_path_read_gathered(view->gi.gather.path, &input.sums, &input.lamps, err);
+    *rows = hg_gi_gather_rows(s->height, input.lamps != NULL);
     if (status == HG_OK) {
         input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * (size_t)s->width * s->height;
         status = hg_gi_gather_load(view->context->jobs, &input, out, err);
@@ -126,13 +132,14 @@ static enum hg_status load(
 static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
-    const struct hg_gpu_region all = {.width = s->width, .height = s->height};
+    uint32_t rows;
     const uint64_t start = hg_clock_now_ns();
     struct hg_gi_gather *gather = NULL;
     uint32_t *words = NULL;
-    enum hg_status status = load(view, &gather, err);
+    enum hg_status status = load(view, &gather, &rows, err);
+    const struct hg_gpu_region all = {.width = s->width, .height = rows};
     if (status == HG_OK) {
-        words = hg_calloc(4 * (size_t)s->width * s->height, sizeof *words);
+        words = hg_calloc(4 * (size_t)s->width * rows, sizeof *words);
         status = words != NULL
                      ? hg_gi_gather_filter(gather, view->context->jobs, words, err)
                      : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
@@ -140,7 +147,7 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
     hg_gi_gather_free(gather);
     if (status == HG_OK)
         status = make_image(
-            view, &view->gi.gather.light, VK_FORMAT_R32G32B32A32_UINT, "gathered light", err);
+            view, &view->gi.gather.light, rows, VK_FORMAT_R32G32B32A32_UINT, "gathered light", err);
     if (status == HG_OK)
         status =
             hg_gpu_image_upload(view->context->gpu, &view->gi.gather.light, &all, words, 0, err);
@@ -159,8 +166,8 @@ static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *er
     struct hg_refbuf *colors = NULL;
     enum hg_status status = hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err);
     if (status == HG_OK)
-        status =
-            make_image(view, image, VK_FORMAT_R32G32B32A32_SFLOAT, "light by way of glass", err);
+        status = make_image(
+            view, image, s->height, VK_FORMAT_R32G32B32A32_SFLOAT, "light by way of glass", err);
     if (status == HG_OK)
         status = hg_gpu_image_upload(view->context->gpu, image, &all, colors->data, 0, err);
     hg_refbuf_unref(colors);

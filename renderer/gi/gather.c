@@ -17,6 +17,8 @@
 #define FINEST_MOST  3  // down to this share of it
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
 #define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
+#define LAMPLIT_STEP 4  // of those of lamps, which fewer samples ask for
+#define LAMP_PRIOR   0.02f
 #define STRIP        8  // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
 
@@ -40,18 +42,20 @@
 enum { RED, GREEN, BLUE, OPEN_RED, OPEN_GREEN, OPEN_BLUE, SKY, WORTH, VARIANCE, LIGHT_PLANES };
 // Of surfaces. SLOPE_*: of depth, per px. CLOTH: 1 where sheen takes part in what scatters.
 enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, CLOTH, GUIDES };
-// SUNLIT: the share of directional lights that is seen, in place of a colour.
-enum { SCATTERED, MIRRORED, SUNLIT, KINDS };
-static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN}; // planes that are averaged
+// SUNLIT: the share of directional lights that is seen, in place of a colour. LAMPLIT: that of the
+// lamps of one number, one number after the other; only where there are such.
+enum { SCATTERED, MIRRORED, SUNLIT, LAMPLIT, KINDS };
+static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN, GREEN}; // planes that are averaged
 
 struct hg_gi_gather {
-    struct hg_gi_gather_input in; // sums and halves while it is loaded
-    float *loaded, *more;         // memory of `from` and guides; of `to` and rows
+    struct hg_gi_gather_input in; // sums and halves while it is loaded; lamps: own, or NULL
+    float *loaded, *more;         // memory of `from`, guides and lamps; of `to` and rows
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
     float *rows;   // [strips][LIGHT_PLANES + 1][width]
     uint32_t step; // px between taps
     int kind;
+    uint32_t lamp; // number of those that are filtered
     uint32_t *out;
 };
 
@@ -176,6 +180,28 @@ static void set_sun(struct hg_gi_gather *w, size_t at)
     w->from[SUNLIT][VARIANCE][at] = 0.25f * d * d;
 }
 
+// Share of the lamps of a number that is seen, of the samples that asked. Light either arrives or
+// does not: with LAMP_PRIOR of a sample of each before (a beta distribution) few that agree are
+// believed nearly as much as many, so that edges stay hard. Pixels of which none asked count for no
+// other and believe any.
+static void set_lamp(struct hg_gi_gather *w, size_t at)
+{
+    const float packed = w->in.lamps[w->lamp * pixels_of(w) + at];
+    const float seen = floorf(packed / HG_PATH_LAMP_SEEN) / 16;
+    const float asked = packed - seen * (16 * HG_PATH_LAMP_SEEN);
+    const float a = seen + LAMP_PRIOR, b = asked - seen + LAMP_PRIOR, both = a + b;
+    w->from[LAMPLIT][RED][at] = asked > 0 ? fminf(seen / asked, 1) : 0.5f;
+    w->from[LAMPLIT][WORTH][at] = asked > 0 ? 1 : 0;
+    w->from[LAMPLIT][VARIANCE][at] = a * b / (both * both * (both + 1));
+}
+
+static void lamp_row(void *user, size_t y)
+{
+    struct hg_gi_gather *w = user;
+    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++)
+        set_lamp(w, at);
+}
+
 static void load_row(void *user, size_t y)
 {
     struct hg_gi_gather *w = user;
@@ -251,7 +277,7 @@ static void prepare_row(void *user, size_t y)
         w->guides[SLOPE_Y][at] =
             slope(w->guides[DEPTH], at, (ptrdiff_t)width, y > 0, y + 1 < height);
     }
-    for (int kind = 0; kind < KINDS; kind++)
+    for (int kind = 0; kind < LAMPLIT; kind++)
         set_variance_about(w, kind, y, kind == SUNLIT ? 1 : ABOUT);
 }
 
@@ -342,7 +368,7 @@ WEIGH(weigh_mirrored_light, true, true)
 static void weigh_tap(const struct hg_gi_gather *w, size_t row, size_t begin, size_t end,
     const struct tap *tap, const struct row *out)
 {
-    const bool looks = w->kind == SUNLIT || w->step >> BLIND > 0;
+    const bool looks = w->kind >= SUNLIT || w->step >> BLIND > 0;
     if (w->kind == MIRRORED)
         (looks ? weigh_mirrored_light : weigh_mirrored)(w, row, begin, end, tap, out);
     else
@@ -461,6 +487,16 @@ static void part_row(void *user, size_t y)
     }
 }
 
+static void pack_lamp_row(void *user, size_t y)
+{
+    struct hg_gi_gather *w = user;
+    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
+        const float share = w->from[LAMPLIT][RED][at];
+        uint32_t *word = &w->out[4 * (pixels_of(w) + at) + w->lamp / 4];
+        *word |= (uint32_t)(sqrtf(share) * 255 + 0.5f) << (8 * (w->lamp % 4));
+    }
+}
+
 static uint32_t pack_sides(const float normal[3], float sunlit)
 {
     const uint32_t fine = hg_pack_normal(normal);
@@ -515,19 +551,29 @@ static uint32_t widest_step(const struct hg_gi_gather_input *in)
     return in->height > part ? in->height / part : 1;
 }
 
+static void filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, uint32_t most)
+{
+    w->kind = kind;
+    for (w->step = 1; w->step <= most; w->step *= 2) {
+        hg_jobs_for(jobs, strips_of(w), filter_strip, w);
+        for (int plane = 0; plane < LIGHT_PLANES; plane++)
+            swap_planes(w, kind, plane);
+    }
+}
+
 static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
 {
     const size_t height = w->in.height;
     const uint32_t widest = widest_step(&w->in);
     hg_jobs_for(jobs, height, prepare_row, w);
-    for (w->kind = 0; w->kind < KINDS; w->kind++) {
-        swap_planes(w, w->kind, VARIANCE);
-        const uint32_t most = w->kind == SUNLIT ? SUNLIT_STEP : widest;
-        for (w->step = 1; w->step <= most; w->step *= 2) {
-            hg_jobs_for(jobs, strips_of(w), filter_strip, w);
-            for (int plane = 0; plane < LIGHT_PLANES; plane++)
-                swap_planes(w, w->kind, plane);
-        }
+    for (int kind = 0; kind < LAMPLIT; kind++) {
+        swap_planes(w, kind, VARIANCE);
+        filter_kind(w, jobs, kind, kind == SUNLIT ? SUNLIT_STEP : widest);
+    }
+    for (w->lamp = 0; w->lamp < HG_GATHERED_LAMPS && w->in.lamps != NULL; w->lamp++) {
+        hg_jobs_for(jobs, height, lamp_row, w);
+        filter_kind(w, jobs, LAMPLIT, LAMPLIT_STEP);
+        hg_jobs_for(jobs, height, pack_lamp_row, w);
     }
     hg_jobs_for(jobs, height, part_row, w);
     hg_jobs_for(jobs, height, pack_row, w);
@@ -538,10 +584,11 @@ static size_t lay_out(
     const struct hg_gi_gather *w, float *memory, float *planes[KINDS][LIGHT_PLANES])
 {
     size_t count = 0;
-    for (int kind = 0; kind < KINDS; kind++)
+    const int kinds = w->in.lamps != NULL ? KINDS : LAMPLIT;
+    for (int kind = 0; kind < kinds; kind++)
         for (int plane = 0; plane < LIGHT_PLANES; plane++) {
             if (plane >= colours[kind] && plane < WORTH) {
-                if (memory != NULL && kind == SUNLIT && plane <= BLUE) // luminance is the share
+                if (memory != NULL && kind >= SUNLIT && plane <= BLUE) // luminance is the share
                     planes[kind][plane] = planes[kind][RED];
                 continue;
             }
@@ -566,7 +613,8 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
         return no_memory(err);
     w->in = *input;
     const size_t pixels = pixels_of(w), light = lay_out(w, NULL, NULL);
-    w->loaded = hg_calloc(GUIDES * pixels + light, sizeof *w->loaded);
+    const size_t lamps = input->lamps != NULL ? HG_GATHERED_LAMPS * pixels : 0;
+    w->loaded = hg_calloc(GUIDES * pixels + light + lamps, sizeof *w->loaded);
     if (w->loaded == NULL) {
         hg_gi_gather_free(w);
         *out = NULL;
@@ -579,6 +627,11 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
     if (input->samples == 1)
         hg_jobs_for(jobs, input->height, set_variances_row, w);
     w->in.sums = w->in.halves = NULL;
+    if (lamps > 0) {
+        float *own = w->loaded + GUIDES * pixels + light;
+        memcpy(own, input->lamps, lamps * sizeof *own);
+        w->in.lamps = own;
+    }
     return HG_OK;
 }
 
@@ -595,6 +648,11 @@ enum hg_status hg_gi_gather_filter(
     w->out = words;
     filter(w, jobs);
     return HG_OK;
+}
+
+uint32_t hg_gi_gather_rows(uint32_t height, bool lamps)
+{
+    return lamps ? 2 * height : height;
 }
 
 void hg_gi_gather_free(struct hg_gi_gather *w)

@@ -8,6 +8,8 @@
 #ifndef HG_RENDERER_GI_GATHER_H
 #define HG_RENDERER_GI_GATHER_H
 
+#include <stdbool.h>
+
 #include "base/status.h"
 #include "base/jobs.h"
 
@@ -17,17 +19,22 @@ struct hg_gi_gather_input {
     // [HG_PATH_GUIDE_CHANNELS][height][width] sums over samples, and [HG_PATH_GUIDE_LIGHT][..][..]
     // over the first half of them (shaders/shared/path.h).
     const float *sums, *halves;
+    // [HG_GATHERED_LAMPS][..][..] HG_PATH_PLANE_LAMPS; NULL: there are no such lamps.
+    const float *lamps;
 };
 
-struct hg_gi_gather; // 88 bytes per pixel, and 57 more while it is filtered
+struct hg_gi_gather; // 88 bytes per pixel, and 57 more while it is filtered; 76 and 12 more with
+                     // lamps
 
 // What the film has; the input is not needed any more then. HG_E_NOMEM.
 enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
     struct hg_gi_gather **out, struct hg_error *err) HG_MUST_CHECK;
-// words: [height][width][4] as the device reads them (shaders/shared/gi.h). The same bytes for any
-// number of threads. Once. HG_E_NOMEM.
+// words: [hg_gi_gather_rows(height, lamps)][width][4] as the device reads them
+// (shaders/shared/gi.h). The same bytes for any number of threads. Once. HG_E_NOMEM.
 enum hg_status hg_gi_gather_filter(struct hg_gi_gather *gather, struct hg_jobs *jobs,
     uint32_t *words, struct hg_error *err) HG_MUST_CHECK;
+// Rows of the image: those of the picture, and those of lamps.
+uint32_t hg_gi_gather_rows(uint32_t height, bool lamps);
 void hg_gi_gather_free(struct hg_gi_gather *gather); // accepts NULL
 
 #endif

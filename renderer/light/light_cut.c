@@ -102,6 +102,7 @@ static struct hg_gpu_light light_of(const struct hg_light_sum *s)
         .direction_ws = {s->axis[0], s->axis[1], s->axis[2]},
         .kind = HG_LIGHT_KIND_POINT,
         .shadow = HG_SHADOW_NONE,
+        .id = HG_LIGHT_TOGETHER,
         .half_width = sqrtf(2 * s->spread_sq),
         .profile = HG_LIGHT_NO_TABLE,
         .image = HG_LIGHT_NO_TABLE};

@@ -552,6 +552,14 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
     return &l->atlas;
 }
 
+bool hg_lighting_has_shadowed_lamps(const struct hg_lighting *l)
+{
+    for (uint32_t i = l->set.directional_count; i < l->set.count; i++)
+        if (l->set.casts[i] && !(l->set.items[i].radiance > 0))
+            return true;
+    return false;
+}
+
 bool hg_lighting_has_sky_sun(const struct hg_lighting *l)
 {
     return hg_sky_disc_is_there(&l->sun);

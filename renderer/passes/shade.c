@@ -25,7 +25,9 @@ struct style {
     (HG_FEATURE_LIGHTS | HG_FEATURE_CLUSTERS | HG_FEATURE_LOCAL | HG_FEATURE_SHADOWS |             \
         HG_FEATURE_NO_SUN)
 
-#define OPAQUE_FEATURES (HG_FEATURE2_GATHERED | HG_FEATURE2_PROBE_LIGHT | HG_FEATURE2_MIRRORS)
+#define OPAQUE_FEATURES                                                                            \
+    (HG_FEATURE2_GATHERED | HG_FEATURE2_LAMPS_GATHERED | HG_FEATURE2_PROBE_LIGHT |                 \
+        HG_FEATURE2_MIRRORS)
 
 static struct hg_gpu_pipeline_params pipeline_of(
     const struct style *style, uint32_t tables, uint32_t features, uint32_t features2)
@@ -147,6 +149,8 @@ enum hg_status hg_shade_record(
         .picture = picture ? shade->tonemap + 1 : 0};
     if (shade->gathered != NULL)
         pass->features2 |= HG_FEATURE2_GATHERED;
+    if (shade->gathered != NULL && shade->gathered->height > shade->visibility->height)
+        pass->features2 |= HG_FEATURE2_LAMPS_GATHERED;
     else if (shade->probe_light != NULL)
         pass->features2 |= HG_FEATURE2_PROBE_LIGHT;
     if (shade->layer && shade->glass != NULL)

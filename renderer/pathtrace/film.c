@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/pathtrace/filter.h"
+#include "shaders/shared/gi.h"
 
 #define PLANE_COLOR    0u // enum hg_plane of renderer.h
 #define PLANE_VARIANCE 17u
@@ -31,6 +32,8 @@ static uint32_t channels_of(uint32_t plane, uint32_t group_count)
         return 3 * group_count;
     case HG_PATH_PLANE_CATCHER:
         return HG_PATH_CATCHER_WORDS;
+    case HG_PATH_PLANE_LAMPS:
+        return HG_GATHERED_LAMPS;
     default:
         return 3;
     }
@@ -53,6 +56,8 @@ static bool is_stored(
         return settings->denoise == HG_PATH_DENOISE_SERIES;
     case HG_PATH_PLANE_CATCHER:
         return (plan->options & HG_PATH_CATCHER) != 0;
+    case HG_PATH_PLANE_LAMPS:
+        return (plan->options & HG_PATH_LAMPS) != 0;
     default:
         return (settings->planes >> plane & 1u) != 0;
     }

@@ -26,7 +26,7 @@ struct hg_path_film { // zeroed = empty; hg_path_film_destroy
 
 // Determines the film's channels.
 struct hg_path_film_plan {
-    uint32_t options;     // of which HG_PATH_CATCHER and _GATHERS are used
+    uint32_t options;     // of which HG_PATH_CATCHER, _GATHERS and _LAMPS are used
     uint32_t group_count; // of lights
     uint32_t list_count;  // of names
 };

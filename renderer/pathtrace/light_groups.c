@@ -201,13 +201,15 @@ enum hg_status hg_light_groups_make(struct hg_light_groups *g, struct hg_gpu *gp
     enum hg_status status = HG_OK;
     g->count = 0;
     *options &= ~(HG_PATH_SPLIT | HG_PATH_GROUPS | HG_PATH_CATCHER | HG_PATH_SURFACES |
-                  HG_PATH_FOLLOWS | HG_PATH_GATHERS | HG_PATH_GLASS);
+                  HG_PATH_FOLLOWS | HG_PATH_GATHERS | HG_PATH_GLASS | HG_PATH_LAMPS);
     if (request->surfaces) { // there are no shadow catchers
         *options |= HG_PATH_SURFACES;
         return reserve_marks(&n, err);
     }
     if (request->gather.on) {
-        *options |= HG_PATH_GATHERS | HG_PATH_SPLIT | (request->gather.glass ? HG_PATH_GLASS : 0);
+        *options |= HG_PATH_GATHERS | HG_PATH_SPLIT;
+        *options |= request->gather.glass ? HG_PATH_GLASS : 0;
+        *options |= request->gather.lamps ? HG_PATH_LAMPS : 0;
         return reserve_marks(&n, err);
     }
     if (request->ground)

@@ -48,6 +48,7 @@ struct hg_path_settings {
 struct hg_path_gather {
     bool on;
     bool glass;  // to transmissive surfaces, of which the colour is read; else to opaque ones
+    bool lamps;  // there are such as shadow maps are for: what of their light arrives is told
     float reach; // from which on a hit is shaded by the field, in spacings of its probes there
     uint32_t full; // samples, the first ones: others bring the light of directional lights alone,
                    // if there are any
@@ -166,10 +167,11 @@ enum hg_status hg_path_history_save(
 enum hg_status hg_path_history_load(struct hg_path *path, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 
-// Sums of a gathering film, [channel][height][width] floats: HG_PATH_GUIDE_*. Borrowed until the
-// next step. HG_E_STATE: there is none, or it is not complete.
-enum hg_status hg_path_read_gathered(
-    struct hg_path *path, const float **out, struct hg_error *err) HG_MUST_CHECK;
+// Sums of a gathering film, [channel][height][width] floats: HG_PATH_GUIDE_*, and
+// HG_PATH_PLANE_LAMPS, NULL where that is not there. Borrowed until the next step. HG_E_STATE:
+// there is none, or it is not complete.
+enum hg_status hg_path_read_gathered(struct hg_path *path, const float **out, const float **lamps,
+    struct hg_error *err) HG_MUST_CHECK;
 
 enum hg_path_piece {      // where the time of a picture is spent
     HG_PATH_PIECE_BEGIN,  // camera rays

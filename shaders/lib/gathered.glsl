@@ -15,7 +15,8 @@ void hg_gathered_look(vec2 at, float depth, vec3 n)
     ivec2 pixel = ivec2(at);
     ivec2 last = ivec2(hg_frame.width, hg_frame.height) - 1;
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
-    float sum = 0.0, sky = 0.0, sun = 0.0;
+    float sum = 0.0, sky = 0.0, sun = 0.0, most = -1.0;
+    ivec2 nearest = pixel;
     for (int i = 0; i < 5; i++) {
         ivec2 off = i == 0 ? ivec2(0) : (i & 1) == 0 ? ivec2(i - 3, 0) : ivec2(0, i - 2);
         uvec4 t = texelFetch(hg_gathered, clamp(pixel + off, ivec2(0), last), 0);
@@ -33,6 +34,8 @@ void hg_gathered_look(vec2 at, float depth, vec3 n)
         share = unpackUnorm4x8(t.z).z;
         sun += w * share * share;
         sum += w;
+        nearest = w > most ? clamp(pixel + off, ivec2(0), last) : nearest;
+        most = max(w, most);
     }
     float scale = 1.0 / max(sum, 1e-20);
     hg_probes_irradiance = irradiance * scale;
@@ -42,6 +45,9 @@ void hg_gathered_look(vec2 at, float depth, vec3 n)
     hg_probes_sky = 0.0;
     hg_light_gathered = true;
     hg_light_sun_seen = sum > 0.0 ? sun * scale : 1.0;
+    if (HG_HAS2(HG_FEATURE2_LAMPS_GATHERED))
+        hg_light_lamps_seen = sum > 0.0 ? texelFetch(hg_gathered, nearest + ivec2(0, hg_frame.height), 0)
+                                        : uvec4(0xffffffffu);
 }
 
 #endif

@@ -393,9 +393,24 @@ float hg_light_lobe(hg_gpu_light light, vec3 l)
 }
 
 // The light of lamps with a size was gathered for the surface that is shaded, and rays told which share of
-// that of directional lights arrives.
+// that of directional lights arrives, and of lamps without a size.
 bool hg_light_gathered = false;
 float hg_light_sun_seen = 1.0;
+uvec4 hg_light_lamps_seen = uvec4(0xffffffffu); // HG_FEATURE2_LAMPS_GATHERED: of each HG_GATHERED_LAMP
+
+// Share of a lamp's light that arrives. A sky's sun, which is in front of the scene's lights, takes an id.
+float hg_light_lamp_seen(uint id)
+{
+    if (id == HG_LIGHT_TOGETHER) {
+        vec4 all = vec4(0.0);
+        for (int i = 0; i < 4; i++)
+            all += unpackUnorm4x8(hg_light_lamps_seen[i]) * unpackUnorm4x8(hg_light_lamps_seen[i]);
+        return dot(all, vec4(1.0 / 16.0));
+    }
+    uint lamp = HG_GATHERED_LAMP(id - ((hg_frame.flags & HG_FRAME_SUN_DISC) != 0u ? 1u : 0u));
+    float root = float(bitfieldExtract(hg_light_lamps_seen[lamp / 4u], 8 * int(lamp % 4u), 8)) * (1.0 / 255.0);
+    return root * root;
+}
 
 #ifdef HG_LIB_BSDF_GLSL
 hg_bsdf hg_light_bsdf; // what light falls on, where materials have lobes; set by the pass
@@ -479,6 +494,9 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
         return vec3(0.0);
     vec3 sum = e * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
+    // Those that no shadow map, or that cast no shadows, among them.
+    if (HG_HAS2(HG_FEATURE2_LAMPS_GATHERED) && hg_light_gathered && lamp)
+        return dot(n_geometric, l) > 0.0 ? sum * hg_light_lamp_seen(light.id) : vec3(0.0);
     bool first = index == 0u; // the sky's sun, if there is one
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
         sum *= dot(n_geometric, l) > 0.0 ? hg_light_lit(light, pos_ws, n_geometric, l, first) : 0.0;

@@ -17,7 +17,8 @@ bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
     bool lamp = e.group == HG_EMITTER_GROUP_PUNCTUAL;
     if (ends && HG_PATH_CAN(HG_PATH_GLASS)) // not filtered: the field has the light of all but lamps
         return !lamp;
-    return ends ? e.group == HG_EMITTER_GROUP_ENVIRONMENT : bounce == 0u && lamp && e.delta;
+    bool drawn = bounce == 0u && lamp && e.delta && !HG_PATH_CAN(HG_PATH_LAMPS);
+    return ends ? e.group == HG_EMITTER_GROUP_ENVIRONMENT : drawn;
 }
 
 // What irradiance is multiplied by where the base scatters it: as in hg_environment_brdf.
@@ -90,9 +91,33 @@ void hg_gather_saw_sky(path p, vec3 light)
     hg_path_add_sky(HG_PATH_GUIDE_SEEN_SKY, p.slot, 0u, light);
 }
 
-// The first surface has a shadow ray to a light: what may stop it is not known yet.
+// Every second sample that chose a lamp without a size asks for one of all of them in turn: where the brightest
+// are hidden the light of others is all there is. That there is one counts, not how bright it is. True where it does.
+bool hg_gather_turns(path p, vec3 position_ws, vec3 normal, inout hg_emitter_sample e)
+{
+    uint count = HG_EMITTERS.leaf_count - HG_EMITTERS.first_lamp_leaf, number = hg_path_sample(p.slot);
+    if (e.group != HG_EMITTER_GROUP_PUNCTUAL || !e.delta || number % 2u == 0u)
+        return false;
+    uvec2 pixel = hg_path_pixel(p.slot);
+    uint turn = (number / 2u + pixel.x + 3u * pixel.y) % count;
+    hg_emitter_sample other =
+        hg_emitter_light(HG_EMITTERS.directional_count + turn, 1.0, position_ws, vec2(0.5));
+    bool faces = other.delta && dot(normal, other.direction) > 0.0;
+    if (faces)
+        e = other;
+    return faces;
+}
+
+// The first surface has a shadow ray to a light: what may stop it is not known yet. Of lamps without a size
+// only that is of interest.
 void hg_gather_asked(inout path p, hg_emitter_sample e)
 {
+    if (HG_PATH_CAN(HG_PATH_LAMPS) && e.group == HG_EMITTER_GROUP_PUNCTUAL && e.delta) {
+        uint lamp = HG_GATHERED_LAMP(e.draw);
+        p.flags = bitfieldInsert(p.flags, lamp, HG_PATH_LAMP_SHIFT, 4) | HG_PATH_ASKS_LAMP;
+        hg_path_set3(HG_PATH_PENDING, p.slot, vec3(1.0));
+        hg_path_add(hg_path_out(hg_path.planes[HG_PATH_PLANE_LAMPS] + lamp), p.slot, 1.0);
+    }
     if (e.group != HG_EMITTER_GROUP_ENVIRONMENT)
         return;
     p.flags |= HG_PATH_ASKS_SKY;

@@ -534,6 +534,8 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         note_guide(p, b, v, s);
     if (HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_leaves_out(light.e, p.bounce, ends))
         light.light = vec3(0.0);
+    if (HG_PATH_CAN(HG_PATH_LAMPS) && p.bounce == 0u && hg_gather_turns(p, v.position_ws, s.geometric_normal, light.e))
+        light.light = vec3(1.0);
     uint status = HG_PATH_DONE;
     bool asks = ask_light(p, b, v, s, light, false);
     status |= asks ? HG_PATH_SHADOW : 0u;

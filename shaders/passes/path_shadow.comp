@@ -75,6 +75,12 @@ void arrive(uint slot, vec3 light)
         hg_path_add_sun(HG_PATH_GUIDE_SEEN_SUN, slot, dot(light, vec3(0.2126, 0.7152, 0.0722)));
         return;
     }
+    if (HG_PATH_CAN(HG_PATH_LAMPS) && bounce == 1u && push.second == 0u && (flags & HG_PATH_ASKS_LAMP) != 0u) {
+        uint lamp = bitfieldExtract(flags, HG_PATH_LAMP_SHIFT, 4);
+        float sixteenths = floor(16.0 * dot(light, vec3(0.2126, 0.7152, 0.0722)) + 0.5);
+        hg_path_add(hg_path_out(hg_path.planes[HG_PATH_PLANE_LAMPS] + lamp), slot, HG_PATH_LAMP_SEEN * sixteenths);
+        return;
+    }
     if (HG_PATH_CAN(HG_PATH_GROUPS))
         group = bitfieldExtract(floatBitsToUint(hg_path_get(hg_path.split + HG_PATH_SPLIT_GROUPS, slot)),
             push.second != 0u ? 8 : 0, 8);

@@ -45,6 +45,7 @@
 #define HG_FEATURE2_GROUND         0x10u // of backgrounds alone: a ground that catches shadows
 #define HG_FEATURE2_PROBES         0x20u // diffuse light comes from a field of probes
 #define HG_FEATURE2_GATHERED       0x40u // of opaque surfaces: light from other surfaces was gathered per pixel
+#define HG_FEATURE2_LAMPS_GATHERED 0x8000u // with GATHERED: and how much of lamps' light arrives
 #define HG_FEATURE2_PROBE_LIGHT    0x80u // of opaque surfaces: the probes' light is in an image
 #define HG_FEATURE2_SIZED          0x100u // lights with a size
 #define HG_FEATURE2_CHECKERBOARD   0x1000u // HG_FRAME_CHECKERBOARD may be set

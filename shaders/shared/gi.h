@@ -16,6 +16,9 @@
 // bits (HG_GATHERED_SHARE_MASK) are the square root of the share of the environment's irradiance that is seen, 0:
 // there is no surface.
 //
+// Where lamps without a size cast shadows, as many rows follow: the square root of the share of their light that
+// arrives, in 8 bits for each HG_GATHERED_LAMP. Lamps beyond the first HG_GATHERED_LAMPS share numbers.
+//
 // Probe light, RGBA32UI at a quarter of the picture's sides, rounded up (lib/probe_light.glsl): irradiance over pi
 // and what reflections need of surfaces, both RGB9E5; normal in twice 12 bits and the share of the environment
 // that is seen in 8; depth whose last bits (HG_PROBE_LIGHT_OPEN_MASK) are the share of the cosine lobe that
@@ -45,6 +48,8 @@
 #define HG_PROBE_BIAS_NORMAL 0.15f
 #define HG_PROBE_BIAS_VIEW   0.10f
 #define HG_GATHERED_SHARE_MASK 0xfffu
+#define HG_GATHERED_LAMPS 16u
+#define HG_GATHERED_LAMP(id) ((id) % HG_GATHERED_LAMPS) // id: of the scene's lights
 #define HG_PROBE_LIGHT_OPEN_MASK 0xffu
 // How far things occlude for pictures in motion, in spacings: what stands closer to a point is between
 // it and where probes are asked for it.

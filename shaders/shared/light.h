@@ -15,6 +15,7 @@
 #define HG_LIGHT_KIND_TUBE        5
 
 #define HG_SHADOW_NONE    0xffffffffu
+#define HG_LIGHT_TOGETHER 0xffffffffu // it stands for several lamps
 #define HG_SHADOW_UNASKED 0xfffffffeu // in the tables of emitters: nothing is in its light's way
 #define HG_SHADOW_TAPS    4 // of one filtered lookup
 #define HG_CASCADE_COUNT  4
@@ -133,7 +134,7 @@ struct hg_gpu_light {
     float spot_scale;     // cone: saturate(cos * scale + offset)^2
     float spot_offset;
     HG_UINT shadow_count; // cascades: 1..HG_CASCADE_COUNT, spot 1, point and wide spot 6
-    HG_UINT id;           // index of the light in its scene, for statistics
+    HG_UINT id;           // index of the light in its scene; HG_LIGHT_TOGETHER
     HG_VEC3 axis_ws;      // unit, x of its node: along the width of rectangles, and tubes
     float radius;         // metres; DIRECTIONAL: sine of half its angular diameter
     float half_width, half_height; // metres; TUBE: half its length is the width's; POINT, SPOT without

@@ -64,6 +64,7 @@
 #define HG_PATH_BOTH_SIDES    0x00400000u // light from both sides of the surface it left counts
 #define HG_PATH_WIDE          0x02000000u // it left a rough surface: what it meets may be shaded coarsely
 #define HG_PATH_ASKS_SKY      0x04000000u // of a gathering path: its shadow ray is for the environment
+#define HG_PATH_ASKS_LAMP         0x08000000u // of a gathering path: its shadow ray is for a lamp without a size
 #define HG_PATH_CATCHES           0x00080000u // its shadow ray tests the light of a shadow catcher
 #define HG_PATH_LOBE_DIFFUSE      0u
 #define HG_PATH_LOBE_SPECULAR     1u
@@ -93,14 +94,20 @@
 #define HG_PATH_PLANE_GROUPS           20 // 3 channels for each group of lights
 #define HG_PATH_PLANE_CATCHER          21 // not one of them: HG_PATH_CATCHER_*
 #define HG_PATH_PLANE_MOVED            22 // of pictures of a series: HG_PATH_MOVED_*
-#define HG_PATH_PLANE_GUIDE            23 // denoiser inputs: HG_PATH_GUIDE_*
-#define HG_PATH_PLANE_COUNT            24
+#define HG_PATH_PLANE_LAMPS            23 // of gathering paths: HG_PATH_LAMPS_*
+#define HG_PATH_PLANE_GUIDE            24 // denoiser inputs: HG_PATH_GUIDE_*
+#define HG_PATH_PLANE_COUNT            25
 
 // Channels of HG_PATH_PLANE_MOVED.
 #define HG_PATH_MOVED_BY    0 // xyz: to where the surface was when the picture before was made, metres
 #define HG_PATH_MOVED_WHAT  3 // of the first sample: as HG_PATH_PLANE_OBJECT
 #define HG_PATH_MOVED_SEEN  4 // xyz: of the image of what is seen in it, of samples that SEEN but not SEEN_OWN counts
 #define HG_PATH_MOVED_WORDS 7
+
+// HG_PATH_PLANE_LAMPS has a channel for each HG_GATHERED_LAMP of shared/gi.h: samples whose first surface asked for
+// such a lamp, and HG_PATH_LAMP_SEEN for each sixteenth of its light that arrived there.
+#define HG_PATH_LAMP_SEEN       1024.0f // more than the samples that light is gathered with
+#define HG_PATH_LAMP_SHIFT      28 // in the flags: which one
 
 // Channels of HG_PATH_PLANE_GUIDE, always the last of the film, of the pixel's own samples alone.
 // Their sums over the first half of the samples (HG_PATH_IS_FIRST_HALF) follow behind, then
@@ -202,6 +209,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_PLACED 0x40u // some draws are marked so
 #define HG_PATH_GATHERS 0x80u // final gathering for a real-time picture (hg_gpu_path.gather)
 #define HG_PATH_GLASS 0x100u // with GATHERS: to transmissive surfaces that the camera sees first, and to none else
+#define HG_PATH_LAMPS 0x200u // of these there is HG_PATH_PLANE_LAMPS
 #define HG_PATH_SURFACES   0x2000000u // first hits only, by the rules of the real-time mode
 #define HG_PATH_SUNS_APART 0x200000u // a ray to a directional light besides one to the others
 #define HG_PATH_SPLATS 0x1000000u // samples count for neighbours as well
@@ -209,7 +217,7 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 #define HG_PATH_PLANES 0x400000u // any besides colour; and HG_EMITTER_KIND_* of the lights
 
 // With HG_PATH_GATHERS paths leave the first opaque surface, bring what real-time pictures do not draw
-// themselves (all but directional lights, and lamps without a size), and end in the field of irradiance probes
+// themselves (all but directional lights, and lamps without a size: of these how much arrives), and end in the field of irradiance probes
 // (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away, in spacings of the probes there,
 // or after max_bounces.
 struct hg_gpu_path_gather {

@@ -8,7 +8,7 @@
 #include "shaders/shared/path.h"
 #include "tests/analytic/rig.h"
 
-enum { SIDE = 32, BLOCK = 16, STEPS = 48 };
+enum { SIDE = 32, SQUARE = 24, BLOCK = 16, STEPS = 48 };
 
 static struct rig_camera camera = {.eye = {1, 4, 2.5},
     .target = {0, 0, 0},
@@ -357,6 +357,79 @@ static void test_gathered(void **state)
     assert_true(fabs(width[1] / width[0] - 1) < 0.1);
 }
 
+// Mean difference of squares of two pictures, of each colour, over the mean of the second one.
+static void squares_apart(
+    const struct rig_camera *c, const struct hg_refbuf *a, const struct hg_refbuf *b, double off[3])
+{
+    const float *of[2] = {
+        (const float *)(const void *)a->data, (const float *)(const void *)b->data};
+    for (int colour = 0; colour < 3; colour++) {
+        double differs = 0, all = 0;
+        for (uint32_t y = 0; y + SQUARE <= c->height; y += SQUARE)
+            for (uint32_t x = 0; x + SQUARE <= c->width; x += SQUARE) {
+                double sums[2] = {0};
+                for (uint32_t k = 0; k < SQUARE * SQUARE; k++)
+                    for (int i = 0; i < 2; i++)
+                        sums[i] +=
+                            (double)of[i][4 * ((y + k / SQUARE) * c->width + x + k % SQUARE) +
+                                          (uint32_t)colour];
+                differs += fabs(sums[0] - sums[1]);
+                all += sums[1];
+            }
+        off[colour] = differs / all;
+    }
+}
+
+// Slabs low over a floor, under lamps without a size, red and blue, and a green one that casts no
+// shadows: at rest with rays their shadows are those of paths, of each colour.
+static void test_gathered_lamps(void **state)
+{
+    struct rig *rig = *state;
+    static const float slabs[][2][3] = {{{-0.5f, 0.02f, -0.3f}, {-0.2f, 0.03f, 0.3f}},
+        {{0, 0.05f, -0.3f}, {0.1f, 0.3f, -0.1f}}, {{0.2f, 0.01f, -0.1f}, {0.4f, 0.02f, 0.4f}}};
+    static const double at[3][3] = {{-1.5, 2, 0.5}, {1.2, 1.6, -0.7}, {0.3, 3, 1}};
+    const double down[3] = {0, -1, 0};
+    struct rig_camera above = {.eye = {0, 1.4, 0.6},
+        .target = {0, 0, 0},
+        .vfov_rad = 0.7,
+        .width = 96,
+        .height = 72,
+        .samples = 64,
+        .mode = HG_MODE_PATH,
+        .max_bounces = 1};
+    add_plane(rig, 0, 1);
+    struct hg_material *black = rig_material(rig);
+    memset(black->base_color, 0, 3 * sizeof(float));
+    black->specular.factor = 0;
+    black->specular.is_set = true;
+    for (size_t i = 0; i < sizeof slabs / sizeof *slabs; i++)
+        for (int face = 0; face < 6; face++)
+            rig_face(rig, black, slabs[i], -1, face);
+    for (int i = 0; i < 3; i++) {
+        struct hg_light *lamp = rig_light(rig, HG_LIGHT_POINT, at[i], down);
+        lamp->intensity = 20;
+        lamp->casts_shadow = i < 2;
+        for (int c = 0; c < 3; c++)
+            lamp->color[c] = c == (i == 1 ? 2 : i == 2 ? 1 : 0) ? 1.0f : 0.02f;
+    }
+    struct hg_refbuf *paths = rig_render(rig, &above);
+    above.mode = HG_MODE_REALTIME;
+    above.samples = 32;
+    double off[2][3];
+    for (int rays = 0; rays < 2; rays++) {
+        above.gi = rays ? HG_GI_RAYS : HG_GI_NONE;
+        struct hg_refbuf *picture = rig_render(rig, &above);
+        squares_apart(&above, picture, paths, off[rays]);
+        hg_refbuf_unref(picture);
+    }
+    hg_refbuf_unref(paths);
+    for (int c = 0; c < 3; c++)
+        print_message("colour %d: %.2f %% off, %.2f %% with shadow maps\n", c, off[1][c] * 100,
+            off[0][c] * 100);
+    for (int c = 0; c < 3; c++)
+        assert_true(off[1][c] < 0.015);
+}
+
 // Penumbrae of shadow maps are as wide as those of paths, and as geometry says; without a size
 // hard.
 static void test_penumbra(void **state)
@@ -444,7 +517,7 @@ static void test_glossy(void **state)
     camera = before;
 }
 
-int main(void)
+int main(int argc, char **argv) // argv[1]: only tests of this name
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_shapes),
@@ -455,6 +528,9 @@ int main(void)
         cmocka_unit_test(test_glossy),
         cmocka_unit_test(test_penumbra),
         cmocka_unit_test(test_gathered),
+        cmocka_unit_test(test_gathered_lamps),
     };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
