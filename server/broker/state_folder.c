@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "server/broker/state_file.h"
@@ -66,6 +67,10 @@ void hg_state_folder_abort(struct hg_state_folder *f, int fd)
 
 // ---- opening ------------------------------------------------------------------------------------
 
+// A daemon that was killed while it started a worker: the child has its descriptors, the lock among
+// them, until it executes the worker's program.
+enum { LOCK_TRIES = 100, LOCK_STEP_NS = 10000000 };
+
 static enum hg_status lock_folder(struct hg_state_folder *f, struct hg_error *err)
 {
     if (mkdir(f->path, 0700) != 0 && errno != EEXIST)
@@ -76,7 +81,12 @@ static enum hg_status lock_folder(struct hg_state_folder *f, struct hg_error *er
     f->lock_fd = openat(f->folder_fd, lock_name, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (f->lock_fd < 0)
         return fail_errno(f, "write to the folder", err);
-    if (flock(f->lock_fd, LOCK_EX | LOCK_NB) == 0)
+    int failed = flock(f->lock_fd, LOCK_EX | LOCK_NB);
+    for (int i = 0; failed && errno == EWOULDBLOCK && i < LOCK_TRIES; i++) {
+        hg_clock_sleep_ns(LOCK_STEP_NS);
+        failed = flock(f->lock_fd, LOCK_EX | LOCK_NB);
+    }
+    if (!failed)
         return HG_OK;
     if (errno == EWOULDBLOCK)
         return hg_error_set(
