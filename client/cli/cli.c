@@ -378,6 +378,7 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         .timeout_ns = timeout ? timeout : UINT64_C(30000000000),
         .max_receive_bytes = 640u * 1024 * 1024,
         .worker_args = args.items,
+        .reconnect_ns = o->has_reconnect ? (uint64_t)(o->reconnect * 1e9) : 0,
     };
     if (!status)
         status = open_session(cli, &options, err);

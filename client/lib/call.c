@@ -40,6 +40,8 @@ static short events_wanted(const struct helio *h)
     return t->class ? t->class->wants(t, read, helio_want_write(h)) : 0;
 }
 
+enum { REDIAL_MS = 20 };
+
 static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct hg_error *err)
 {
     for (;;) {
@@ -47,11 +49,13 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
             return hg_error_set(err, HG_E_CANCELLED, h->url, NULL, "interrupted");
         if (h->error.status)
             return hg_client_failed(h, err);
+        const bool is_lost = !h->transport.class; // and dialled again soon
         struct pollfd p[2] = {
             {.fd = helio_fd(h), .events = events_wanted(h)},
             {.fd = h->wake_fd, .events = POLLIN},
         };
-        int n = poll(p, 2, poll_ms(deadline_ns));
+        int ms = poll_ms(deadline_ns);
+        int n = poll(p, 2, is_lost && ms > REDIAL_MS ? REDIAL_MS : ms);
         if (n < 0 && errno != EINTR)
             return hg_client_fail(h, HG_E_IO, NULL, "poll: %s", strerror(errno)),
                    hg_client_failed(h, err);
@@ -167,10 +171,12 @@ static bool find_answer(struct helio *h, uint32_t request, struct hg_client_mess
     return false;
 }
 
+// HG_E_AGAIN: the connection was lost, and with it the answer.
 static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t deadline,
     struct hg_client_message **answer, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
+    const uint32_t losses = h->resume.losses;
     *answer = NULL;
     for (;;) {
         enum hg_status found;
@@ -179,6 +185,8 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
             return found;
         if (status)
             return status;
+        if (h->resume.losses != losses)
+            return HG_E_AGAIN;
         if (h->queue.count >= HG_CLIENT_QUEUE_MESSAGES)
             return hg_error_set(err, HG_E_STATE, h->url, NULL,
                 "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES);
@@ -188,22 +196,55 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
     }
 }
 
+// Done twice they do what they do once.
+static bool may_repeat(enum hgp_type type)
+{
+    switch (type) {
+    case HGP_T_asset_load:
+    case HGP_T_asset_unload:
+    case HGP_T_object_remove:
+    case HGP_T_batch_begin:
+    case HGP_T_batch_end:
+    case HGP_T_upload:
+    case HGP_T_image_query: // a file in parts
+    case HGP_T_scene_open:
+    case HGP_T_scene_close:
+    case HGP_T_view_close:
+        return false;
+    default:
+        return true;
+    }
+}
+
+static enum hg_status send_when_possible(struct helio *h, enum hgp_type type, const void *message,
+    uint64_t deadline, uint32_t *request, struct hg_error *err)
+{
+    enum hg_status status = helio_send(h, type, message, request, err);
+    while (status == HG_E_AGAIN) {
+        status = wait_until(h, deadline, err);
+        if (!status)
+            status = helio_send(h, type, message, request, err);
+    }
+    return status;
+}
+
 enum hg_status helio_call(struct helio *h, enum hgp_type type, const void *message,
     struct helio_message **answer, struct hg_error *err)
 {
     uint64_t deadline = deadline_of(h->timeout_ns);
     uint32_t request;
-    struct hg_client_message *got;
+    struct hg_client_message *got = NULL;
     if (answer)
         *answer = NULL;
-    enum hg_status status = helio_send(h, type, message, &request, err);
-    while (status == HG_E_AGAIN) {
-        status = wait_until(h, deadline, err);
+    enum hg_status status;
+    do {
+        status = send_when_possible(h, type, message, deadline, &request, err);
         if (!status)
-            status = helio_send(h, type, message, &request, err);
-    }
-    if (!status)
-        status = wait_answer(h, request, deadline, &got, err);
+            status = wait_answer(h, request, deadline, &got, err);
+    } while (status == HG_E_AGAIN && may_repeat(type));
+    if (status == HG_E_AGAIN)
+        status = hg_error_set(err, HG_E_CLOSED, hgp_find((uint16_t)type)->name, NULL,
+            "the connection was lost while this was under way; it may have been done");
     if (status)
         return status;
     if (answer)

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 
 // ---- ending -------------------------------------------------------------------------------------
 
@@ -29,9 +30,49 @@ enum hg_status hg_client_failed(const struct helio *h, struct hg_error *err)
     return h->error.status;
 }
 
+enum { RETRY_NS = 50000000 };
+
+// What was on its way is lost; what came stays.
+static bool begin_resume(struct helio *h)
+{
+    struct hg_client_resume *r = &h->resume;
+    uint64_t now_ns = hg_clock_now_ns();
+    if (!r->patience_ns || !r->secret_bytes || h->error.status)
+        return false;
+    if (!r->deadline_ns)
+        r->deadline_ns = now_ns + r->patience_ns;
+    r->retry_ns = r->losses ? now_ns + RETRY_NS : now_ns;
+    r->losses++;
+    hg_client_transport_close(&h->transport);
+    hgp_framer_finish(&h->in);
+    h->in.frames = &hg_client_frames;
+    h->out.size = h->out_sent = 0;
+    h->auth_sent = h->draining = false;
+    h->server.name[0] = 0;
+    h->state = HELIO_CONNECTING;
+    return true;
+}
+
+enum hg_status hg_client_redial(struct helio *h)
+{
+    struct hg_client_resume *r = &h->resume;
+    struct hg_error reason = {0};
+    uint64_t now_ns = hg_clock_now_ns();
+    if (now_ns >= r->deadline_ns)
+        return hg_client_fail(h, HG_E_CLOSED, NULL,
+            "the connection was lost and could not be made again within %.0f s",
+            (double)r->patience_ns * 1e-9);
+    if (now_ns < r->retry_ns)
+        return HG_E_AGAIN;
+    r->retry_ns = now_ns + RETRY_NS;
+    return hg_client_transport_dial(&h->transport, h->url, &reason) ? HG_E_AGAIN : HG_OK;
+}
+
 enum hg_status hg_client_fail_lost(struct helio *h, const char *fmt, ...)
 {
     char text[160];
+    if (begin_resume(h))
+        return HG_E_AGAIN;
     if (h->embedded &&
         hg_client_worker_reap(&h->worker_pid, HG_CLIENT_SECOND_NS, text, sizeof text))
         return hg_client_fail(h, HG_E_WORKER, NULL, "the private worker %s", text);

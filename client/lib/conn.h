@@ -23,6 +23,8 @@ enum {
     HG_CLIENT_PRIVATE_IDS = 1 << 20,
 };
 
+#define HG_CLIENT_OWN_REQUEST UINT32_MAX // of the library itself, never given to a caller
+
 #define HG_CLIENT_SECOND_NS   UINT64_C(1000000000)
 #define HG_CLIENT_WORKER_STEP (600 * HG_CLIENT_SECOND_NS) // in one step of rendering: hung
 #define HG_CLIENT_WORKER_LIFE (60 * HG_CLIENT_SECOND_NS)  // without a pulse it counts as hung
@@ -53,6 +55,16 @@ struct hg_client_server {
     uint32_t send_limit; // payload bytes that it takes
 };
 
+// Going on with the session on another connection.
+struct hg_client_resume {
+    uint64_t patience_ns;  // 0 = it is not wanted
+    uint64_t deadline_ns;  // until then it is tried; 0 = the connection is not lost
+    uint64_t retry_ns;     // the next try
+    uint8_t secret[64];    // the ticket
+    uint32_t secret_bytes; // 0 = there is none
+    uint32_t losses, done; // connections that were lost; sessions that went on
+};
+
 struct helio {
     enum helio_state state;
     bool embedded; // the peer is a private worker
@@ -73,14 +85,19 @@ struct helio {
     struct hgp_framer in;
     struct hg_client_queue queue;
     struct helio_handlers handlers;
+    struct hg_client_resume resume;
 };
 
 // Ends the connection for a reason (the first one is kept) and reports it.
 enum hg_status hg_client_fail(struct helio *h, enum hg_status status, const char *where,
     const char *fmt, ...) HG_PRINTF(4, 5);
-// Ends it because the stream ended or broke: whose fault that was depends on who is at the other
-// end.
+// The stream ended or broke. HG_E_AGAIN: the session goes on on another connection, which
+// hg_client_redial makes; else the connection is ended: whose fault that was depends on who is at
+// the other end.
 enum hg_status hg_client_fail_lost(struct helio *h, const char *fmt, ...) HG_PRINTF(2, 3);
+// Tries to connect again, if it is time. HG_OK: connected, or being connected; HG_E_AGAIN: later;
+// or the connection has ended, since it took too long.
+enum hg_status hg_client_redial(struct helio *h) HG_MUST_CHECK;
 // The kept reason.
 enum hg_status hg_client_failed(const struct helio *h, struct hg_error *err);
 // Encodes into the output. HG_E_INVAL, HG_E_LIMIT, HG_E_NOMEM.

@@ -37,6 +37,7 @@ static enum hg_status prepare(
         h->token = hg_strdup(options->token);
     if (!h->server.device || (options->token && !h->token))
         return hg_error_set(err, HG_E_NOMEM, h->url, NULL, "no memory for a connection");
+    h->resume.patience_ns = options->url ? options->reconnect_ns : 0;
     h->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (h->wake_fd < 0)
         return hg_error_set(
@@ -143,6 +144,7 @@ void helio_get_info(const struct helio *h, struct helio_info *out)
         .device = h->server.device,
         .worker_pid = h->worker_pid,
         .draining = h->draining,
+        .reconnects = h->resume.done,
     };
 }
 
@@ -165,6 +167,8 @@ enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *messa
         *request = 0;
     if (h->error.status)
         return hg_client_failed(h, err);
+    if (h->state != HELIO_OPEN && h->resume.deadline_ns)
+        return hg_error_set(err, HG_E_AGAIN, h->url, NULL, "the connection is being made again");
     if (h->state != HELIO_OPEN)
         return hg_error_set(err, HG_E_STATE, h->url, NULL, "the session is not open yet");
     if (h->out.size - h->out_sent > HG_CLIENT_SEND_HIGH_BYTES)
@@ -178,7 +182,7 @@ enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *messa
     enum hg_status status = hg_client_enqueue(h, type, id, message, err);
     if (!status && request) {
         *request = id;
-        h->next_request = id == UINT32_MAX ? 1 : id + 1;
+        h->next_request = id + 1 == HG_CLIENT_OWN_REQUEST ? 1 : id + 1;
     }
     return status;
 }
@@ -212,17 +216,30 @@ static enum hg_status send_some(struct helio *h)
     return HG_OK;
 }
 
+// HG_OK: connected; HG_E_AGAIN: not yet.
+static enum hg_status connect_on(struct helio *h)
+{
+    struct hg_error reason = {0};
+    enum hg_status status = HG_OK;
+    if (h->resume.deadline_ns && !h->transport.class)
+        status = hg_client_redial(h);
+    if (!status && h->transport.connecting)
+        status = hg_client_transport_continue(&h->transport, h->url, &reason);
+    if (status == HG_E_AGAIN || h->error.status)
+        return status;
+    if (status && h->resume.deadline_ns) { // nobody listens: later
+        hg_client_transport_close(&h->transport);
+        return HG_E_AGAIN;
+    }
+    return status ? hg_client_fail(h, status, NULL, "%s", reason.reason) : hg_client_greet(h);
+}
+
 enum hg_status helio_process(struct helio *h, struct hg_error *err)
 {
     if (!h->error.status && h->state == HELIO_CONNECTING) {
-        struct hg_error reason = {0};
-        enum hg_status status = hg_client_transport_continue(&h->transport, h->url, &reason);
+        enum hg_status status = connect_on(h);
         if (status == HG_E_AGAIN)
             return HG_OK;
-        if (status)
-            hg_client_fail(h, status, NULL, "%s", reason.reason);
-        else
-            status = hg_client_greet(h);
         if (status)
             return hg_client_failed(h, err);
     }

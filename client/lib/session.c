@@ -37,6 +37,40 @@ static enum hg_status fail_from_error(struct helio *h, const struct hgp_error *e
         error->reason.data ? error->reason.data : "");
 }
 
+// The session is open: it is kept from now on, or gives way to the one that was lost.
+static enum hg_status on_open(struct helio *h)
+{
+    struct hg_client_resume *r = &h->resume;
+    struct hg_error err = {0};
+    enum hg_status status = HG_OK;
+    if (!r->deadline_ns)
+        h->state = HELIO_OPEN;
+    if (r->deadline_ns)
+        status = hg_client_enqueue(h, HGP_T_resume, HG_CLIENT_OWN_REQUEST,
+            &(struct hgp_resume){.secret = {r->secret, r->secret_bytes}}, &err);
+    else if (r->patience_ns)
+        status =
+            hg_client_enqueue(h, HGP_T_keep, HG_CLIENT_OWN_REQUEST, &(struct hgp_keep){0}, &err);
+    return status ? hg_client_fail(h, status, NULL, "%s", err.reason) : HG_OK;
+}
+
+static void take_secret(struct helio *h, struct hgp_bytes secret)
+{
+    if (secret.size)
+        memcpy(h->resume.secret, secret.data, secret.size);
+    h->resume.secret_bytes = secret.size;
+}
+
+static enum hg_status on_resumed(struct helio *h, const struct hgp_resumed *m)
+{
+    take_secret(h, m->secret);
+    h->server.session = m->session;
+    h->resume.deadline_ns = 0;
+    h->resume.done++;
+    h->state = HELIO_OPEN;
+    return HG_OK;
+}
+
 static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welcome)
 {
     if (welcome->version < HGP_VERSION_MIN || welcome->version > HGP_VERSION_MAX)
@@ -48,16 +82,12 @@ static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welc
     h->server.send_limit = welcome->max_message_bytes;
     snprintf(h->server.name, sizeof h->server.name, "%.*s", (int)welcome->server.size,
         welcome->server.data ? welcome->server.data : "");
-    if (!welcome->auth_required && !h->token) {
-        h->state = HELIO_OPEN;
-        return HG_OK;
-    }
+    if (!welcome->auth_required && !h->token)
+        return on_open(h);
     if (!h->token)
         return hg_client_fail(h, HG_E_AUTH, "token", "the server asks for a token");
-    if (!welcome->auth_required) { // open already: the token is not needed
-        h->state = HELIO_OPEN;
-        return HG_OK;
-    }
+    if (!welcome->auth_required) // open already: the token is not needed
+        return on_open(h);
     struct hgp_auth auth = {.token = hgp_str_make(h->token)};
     struct hg_error err = {0};
     enum hg_status status = hg_client_enqueue(h, HGP_T_auth, 0, &auth, &err);
@@ -96,9 +126,10 @@ static enum hg_status greeting(struct helio *h, const struct hg_client_message *
         return on_welcome(h, &message->body.welcome);
     if (!h->embedded && message->pub.type == HGP_T_auth_ok && h->auth_sent) {
         h->server.role = message->body.auth_ok.role;
-        h->state = HELIO_OPEN;
-        return HG_OK;
+        return on_open(h);
     }
+    if (h->resume.deadline_ns && message->pub.type == HGP_T_resumed)
+        return on_resumed(h, &message->body.resumed);
     if (h->embedded && message->pub.type == HGP_T_worker_ready)
         return on_worker_ready(h, &message->body.worker_ready);
     return hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not expected before the session is open",
@@ -130,11 +161,20 @@ static bool handle_own(
         if (*status)
             *status = hg_client_fail(h, *status, NULL, "cannot answer a ping: %s", err.reason);
         return true;
-    case HGP_T_error:
-        if (message->pub.request == 0)
+    case HGP_T_ticket:
+        if (message->pub.request == HG_CLIENT_OWN_REQUEST)
+            take_secret(h, message->body.ticket.secret);
+        return message->pub.request == HG_CLIENT_OWN_REQUEST;
+    case HGP_T_error: // keep may be refused: then the session is not kept
+        if (message->pub.request == 0 ||
+            (message->pub.request == HG_CLIENT_OWN_REQUEST && h->resume.deadline_ns))
             *status = fail_from_error(h, &message->body.error);
-        return *status != HG_OK;
+        return *status != HG_OK || message->pub.request == HG_CLIENT_OWN_REQUEST;
     case HGP_T_bye:
+        if (h->draining && h->resume.secret_bytes) { // its successor goes on
+            *status = hg_client_fail_lost(h, "the server said goodbye");
+            return true;
+        }
         *status = hg_client_fail(h, HG_E_CLOSED, NULL, "the server said goodbye: %.*s",
             (int)message->body.bye.reason.size,
             message->body.bye.reason.data ? message->body.bye.reason.data : "");

@@ -219,6 +219,38 @@ export const messages = {
             { name: "reason", kind: "str", max: 512, since: 1 },
         ],
     },
+    // keep this session for a while when its connection is lost, and with a state folder when the daemon ends; answered by ticket. After bye it is not kept
+    keep: {
+        type: 0x010d, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // answer to keep; it voids older tickets of the session
+    ticket: {
+        type: 0x010e, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+            { name: "valid_s", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // go on with the session of a ticket, in place of the one that has just been opened and has no scene open; answered by resumed; error AUTH: the ticket is unknown, used, or too old
+    resume: {
+        type: 0x010f, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+        ],
+    },
+    // answer: scene, views and subscriptions are as they were, with the credit of the newest subscribe, and every subscribed view is shown anew. Edits that were under way were done or not, in their order; all other requests were dropped
+    resumed: {
+        type: 0x0110, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+            { name: "valid_s", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "first_id", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "id_count", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
     // join a scene, or make it
     scene_open: {
         type: 0x0201, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
@@ -870,6 +902,22 @@ export const messages = {
             { name: "busy_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
             { name: "rss_bytes", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
             { name: "views", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // whose session the channel carries: all sessions of one tenant share its turns; without it those without one share theirs
+    session_tenant: {
+        type: 0x0506, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "tenant", kind: "str", max: 128, since: 1 },
+        ],
+    },
+    // before a pulse: what the thread of its busy_ns is at
+    busy: {
+        type: 0x0507, direction: "W2B", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "channel", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
         ],
     },
 };

@@ -12,17 +12,27 @@
 #include "base/log.h"
 #include "server/broker/json.h"
 
+// A line that the end of an earlier daemon, or of the machine, has cut.
+static void end_cut_line(struct hg_audit *audit)
+{
+    char last = '\n';
+    if (audit->bytes && pread(audit->fd, &last, 1, (off_t)audit->bytes - 1) == 1 && last != '\n' &&
+        write(audit->fd, "\n", 1) == 1)
+        audit->bytes++;
+}
+
 enum hg_status hg_audit_open(struct hg_audit *audit, const char *path, struct hg_error *err)
 {
     struct stat st;
     *audit = (struct hg_audit){.path = path, .fd = -1, .limit_bytes = UINT64_MAX};
     if (!path)
         return HG_OK;
-    audit->fd = open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+    audit->fd = open(path, O_RDWR | O_APPEND | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (audit->fd < 0 || fstat(audit->fd, &st) != 0)
         return hg_error_set(err, hg_status_from_errno(errno), path, NULL,
             "cannot open the audit log: %s", strerror(errno));
     audit->bytes = (uint64_t)st.st_size;
+    end_cut_line(audit);
     return HG_OK;
 }
 
@@ -30,6 +40,13 @@ void hg_audit_set_limits(struct hg_audit *audit, uint64_t limit_bytes, uint32_t 
 {
     audit->limit_bytes = limit_bytes;
     audit->keep = keep;
+}
+
+int hg_audit_dup(struct hg_audit *audit)
+{
+    bool unsynced = audit->unsynced;
+    audit->unsynced = false;
+    return unsynced ? fcntl(audit->fd, F_DUPFD_CLOEXEC, 0) : -1;
 }
 
 void hg_audit_close(struct hg_audit *audit)
@@ -109,6 +126,7 @@ static void put_line(struct hg_writer *w, const char *event, const struct hg_aud
 static void write_line(struct hg_audit *audit, const struct hg_writer *w)
 {
     ssize_t n = w->failed ? -1 : write(audit->fd, w->data, w->size);
+    audit->unsynced = true;
     if (n > 0)
         audit->bytes += (uint64_t)n;
     if (n == (ssize_t)w->size)

@@ -19,6 +19,7 @@ struct hg_audit {
     uint64_t limit_bytes, bytes, lost;
     uint32_t keep; // files besides the present one
     int fd;
+    bool unsynced;
 };
 
 // Who did it; members may be NULL or 0.
@@ -33,6 +34,8 @@ enum hg_status hg_audit_open(
 void hg_audit_set_limits(struct hg_audit *audit, uint64_t limit_bytes, uint32_t keep);
 void hg_audit_write(struct hg_audit *audit, const char *event, const struct hg_audit_actor *actor,
     enum hg_status result, const char *detail);
+int hg_audit_dup(
+    struct hg_audit *audit); // to be synced; -1: nothing was written since the last time
 void hg_audit_close(struct hg_audit *audit); // accepts a closed one
 
 #endif

@@ -17,8 +17,12 @@
 #include "server/broker/notify.h"
 #include "server/broker/recovery.h"
 #include "server/broker/session.h"
+#include "server/broker/session_park.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
+#include "server/broker/state.h"
+#include "server/broker/worker_process.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
@@ -89,12 +93,21 @@ static enum hg_status choose_cache_dir(struct hg_options *o, struct hg_error *er
     return o->cache_dir ? HG_OK : hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
 }
 
+static enum hg_status choose_audit(struct hg_options *o, struct hg_error *err)
+{
+    if (o->state_dir && !o->audit && !(o->audit = join(o->state_dir, "audit.log")))
+        return hg_error_set(err, HG_E_NOMEM, "--audit", NULL, "no memory");
+    return HG_OK;
+}
+
 static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
 {
     enum hg_status status = choose_cache_dir(&b->options, err);
     char *folder = status ? NULL : join(b->options.cache_dir, "uploads");
     if (!status && !folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
+    if (!status)
+        status = hg_homes_recover(b->options.cache_dir, err);
     if (!status)
         status = hg_upload_store_create(folder, b->options.upload_store_bytes, &b->store, err);
     hg_free(folder);
@@ -133,8 +146,39 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .audit = &b->audit,
         .quarantine = &b->quarantine,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, &like))
+    if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
+    return HG_OK;
+}
+
+static enum hg_status open_audit(struct hg_broker *b, struct hg_error *err)
+{
+    enum hg_status status = choose_audit(&b->options, err);
+    if (!status)
+        status = hg_audit_open(&b->audit, b->options.audit, err);
+    hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
+    return status;
+}
+
+// The log has written or synced.
+static void state_ready(struct hg_source *source, uint32_t events)
+{
+    struct hg_broker *b = source->owner;
+    (void)events;
+    if (hg_state_log_poll(b->state))
+        hg_conn_release(&b->conns);
+}
+
+static enum hg_status open_state(struct hg_broker *b, struct hg_error *err)
+{
+    enum hg_status status = hg_state_open(&b->sessions, &b->state, err);
+    if (status || !b->state)
+        return status;
+    b->conns.reached = hg_state_log_reached(b->state);
+    b->state_news = (struct hg_source){
+        .fd = hg_state_log_fd(b->state), .events = EPOLLIN, .ready = state_ready, .owner = b};
+    if (hg_loop_add(&b->loop, &b->state_news))
+        return hg_error_set(err, HG_E_LIMIT, "--state-dir", NULL, "cannot watch the log");
     return HG_OK;
 }
 
@@ -232,6 +276,8 @@ static void reload(struct hg_broker *b)
     if (!status)
         status = choose_cache_dir(&options, &err); // so that it compares equal
     if (!status)
+        status = choose_audit(&options, &err);
+    if (!status)
         status = hg_broker_check(&options, &err);
     if (!status)
         status = read_tokens(&options, &tokens, &err);
@@ -265,7 +311,7 @@ static void begin_drain(struct hg_broker *b)
     hg_info(MAIN, "draining: %u sessions, at most %.1f s", b->sessions.count,
         (double)timeout_ns * 1e-9);
     hg_notify_send("STOPPING=1\nSTATUS=draining");
-    b->sessions.draining = true;
+    b->sessions.draining = b->sessions.scenes.ending = true;
     b->drain_deadline_ns = b->loop.now_ns + timeout_ns;
     for (struct hg_conn *it = b->conns.first, *next; it; it = next) {
         next = it->next;
@@ -280,7 +326,7 @@ static void begin_drain(struct hg_broker *b)
 
 static bool has_work(const struct hg_conn *conn)
 {
-    return conn->out.head || (conn->session && conn->session->request_count);
+    return conn->out.head || (conn->session && conn->session->load.count);
 }
 
 static void drain_step(struct hg_broker *b)
@@ -376,10 +422,16 @@ static void tick(struct hg_broker *b)
     if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
         b->tokens_checked_ns = now_ns;
         hg_client_dispatch_check_tokens(&b->conns);
+        hg_session_record_cameras(&b->sessions);
+        hg_session_check_parked(&b->sessions);
+        if (b->state)
+            hg_state_log_sync_file(b->state, hg_audit_dup(&b->audit));
     }
     for (struct hg_session *it = b->sessions.first; it; it = it->next)
         hg_session_upload_check_times(it, now_ns);
     hg_worker_pool_check_times(&b->pool);
+    hg_shared_scene_check_times(&b->sessions.scenes, now_ns);
+    hg_state_tend(&b->sessions);
     watch_accepts(b, now_ns);
     if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {
         b->watchdog_sent_ns = now_ns;
@@ -414,6 +466,8 @@ static uint64_t round_end(void *user)
         drain_step(b);
     bury(b);
     uint64_t deadline_ns = sooner(b->tick_ns, hg_worker_pool_deadline_ns(&b->pool));
+    if (b->conns.deferred)
+        return now_ns;
     if (b->conns.paused_count)
         deadline_ns = sooner(deadline_ns, now_ns + THROTTLE_NS);
     return deadline_ns;
@@ -426,15 +480,18 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     char path[4096];
     enum hg_status status = hg_loop_init(&b->loop, err);
     if (!status)
-        status = hg_audit_open(&b->audit, b->options.audit, err);
-    hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
-    if (!status)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
     if (!status)
+        status = hg_machine_init(&b->machine, &b->options, err);
+    if (!status)
         status = wire_up(b, err);
-    if (!status && !hg_link_find_program(&b->options, path, sizeof path))
+    if (!status)
+        status = open_state(b, err);
+    if (!status)
+        status = open_audit(b, err);
+    if (!status && !hg_worker_process_find(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
     if (!status)
@@ -444,11 +501,16 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 
 static void stop(struct hg_broker *b)
 {
+    b->sessions.scenes.ending = true;
     while (b->conns.first)
         hg_conn_kill(b->conns.first, "the daemon ends");
     bury(b);
     while (b->sessions.first) // those that waited for their last edits
         hg_session_destroy(b->sessions.first);
+    while (b->sessions.scenes.first) // those that were kept
+        hg_shared_scene_drop(&b->sessions.scenes, b->sessions.scenes.first);
+    hg_loop_remove(&b->loop, &b->state_news);
+    hg_state_log_close(b->state);
     hg_listeners_destroy(&b->loop, &b->listeners);
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
@@ -477,7 +539,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     struct hg_error err = {0};
     *b = (struct hg_broker){.options = *options, .argc = argc, .argv = argv};
     *options = (struct hg_options){0};
-    b->signals.fd = b->loop.epoll_fd = -1;
+    b->signals.fd = b->state_news.fd = b->loop.epoll_fd = -1;
     enum hg_status status = read_tokens(&b->options, &b->tokens, &err);
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
@@ -491,6 +553,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         warn_exposed(b);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);
+        hg_state_place(&b->sessions);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);
         exit_code = 0;

@@ -5,24 +5,32 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   json quarantine
+//   json
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
-//   transport                                    bytes of a peer
-//   packet listener peer_table                   whole messages; where clients come in, and from
+//   transport state_file                         bytes of a peer; of the state log
+//   packet listener peer_table state_folder      whole messages; where clients come in, and from
+//   state_log                                    what survives the daemon, synced in groups
+//   state_record
+//   quarantine                                   files that ended workers
 //   slots                                        who gets a connection
+//   cgroup
+//   worker_share                                 what of the machine a worker gets
+//   worker_home                                  the folders of a worker
+//   worker_process                               starts its program
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
-//   session_audit
+//   session_audit session_record
 //   session_view session_upload
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
+//   session_park
 //   session                                      begin and end, the client's messages
-//   session_answer                               what the worker says
-//   recovery client_dispatch                     a new worker; what a client may say, and when
-//   broker                                       start, signals, reload, the janitor, drain
-//   main
+//   session_answer resume                        what the worker says; on another connection
+//   recovery client_dispatch state               a new worker; what a client may say, and when;
+//   restarts broker                                       start, signals, reload, the janitor,
+//   drain main
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
@@ -39,9 +47,12 @@ struct hg_broker {
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;
+    struct hg_state_log *state;
+    struct hg_source state_news;
     struct hg_admission admission;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
+    struct hg_machine machine;
     struct hg_worker_pool pool;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
 };

@@ -4,8 +4,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "server/broker/resume.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_park.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_view.h"
 
@@ -41,7 +43,7 @@ static enum hg_status check_session(
         token && token->scope.max_sessions ? token->scope.max_sessions : o->max_sessions_per_token;
     if (a->sessions->draining)
         return hg_error_set(err, HG_E_STATE, "session", NULL, "the daemon is shutting down");
-    if (a->sessions->count >= o->max_sessions - kept)
+    if (a->sessions->count - hg_session_count_parked(a->sessions) >= o->max_sessions - kept)
         return hg_error_set(err, HG_E_LIMIT, "session", NULL,
             "the daemon has as many sessions as it takes (max-sessions%s); try again later",
             kept ? ", reserved-sessions" : "");
@@ -74,11 +76,17 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
         hg_conn_close(conn, &err, "session");
         return false;
     }
-    conn->session = hg_session_create(a->sessions, conn, role, name);
-    if (!conn->session) {
+    struct hg_session *s =
+        hg_session_create(a->sessions, (uint32_t)conn->number, role, hgp_str_make(name));
+    if (!s) {
         refuse(conn, HG_E_NOMEM, "session", "no memory for a session");
         return false;
     }
+    conn->session = s;
+    s->conn = conn;
+    s->resume.has_token = token != NULL;
+    if (token)
+        memcpy(s->resume.token, conn->auth.hash, sizeof s->resume.token);
     snprintf(
         conn->session->tenant, sizeof conn->session->tenant, "%s", token ? token->tenant : "local");
     if (token)
@@ -268,7 +276,7 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         handle_auth(conn, request, &m->auth);
         return;
     case HGP_T_ping:
-        hg_conn_send(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
         return;
     case HGP_T_pong:
         return;
@@ -279,6 +287,12 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
     case HGP_T_bye:
         conn->peer_ended = true;
         hg_conn_close(conn, NULL, "goodbye");
+        return;
+    case HGP_T_keep:
+        hg_resume_keep(conn->session, request);
+        return;
+    case HGP_T_resume:
+        hg_resume(conn, request, &m->resume);
         return;
     default:
         hg_session_message(conn->session, packet, m);
@@ -326,13 +340,13 @@ static void take_message(struct hg_conn *conn, struct hg_packet *packet)
 
 // ---- the connection's events --------------------------------------------------------------------
 
-// Back-pressure of the session, and of the worker that its scene is in.
+// Back-pressure of the session, and of the worker that its scene is in where much of what waits for
+// that is the session's.
 static bool must_wait(const struct hg_conn *conn)
 {
     const struct hg_session *s = conn->session;
-    const struct hg_link *link = s->scene ? s->scene->link : NULL;
-    return hg_session_request_is_full(s) ||
-           (link && link->out.bytes > conn->table->options->input_limit_bytes);
+    return hg_session_request_is_full(s) || hg_session_request_is_crowded(s) ||
+           (s->scene && hg_state_log_is_behind(s->table->scenes.log));
 }
 
 static void grant_more(struct hg_conn *conn)
@@ -349,6 +363,10 @@ static void end_session(struct hg_conn *conn)
     conn->session = NULL;
     if (!session)
         return;
+    if (conn->state == HG_CONN_DEAD) {
+        hg_session_lost(session);
+        return;
+    }
     hg_session_audit(session, "logout", HG_OK, NULL);
     hg_session_end(session);
 }

@@ -10,6 +10,8 @@ enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT =
 // hello, auth and some pings; what is answered to them is small.
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
 enum { RESTED_BEFORE_TRIM = 64 };
+// Of a connection in one round of the loop: the others wait for it.
+enum { MESSAGES_PER_ROUND = 32 };
 static const uint64_t rest_ns = 2000000000;
 
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
@@ -25,16 +27,29 @@ bool hg_conn_is_slow(const struct hg_conn *conn)
 
 // ---- sending ------------------------------------------------------------------------------------
 
-void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet)
+static void send_packet(
+    struct hg_conn *conn, uint32_t request, struct hg_packet *packet, bool urgent)
 {
     if (conn->state >= HG_CONN_CLOSING) {
         hg_packet_unref(packet);
         return;
     }
-    if (hg_outq_push(&conn->out, packet, request, 0))
+    if (urgent ? hg_outq_push_urgent(&conn->out, packet, request)
+               : hg_outq_push(&conn->out, packet, request, 0))
         hg_conn_kill(conn, "no memory for an answer");
     else
         hg_conn_update(conn);
+}
+
+void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet)
+{
+    send_packet(conn, request, packet, false);
+}
+
+void hg_conn_send_urgent(
+    struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message)
+{
+    send_packet(conn, request, hg_packet_encode(type, message), true);
 }
 
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message)
@@ -161,7 +176,8 @@ static bool must_pause(struct hg_conn *conn)
         return conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
     if (conn->state != HG_CONN_OPEN)
         return false;
-    return hg_conn_is_slow(conn) || conn->table->events->must_wait(conn) || !may_take_message(conn);
+    return conn->deferred || hg_conn_is_slow(conn) || conn->table->events->must_wait(conn) ||
+           !may_take_message(conn);
 }
 
 static bool take_preface(struct hg_conn *conn)
@@ -204,7 +220,11 @@ static bool take_message(struct hg_conn *conn)
 // Handles queued messages until the connection has to wait.
 static void process(struct hg_conn *conn)
 {
-    while (conn->state < HG_CONN_CLOSING && !must_pause(conn)) {
+    for (int i = 0; conn->state < HG_CONN_CLOSING && !must_pause(conn); i++) {
+        if (i == MESSAGES_PER_ROUND && conn->state == HG_CONN_OPEN) {
+            conn->deferred = conn->table->deferred = true;
+            return;
+        }
         if (conn->state == HG_CONN_PREFACE ? !take_preface(conn) : !take_message(conn))
             break;
     }
@@ -273,11 +293,12 @@ void hg_conn_update(struct hg_conn *conn)
     }
     bool read = !conn->paused && !conn->peer_ended;
     hg_loop_set_events(conn->table->loop, &conn->source,
-        conn->transport.class->wants(&conn->transport, read, conn->out.head != NULL));
+        conn->transport.class->wants(&conn->transport, read, hg_outq_may_send(&conn->out)));
 }
 
 static void resume(struct hg_conn *conn)
 {
+    conn->deferred = false;
     if (conn->state == HG_CONN_DEAD || must_pause(conn))
         return;
     conn->paused = false;
@@ -319,6 +340,7 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
             hg_conn_close(conn, &err, "handshake");
         return;
     }
+    hg_outq_excuse(&conn->out, now_ns);
     if (conn->out.head && now_ns > conn->out.progress_ns + o->peer_timeout_ns) {
         hg_conn_kill(conn, "takes nothing of what waits for it (peer-timeout)");
         return;
@@ -361,6 +383,7 @@ static void add_conn(
         .source = {.fd = transport->fd, .events = EPOLLIN, .ready = ready, .owner = conn},
         .transport = *transport,
         .in = {.frames = &hg_packet_frames},
+        .out = {.reached = table->reached},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,
         .received_ns = table->loop->now_ns,
         .rate = {.allowance = MESSAGES_BEFORE_OPEN},
@@ -469,8 +492,15 @@ void hg_conn_check_times(struct hg_conn_table *table)
     }
 }
 
+void hg_conn_release(struct hg_conn_table *table)
+{
+    for (struct hg_conn *it = table->first; it; it = it->next)
+        hg_conn_update(it);
+}
+
 void hg_conn_resume_paused(struct hg_conn_table *table)
 {
+    table->deferred = false;
     for (struct hg_conn *it = table->first, *next; it && table->paused_count; it = next) {
         next = it->next;
         if (it->paused)

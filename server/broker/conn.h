@@ -45,7 +45,8 @@ struct hg_conn {
     struct hg_outq out;
     enum hg_conn_state state;
     bool paused, peer_ended;
-    bool starved; // something waits for room in its output
+    bool starved;  // something waits for room in its output
+    bool deferred; // it has had its turn in this round; the rest of what was read comes in the next
     struct hg_peer peer;
     struct hg_slot slot;
     struct hg_conn_auth auth;
@@ -74,17 +75,19 @@ struct hg_conn_events {
     void (*ended)(struct hg_conn *conn);
 };
 
-// All connections. Zero-initialised but for the first four members.
+// All connections. Zero-initialised but for the first five members.
 struct hg_conn_table {
     struct hg_loop *loop;
     const struct hg_options *options;
     const struct hg_conn_events *events;
     void *owner; // for `events`
+    const uint64_t *reached; // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
     uint32_t paused_count;
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool was_short;           // of memory for output, at the last check
+    bool deferred;            // one has had its turn and more to do
     bool closing;             // one began to close: `ended` comes at the end of the round
     struct hg_slots slots;
     struct hg_peer_log log;
@@ -95,6 +98,9 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
 // The session is open: messages are limited by `rate` a second from here on.
 void hg_conn_set_open(struct hg_conn *conn, double rate);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
+// Before all that waits: an answer that must not wait behind data.
+void hg_conn_send_urgent(
+    struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);
 // Takes over the reference.
 void hg_conn_send_packet(struct hg_conn *conn, uint32_t request, struct hg_packet *packet);
 // Answers `error`, or `notice` when no answer was wanted.
@@ -109,6 +115,8 @@ bool hg_conn_is_slow(const struct hg_conn *conn); // more wait
 
 // Once in a while: handshakes, silent and stuck clients.
 void hg_conn_check_times(struct hg_conn_table *table);
+// The state log has gone on: what was held may be sent.
+void hg_conn_release(struct hg_conn_table *table);
 // Reads again from those against which nothing stands any more.
 void hg_conn_resume_paused(struct hg_conn_table *table);
 // At the end of a round: `ended` for those that close or closed; frees the dead.

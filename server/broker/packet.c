@@ -50,39 +50,100 @@ struct hg_outq_item {
     struct hg_outq_item *next;
     struct hg_packet *packet;
     size_t sent; // of header and payload
+    uint64_t hold;
     uint8_t header[HGP_HEADER_BYTES];
 };
 
-enum hg_status hg_outq_push(
-    struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel)
+static struct hg_outq_item *create_item(
+    struct hg_packet *packet, uint32_t request, uint32_t channel)
 {
     struct hg_outq_item *item = packet ? hg_calloc(1, sizeof *item) : NULL;
     if (!item) {
         hg_packet_unref(packet);
-        return HG_E_NOMEM;
+        return NULL;
     }
     struct hgp_header header = packet->header;
     header.request = request;
     header.channel = channel;
     hgp_header_encode(&header, item->header);
     item->packet = packet;
-    if (!q->head) {
-        q->tail = &q->head;
-        q->progress_ns = q->window_ns = hg_clock_now_ns();
-        q->window_bytes = 0;
-    }
-    *q->tail = item;
-    q->tail = &item->next;
-    q->bytes += HGP_HEADER_BYTES + packet->header.length;
+    return item;
+}
+
+static void insert(struct hg_outq *q, struct hg_outq_item **link, struct hg_outq_item *item)
+{
+    item->next = *link;
+    *link = item;
+    if (!item->next)
+        q->tail = &item->next;
+    q->bytes += HGP_HEADER_BYTES + item->packet->header.length;
+}
+
+static void begin_queue(struct hg_outq *q)
+{
+    if (q->head)
+        return;
+    q->tail = &q->head;
+    q->progress_ns = q->window_ns = hg_clock_now_ns();
+    q->window_bytes = 0;
+}
+
+enum hg_status hg_outq_push(
+    struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel)
+{
+    struct hg_outq_item *item = create_item(packet, request, channel);
+    if (!item)
+        return HG_E_NOMEM;
+    begin_queue(q);
+    item->hold = q->hold;
+    insert(q, q->tail, item);
     return HG_OK;
+}
+
+enum hg_status hg_outq_push_urgent(struct hg_outq *q, struct hg_packet *packet, uint32_t request)
+{
+    struct hg_outq_item *item = create_item(packet, request, 0);
+    if (!item)
+        return HG_E_NOMEM;
+    begin_queue(q);
+    if (q->urgent)
+        insert(q, &q->urgent->next, item);
+    else
+        insert(q, q->head && q->head->sent ? &q->head->next : &q->head, item);
+    q->urgent = item;
+    return HG_OK;
+}
+
+void hg_outq_hold(struct hg_outq *q, uint64_t position)
+{
+    if (position > q->hold)
+        q->hold = position;
+}
+
+static bool is_held(const struct hg_outq *q, const struct hg_outq_item *item)
+{
+    return q->reached && item->hold > *q->reached;
+}
+
+bool hg_outq_may_send(const struct hg_outq *q)
+{
+    return q->head && !is_held(q, q->head);
+}
+
+void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns)
+{
+    if (!q->head || hg_outq_may_send(q))
+        return;
+    q->progress_ns = q->window_ns = now_ns;
+    q->window_bytes = 0;
 }
 
 static int gather(const struct hg_outq *q, struct iovec *parts)
 {
     int count = 0;
     size_t total = 0;
-    for (struct hg_outq_item *item = q->head; item && count + 2 <= 2 * FLUSH_ITEMS;
-         item = item->next) {
+    for (struct hg_outq_item *item = q->head;
+         item && !is_held(q, item) && count + 2 <= 2 * FLUSH_ITEMS; item = item->next) {
         size_t skip = item->sent;
         if (skip < HGP_HEADER_BYTES)
             parts[count++] = (struct iovec){item->header + skip, HGP_HEADER_BYTES - skip};
@@ -101,6 +162,8 @@ static void drop_head(struct hg_outq *q)
 {
     struct hg_outq_item *item = q->head;
     q->head = item->next;
+    if (q->urgent == item)
+        q->urgent = NULL;
     hg_packet_unref(item->packet);
     hg_free(item);
 }
@@ -122,7 +185,7 @@ static void advance(struct hg_outq *q, size_t sent)
 
 enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t)
 {
-    for (size_t done = 0; q->head && done < FLUSH_BYTES;) {
+    for (size_t done = 0; hg_outq_may_send(q) && done < FLUSH_BYTES;) {
         struct iovec parts[2 * FLUSH_ITEMS];
         size_t sent;
         enum hg_status status = t->class->write(t, parts, gather(q, parts), &sent);

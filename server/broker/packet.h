@@ -27,15 +27,25 @@ struct hg_outq_item;
 // Zero-initialised = empty.
 struct hg_outq {
     struct hg_outq_item *head, **tail;
+    struct hg_outq_item *urgent; // newest of those that overtook others; NULL: none is left
     size_t bytes;         // not yet taken by the transport
     uint64_t progress_ns; // when the transport last took something, or the queue became non-empty
     // When the queue became non-empty, or was last judged; what was taken since then.
     uint64_t window_ns, window_bytes;
+    const uint64_t *reached; // see hg_outq_hold; NULL: nothing is held
+    uint64_t hold;
 };
 
 // Takes over the caller's reference, also on failure. HG_E_NOMEM.
 enum hg_status hg_outq_push(
     struct hg_outq *q, struct hg_packet *packet, uint32_t request, uint32_t channel) HG_MUST_CHECK;
+// Likewise, before all that nothing of was written yet and that is not urgent; nothing holds it.
+enum hg_status hg_outq_push_urgent(
+    struct hg_outq *q, struct hg_packet *packet, uint32_t request) HG_MUST_CHECK;
+// What is queued from now on is not sent before *reached, of the state log, has come to `position`.
+void hg_outq_hold(struct hg_outq *q, uint64_t position);
+bool hg_outq_may_send(const struct hg_outq *q);          // there is something that is not held
+void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns); // what is held is not the peer's fault
 // Writes what the transport takes now, at most about a MiB. HG_OK (also when some is left),
 // HG_E_CLOSED, HG_E_IO.
 enum hg_status hg_outq_flush(struct hg_outq *q, struct hg_transport *t) HG_MUST_CHECK;

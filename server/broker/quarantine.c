@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "base/log.h"
 #include "base/sha256.h"
 
@@ -57,6 +58,50 @@ static uint64_t sentence_ns(uint32_t times)
     return ns < longest_ns ? ns : longest_ns;
 }
 
+static void sentence(struct hg_quarantine_entry *entry, uint64_t now_ns)
+{
+    uint64_t ns = sentence_ns(entry->deaths > 1 ? entry->deaths - 1 : 1);
+    entry->until_ns = now_ns + ns;
+    hg_warn(SESSION, "quarantined for %llu s: %s of %s, at which a worker died %u times",
+        (unsigned long long)(ns / second_ns), entry->what, entry->tenant, entry->deaths);
+}
+
+// Of the loop's clock, which does not survive a restart, and of the wall clock.
+static uint64_t wall_s(uint64_t time_ns, uint64_t now_ns)
+{
+    uint64_t wall_ns = hg_clock_wall_ns();
+    return (time_ns < now_ns ? wall_ns - (now_ns - time_ns) : wall_ns + (time_ns - now_ns)) /
+           second_ns;
+}
+
+static uint64_t loop_ns(uint64_t time_s, uint64_t now_ns)
+{
+    uint64_t wall = hg_clock_wall_ns() / second_ns;
+    if (time_s >= wall)
+        return now_ns +
+               (time_s - wall < longest_ns / second_ns ? (time_s - wall) * second_ns : longest_ns);
+    uint64_t ago = wall - time_s;
+    return ago < now_ns / second_ns ? now_ns - ago * second_ns : 1;
+}
+
+static void write_entry(
+    const struct hg_quarantine *q, const struct hg_quarantine_entry *entry, uint64_t now_ns)
+{
+    struct hg_state_suspect file = {.tenant = hgp_str_make(entry->tenant),
+        .what = hgp_str_make(entry->what),
+        .deaths = entry->deaths,
+        .seen_s = wall_s(entry->seen_ns, now_ns),
+        .until_s = entry->until_ns ? wall_s(entry->until_ns, now_ns) : 0};
+    memcpy(file.key, entry->key, sizeof file.key);
+    hg_state_put_suspect(q->log, &file);
+}
+
+static void drop(struct hg_quarantine *q, struct hg_quarantine_entry *entry)
+{
+    hg_state_put_suspect_end(q->log, entry->tenant, entry->key);
+    *entry = (struct hg_quarantine_entry){0};
+}
+
 void hg_quarantine_note(
     struct hg_quarantine *q, const struct hg_quarantine_entry *file, bool alone, uint64_t now_ns)
 {
@@ -71,12 +116,9 @@ void hg_quarantine_note(
     }
     entry->deaths++;
     entry->seen_ns = now_ns;
-    if (!alone)
-        return;
-    uint64_t ns = sentence_ns(entry->deaths > 1 ? entry->deaths - 1 : 1);
-    entry->until_ns = now_ns + ns;
-    hg_warn(SESSION, "quarantined for %llu s: %s of %s, at which a worker died %u times",
-        (unsigned long long)(ns / second_ns), entry->what, entry->tenant, entry->deaths);
+    if (alone)
+        sentence(entry, now_ns);
+    write_entry(q, entry, now_ns);
 }
 
 uint32_t hg_quarantine_clear(struct hg_quarantine *q, const char *digits, size_t length)
@@ -87,7 +129,7 @@ uint32_t hg_quarantine_clear(struct hg_quarantine *q, const char *digits, size_t
         hg_sha256_hex(q->entries[i].key, hex);
         if (!q->entries[i].tenant[0] || strncmp(hex, digits, length) != 0)
             continue;
-        q->entries[i] = (struct hg_quarantine_entry){0};
+        drop(q, &q->entries[i]);
         count++;
     }
     return count;
@@ -97,5 +139,36 @@ void hg_quarantine_forget(struct hg_quarantine *q, const char *tenant, const uin
 {
     struct hg_quarantine_entry *entry = find(q, tenant, key);
     if (entry)
+        drop(q, entry);
+}
+
+void hg_quarantine_restore(
+    struct hg_quarantine *q, const struct hg_state_suspect *file, uint64_t now_ns)
+{
+    struct hg_quarantine_entry like = {.deaths = file->deaths,
+        .seen_ns = loop_ns(file->seen_s, now_ns),
+        .until_ns = file->until_s ? loop_ns(file->until_s, now_ns) : 0};
+    memcpy(like.key, file->key, sizeof like.key);
+    snprintf(like.tenant, sizeof like.tenant, "%.*s", (int)file->tenant.size, file->tenant.data);
+    snprintf(like.what, sizeof like.what, "%.*s", (int)file->what.size, file->what.data);
+    if (like.seen_ns > now_ns) // the clock was set back
+        like.seen_ns = now_ns;
+    struct hg_quarantine_entry *entry = find(q, like.tenant, like.key);
+    *(entry ? entry : take(q)) = like;
+}
+
+void hg_quarantine_restore_end(struct hg_quarantine *q, const struct hg_state_suspect *file)
+{
+    char tenant[129];
+    snprintf(tenant, sizeof tenant, "%.*s", (int)file->tenant.size, file->tenant.data);
+    struct hg_quarantine_entry *entry = find(q, tenant, file->key);
+    if (entry)
         *entry = (struct hg_quarantine_entry){0};
+}
+
+void hg_quarantine_write(const struct hg_quarantine *q, uint64_t now_ns)
+{
+    for (uint32_t i = 0; i < HG_QUARANTINE_ENTRIES; i++)
+        if (q->entries[i].tenant[0] && is_known(&q->entries[i], now_ns))
+            write_entry(q, &q->entries[i], now_ns);
 }

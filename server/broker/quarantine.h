@@ -13,6 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "server/broker/state_record.h"
+
 enum { HG_QUARANTINE_ENTRIES = 512, HG_QUARANTINE_S = 600 };
 
 struct hg_quarantine_entry {
@@ -26,6 +28,7 @@ struct hg_quarantine_entry {
 
 // Zero-initialised = empty.
 struct hg_quarantine {
+    struct hg_state_log *log; // NULL: forgotten with the daemon
     struct hg_quarantine_entry entries[HG_QUARANTINE_ENTRIES];
 };
 
@@ -40,5 +43,10 @@ void hg_quarantine_note(
 uint32_t hg_quarantine_clear(struct hg_quarantine *q, const char *digits, size_t length);
 // It was loaded well.
 void hg_quarantine_forget(struct hg_quarantine *q, const char *tenant, const uint8_t key[32]);
+// The state log: one of its records of a file, the end of one, and all that is known as records.
+void hg_quarantine_restore(
+    struct hg_quarantine *q, const struct hg_state_suspect *file, uint64_t now_ns);
+void hg_quarantine_restore_end(struct hg_quarantine *q, const struct hg_state_suspect *file);
+void hg_quarantine_write(const struct hg_quarantine *q, uint64_t now_ns);
 
 #endif

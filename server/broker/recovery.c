@@ -26,7 +26,7 @@ enum { REPLAY_DEATHS = 2 };
 static void attach_all(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
     scene->in_worker = true;
-    scene->link->pump = true; // suspects wait for the last scene
+    scene->link->feed.pump = true; // suspects wait for the last scene
     for (int open = 1; open >= 0; open--)
         for (struct hg_session *it = table->first; it; it = it->next)
             if (it->scene == scene && !it->attached && (it->batch_open || !open))
@@ -54,6 +54,7 @@ static void begin_replay(struct hg_link *link, struct hg_shared_scene *scene)
             .id_count = UINT32_MAX,
             .max_pixels = 1,
             .replay = true});
+    scene->on_channel = true;
     enum hg_status status = hg_journal_play(scene->journal, play_entry, link);
     if (status)
         hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, 0,
@@ -70,8 +71,8 @@ static void end_replay(struct hg_link *link)
         (unsigned long long)hg_journal_get_stats(scene->journal).entries, link->replay.failed);
     link->replay.scene = NULL;
     attach_all(link->owner, scene);
-    hg_link_send(link, hg_shared_scene_channel(scene), 0, HGP_T_session_detach,
-        &(struct hgp_session_detach){0});
+    if (!scene->kept_until_ns)
+        hg_shared_scene_leave_channel(scene);
 }
 
 void hg_recovery_continue(struct hg_link *link)
@@ -82,7 +83,7 @@ void hg_recovery_continue(struct hg_link *link)
         next = it->next;
         if (it->in_worker || it->link != link)
             continue;
-        if (!hg_journal_get_stats(it->journal).entries) {
+        if (!hg_journal_get_stats(it->journal).entries && !it->kept_until_ns) {
             attach_all(table, it);
             continue;
         }
@@ -91,11 +92,9 @@ void hg_recovery_continue(struct hg_link *link)
             end_replay(link);
     }
     hg_trial_check_time(link);
-    if (link->pump) {
-        link->pump = false;
-        for (struct hg_session *it = table->first; it; it = it->next)
-            if (it->scene && it->scene->link == link)
-                hg_session_request_pump(it);
+    if (link->feed.pump) {
+        link->feed.pump = false;
+        hg_session_request_pump_all(table, link);
     }
 }
 
@@ -146,8 +145,10 @@ static void give_up_request(struct hg_session *s, struct hg_request *request)
         "the worker died %d times at this request; it is not tried again%s%s", request->deaths,
         last_words[0] ? ": " : "", last_words);
     hg_log_write(HG_LOG_WARN, HG_LOG_SESSION, HG_E_WORKER, s->number, "%s: %s", name, err.reason);
-    if (s->conn)
+    if (s->conn) { // what was quarantined for it stays so
+        hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
         hg_conn_fail(s->conn, request->client_id, &err);
+    }
     hg_session_request_drop(s, request);
     s->table->ended |= !s->conn; // whose last edit this may have been
     if (++s->poisons < HG_SESSION_POISONS || !s->conn)
@@ -235,8 +236,10 @@ static void take_death(struct hg_link *link)
     struct hg_session_table *table = link->owner;
     struct hg_shared_scene *replaying = link->replay.scene;
     link->replay.scene = NULL;
+    hg_trial_accuse(link);
     for (struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
-        it->in_worker &= it->link != link;
+        if (it->link == link)
+            it->in_worker = it->on_channel = false;
     for (struct hg_session *it = table->first; it; it = it->next)
         if (it->scene && it->scene->link == link)
             requeue(it);

@@ -5,6 +5,7 @@
 #define HG_BROKER_SCENE_H
 
 #include "server/broker/scene_journal.h"
+#include "server/broker/state_record.h"
 #include "server/broker/worker_pool.h"
 
 #define HG_SCENE_REPLAY_CHANNEL (UINT32_C(1) << 31) // | number of the scene
@@ -27,14 +28,19 @@ struct hg_shared_scene {
     uint64_t ranges[HG_SCENE_RANGES / 64]; // bit: the range of ids belongs to a session, or objects
                                            // have ids of it
     bool in_worker;  // replayed; sessions are attached
+    bool on_channel; // its replay channel is attached: the worker keeps it without sessions
     uint32_t deaths; // of the worker while this scene was replayed
+    uint64_t logged; // position in the state log of its making
+    uint64_t kept_until_ns; // the daemon holds it, as a session does, until then; 0 = it does not
 };
 
 struct hg_scene_table {
     struct hg_worker_pool *pool;
     struct hg_upload_store *store;
+    struct hg_state_log *log; // NULL: scenes end with the daemon
     struct hg_shared_scene *first;
     uint32_t last_number;
+    bool ending; // the daemon ends: scenes stay in the log
 };
 
 // Which scene a session asks for.
@@ -42,12 +48,27 @@ struct hg_scene_wish {
     const char *tenant;
     struct hgp_str name; // empty: one of its own
     uint64_t session;
+    uint32_t weight; // of the tenant; 0 = the usual one
 };
 
 // Finds or makes a scene of the tenant (of all tenants, where they share workers); *existed.
 // HG_E_LIMIT: no worker is left for the tenant. HG_E_NOMEM.
 enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct hg_scene_wish *wish,
     struct hg_shared_scene **out, bool *existed, struct hg_error *err) HG_MUST_CHECK;
+// A scene of the state log, without a worker, held by the daemon.
+// NULL: no memory, or there is one of this number.
+struct hg_shared_scene *hg_shared_scene_restore(
+    struct hg_scene_table *table, const struct hg_state_scene *like) HG_MUST_CHECK;
+// NULL: none.
+struct hg_shared_scene *hg_shared_scene_by_number(struct hg_scene_table *table, uint32_t number);
+// Gives a restored scene a worker; the daemon holds it until then (0: no longer). False: no worker
+// is left for its tenant.
+bool hg_shared_scene_place(
+    struct hg_scene_table *table, struct hg_shared_scene *scene, uint64_t until_ns);
+// Attached sessions keep it in the worker from here on.
+void hg_shared_scene_leave_channel(struct hg_shared_scene *scene);
+void hg_shared_scene_check_times(struct hg_scene_table *table, uint64_t now_ns);
+void hg_shared_scene_drop(struct hg_scene_table *table, struct hg_shared_scene *scene);
 void hg_shared_scene_leave(struct hg_scene_table *table, struct hg_shared_scene *scene);
 // A range of ids for a session: the first of HG_SCENE_ID_RANGE. 0: none is left.
 uint32_t hg_shared_scene_claim_ids(struct hg_shared_scene *scene);

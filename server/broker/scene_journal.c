@@ -581,11 +581,33 @@ enum hg_status hg_journal_play(
     return HG_OK;
 }
 
+void hg_journal_each(
+    const struct hg_journal *j, void (*take)(void *user, struct hg_packet *packet), void *user)
+{
+    for (const struct entry *e = j->head; e; e = e->next)
+        take(user, e->packet);
+}
+
+static uint64_t own_id(const struct object *object)
+{
+    return object->id >> 32 ? object->id >> 32 : object->id;
+}
+
+void hg_journal_mark_ids(const struct hg_journal *j, uint32_t range, uint64_t *bits, uint32_t count)
+{
+    for (size_t i = 0; i < j->bucket_count; i++)
+        for (const struct object *it = j->buckets[i]; it; it = it->next) {
+            uint64_t n = (own_id(it) - 1) / range; // environment_set has id 0: beyond all
+            if (n < count)
+                bits[n / 64] |= UINT64_C(1) << n % 64;
+        }
+}
+
 bool hg_journal_uses_ids(const struct hg_journal *j, uint32_t first, uint32_t count)
 {
     for (size_t i = 0; i < j->bucket_count; i++)
         for (const struct object *it = j->buckets[i]; it; it = it->next) {
-            uint64_t id = it->id >> 32 ? it->id >> 32 : it->id;
+            uint64_t id = own_id(it);
             if (id >= first && id - first < count)
                 return true;
         }

@@ -40,6 +40,12 @@ enum hg_status hg_journal_accept(
 enum hg_status hg_journal_play(struct hg_journal *journal,
     enum hg_status (*emit)(void *user, struct hg_packet *packet), void *user) HG_MUST_CHECK;
 
+// Calls `take` for every entry in order, as it was accepted and stripped since.
+void hg_journal_each(const struct hg_journal *journal,
+    void (*take)(void *user, struct hg_packet *packet), void *user);
+// Sets bit n of bits[0..count) where an object has an id of the n-th range of `range` ids, from 1.
+void hg_journal_mark_ids(
+    const struct hg_journal *journal, uint32_t range, uint64_t *bits, uint32_t count);
 // Some object has an id from `first` to `first + count - 1`, or belongs to an asset that has.
 bool hg_journal_uses_ids(const struct hg_journal *journal, uint32_t first, uint32_t count);
 

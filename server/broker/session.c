@@ -7,6 +7,8 @@
 #include "server/broker/list.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_list.h"
+#include "server/broker/session_park.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_rules.h"
 #include "server/broker/session_upload.h"
@@ -17,11 +19,12 @@
 static void subscribe(struct hg_session *s, const struct hgp_subscribe *m)
 {
     struct hg_session_view *view = hg_session_view_find(s, m->view);
-    view->credit = m->credit_frames;
+    view->credit = view->first_credit = m->credit_frames;
     view->subscribed = m->credit_frames > 0;
     view->resubscribe = false;
     if (!view->subscribed)
         hg_session_view_clear(s, view); // a suspect that is stopped need not be tried
+    hg_session_record_view(s, view);
 }
 
 // Scenes without a name are the session's own.
@@ -46,8 +49,11 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     else if (!may_open(s, m->name))
         hg_error_set(&err, HG_E_PERM, "scene_open", "name",
             "this token may open scenes named '%s' only", s->scope.scenes);
+    else if (hg_session_rules_may_change(table, "scene_open", &err))
+        ; // err says why
     else if (hg_shared_scene_join(&table->scenes,
-                 &(struct hg_scene_wish){s->tenant, m->name, s->number}, &scene, &existed, &err))
+                 &(struct hg_scene_wish){s->tenant, m->name, s->number, s->scope.weight}, &scene,
+                 &existed, &err))
         ; // err says why
     else if (!(first_id = hg_shared_scene_claim_ids(scene))) {
         hg_shared_scene_leave(&table->scenes, scene);
@@ -64,6 +70,8 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     }
     s->scene = scene;
     s->first_id = first_id;
+    hg_outq_hold(&s->conn->out, scene->logged);
+    hg_session_record(s);
     if (scene->in_worker)
         hg_session_request_attach(s);
     hg_conn_send(s->conn, request, HGP_T_scene_opened,
@@ -82,7 +90,7 @@ static bool has_edits(const struct hg_session *s)
 }
 
 // Edits under way may still make objects with ids of the session.
-static void leave_scene(struct hg_session *s, bool edits_under_way)
+static void leave_scene(struct hg_session *s, bool edits_under_way, bool is_end)
 {
     struct hg_shared_scene *scene = s->scene;
     while (s->first)
@@ -93,8 +101,10 @@ static void leave_scene(struct hg_session *s, bool edits_under_way)
         hg_link_send(
             scene->link, s->number, 0, HGP_T_session_detach, &(struct hgp_session_detach){0});
     s->attached = s->batch_open = false;
-    s->verified_bytes = 0;
+    s->bytes.verified = 0;
     s->scene = NULL;
+    if (!is_end)
+        hg_session_record(s); // before that of the scene's end
     if (scene && !edits_under_way)
         hg_shared_scene_release_ids(scene, s->first_id);
     if (scene)
@@ -112,7 +122,7 @@ static void close_scene(struct hg_session *s, uint32_t request)
     hg_error_set(&err, HG_E_CANCELLED, "scene_close", NULL, "the scene was closed");
     bool edits_under_way = has_edits(s);
     hg_session_request_fail_all(s, &err);
-    leave_scene(s, edits_under_way);
+    leave_scene(s, edits_under_way, false);
     if (request)
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
 }
@@ -153,6 +163,7 @@ static void clear_quarantine(
         hg_error_set(&err, HG_E_NOTFOUND, "quarantine_clear", "key", "no file's key begins so");
     snprintf(detail, sizeof detail, "%u files", count);
     hg_session_audit(s, "quarantine_clear", err.status, detail);
+    hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
     if (err.status)
         hg_conn_fail(s->conn, request, &err);
     else if (request)
@@ -194,16 +205,15 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
 // ---- life ---------------------------------------------------------------------------------------
 
 struct hg_session *hg_session_create(
-    struct hg_session_table *table, struct hg_conn *conn, enum hgp_role role, const char *name)
+    struct hg_session_table *table, uint32_t number, enum hgp_role role, struct hgp_str name)
 {
     struct hg_session *s = hg_calloc(1, sizeof *s);
     if (!s)
         return NULL;
     s->table = table;
-    s->conn = conn;
-    s->number = (uint32_t)conn->number & (HG_SCENE_REPLAY_CHANNEL - 1);
+    s->number = number & (HG_SCENE_REPLAY_CHANNEL - 1);
     s->role = role;
-    snprintf(s->name, sizeof s->name, "%s", name);
+    snprintf(s->name, sizeof s->name, "%.*s", (int)name.size, name.size ? name.data : "");
     HG_LIST_ADD(table->first, s);
     table->count++;
     return s;
@@ -219,7 +229,8 @@ struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_
 
 void hg_session_destroy(struct hg_session *s)
 {
-    leave_scene(s, has_edits(s));
+    hg_session_record_end(s);
+    leave_scene(s, has_edits(s), true);
     HG_LIST_REMOVE(s->table->first, s);
     s->table->count--;
     hg_free(s);
@@ -228,6 +239,8 @@ void hg_session_destroy(struct hg_session *s)
 void hg_session_end_if_idle(struct hg_session *s)
 {
     struct hg_request *next;
+    if (s->resume.parked_ns)
+        return;
     for (struct hg_request *it = s->first; it; it = next) {
         next = it->next;
         if (!hg_journal_wants(it->packet->header.type))
@@ -244,6 +257,16 @@ void hg_session_end(struct hg_session *s)
     hg_session_end_if_idle(s);
 }
 
+void hg_session_lost(struct hg_session *s)
+{
+    s->conn = NULL;
+    hg_session_upload_abort_all(s);
+    if (hg_session_park(s))
+        hg_session_audit(s, "park", HG_OK, NULL);
+    else
+        hg_session_end_if_idle(s);
+}
+
 void hg_session_bury(struct hg_session_table *table)
 {
     if (!table->ended)
@@ -251,7 +274,7 @@ void hg_session_bury(struct hg_session_table *table)
     table->ended = false;
     for (struct hg_session *it = table->first, *next; it; it = next) {
         next = it->next;
-        if (!it->conn && !it->first)
+        if (!it->conn && !it->first && !it->resume.parked_ns)
             hg_session_destroy(it);
     }
 }

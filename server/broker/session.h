@@ -5,14 +5,16 @@
 
 #include "server/broker/session_state.h"
 
-// NULL: no memory.
+// Without a client and a scene. NULL: no memory.
 struct hg_session *hg_session_create(
-    struct hg_session_table *table, struct hg_conn *conn, enum hgp_role role, const char *name);
+    struct hg_session_table *table, uint32_t number, enum hgp_role role, struct hgp_str name);
 struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_t number);
 // A decoded message in its right state, direction and role. Does not take the packet.
 void hg_session_message(
     struct hg_session *session, struct hg_packet *packet, const union hgp_any *message);
-// The client disconnected: ends the session, at once or when its edits are answered.
+// The connection was lost: the session is parked, if its client asked for that, or ends.
+void hg_session_lost(struct hg_session *session);
+// The client left: ends the session, at once or when its edits are answered.
 void hg_session_end(struct hg_session *session);
 // Destroys a session without a client when none of its edits is on the way to a shared scene.
 void hg_session_end_if_idle(struct hg_session *session);

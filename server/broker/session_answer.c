@@ -3,6 +3,7 @@
 #include "base/log.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
@@ -27,6 +28,15 @@ static void close_view(
     hg_session_view_remove(s, view);
 }
 
+// Its answer waits until it is durable.
+static void log_edit(struct hg_session *s, const struct hg_request *request)
+{
+    uint64_t position = hg_state_put_edit(
+        s->table->scenes.log, s->scene->number, s->scene->revision, request->packet);
+    if (s->conn && request->client_id)
+        hg_outq_hold(&s->conn->out, position);
+}
+
 // What an accepted request changes in the broker's picture of the session.
 static void note_accepted(struct hg_session *s, struct hg_request *request)
 {
@@ -38,18 +48,24 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         if (status)
             hg_log_write(HG_LOG_ERROR, HG_LOG_JOURNAL, status, s->number,
                 "an edit is not in the journal of scene '%s'", s->scene->key);
+        else
+            log_edit(s, request);
     } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
         s->batch_open = type == HGP_T_batch_begin;
+        hg_session_record(s);
     } else if (type == HGP_T_view_set || type == HGP_T_view_close) {
         if (hgp_decode(HGP_VERSION_MAX, type,
                 hg_reader_make(packet->payload, packet->header.length), NULL, &any, NULL))
             return;
         struct hg_session_view *view = hg_session_view_find(
             s, type == HGP_T_view_set ? any.view_set.view : any.view_close.view);
-        if (view && type == HGP_T_view_close)
+        if (view && type == HGP_T_view_close) {
+            hg_session_record_view_end(s, view);
             close_view(s, view, request);
-        else if (view && hg_session_view_merge(&view->params, packet) == HG_OK)
+        } else if (view && hg_session_view_merge(&view->params, packet) == HG_OK) {
             view->accepted = true;
+            hg_session_record_view(s, view);
+        }
     } else if (type == HGP_T_view_camera) {
         hg_session_view_note_camera(s, packet);
     }

@@ -21,10 +21,12 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
     hg_json_put_text(w, ",\"scene\":", s->scene ? s->scene->key : "");
     hg_json_put_number(w, ",\"views\":", views);
     hg_json_put_number(w, ",\"pixels\":", hg_session_view_pixels(s));
-    hg_json_put_number(w, ",\"requests\":", s->request_count);
-    hg_json_put_number(w, ",\"uploaded_bytes\":", s->uploaded_bytes);
+    hg_json_put_number(w, ",\"requests\":", s->load.count);
+    hg_json_put_number(w, ",\"uploaded_bytes\":", s->bytes.uploaded);
     hg_json_put_number(w, ",\"received_bytes\":", conn ? conn->in.total_bytes : 0);
     hg_json_put_number(w, ",\"waiting_bytes\":", conn ? conn->out.bytes : 0);
+    hg_json_put_number(w, ",\"parked_s\":",
+        s->resume.parked_ns ? (s->table->loop->now_ns - s->resume.parked_ns) / 1000000000u : 0);
     hg_json_put_number(
         w, ",\"open_s\":", conn ? (s->table->loop->now_ns - conn->opened_ns) / 1000000000u : 0);
     hg_json_put(w, "}");

@@ -6,6 +6,9 @@
 #include "server/broker/session_view.h"
 #include "server/broker/trial.h"
 
+// Of one session before the next; what each may have waiting however much waits in all.
+enum { TURN_BYTES = 128 << 10, LEAST_SHARE = 4 << 10 };
+
 static size_t packet_bytes(const struct hg_packet *packet)
 {
     return HGP_HEADER_BYTES + packet->header.length;
@@ -24,6 +27,14 @@ static bool is_frame_request(const struct hg_packet *packet)
            packet->header.type == HGP_T_exposure_query;
 }
 
+// Of a request that is not sent; `bytes` more, or less.
+static void note_unsent(struct hg_session *s, int64_t bytes)
+{
+    s->load.unsent_bytes += (uint64_t)bytes;
+    if (s->scene)
+        s->scene->link->feed.unsent_bytes += (uint64_t)bytes;
+}
+
 static struct hg_request *add_request(
     struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
 {
@@ -35,9 +46,10 @@ static struct hg_request *add_request(
     request->prev = s->last;
     *(s->last ? &s->last->next : &s->first) = request;
     s->last = request;
-    s->request_count++;
-    s->frame_count += is_frame_request(packet);
-    s->request_bytes += packet_bytes(packet);
+    s->load.count++;
+    s->load.frames += is_frame_request(packet);
+    s->load.bytes += packet_bytes(packet);
+    note_unsent(s, (int64_t)packet_bytes(packet));
     return request;
 }
 
@@ -81,6 +93,8 @@ static void give_back(struct hg_session *s, struct hg_request *request)
 
 void hg_session_request_lost(struct hg_session *s, struct hg_request *request)
 {
+    if (request->sent)
+        note_unsent(s, (int64_t)packet_bytes(request->packet));
     request->sent = false;
     request->link_id = 0;
     give_back(s, request);
@@ -90,9 +104,11 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
 {
     *(request->prev ? &request->prev->next : &s->first) = request->next;
     *(request->next ? &request->next->prev : &s->last) = request->prev;
-    s->request_count--;
-    s->frame_count -= is_frame_request(request->packet);
-    s->request_bytes -= packet_bytes(request->packet);
+    s->load.count--;
+    s->load.frames -= is_frame_request(request->packet);
+    s->load.bytes -= packet_bytes(request->packet);
+    if (!request->sent)
+        note_unsent(s, -(int64_t)packet_bytes(request->packet));
     give_back(s, request);
     hg_trial_clear(s, request);
     hg_trial_leave(s, request);
@@ -107,8 +123,10 @@ void hg_session_request_fail_all(struct hg_session *s, const struct hg_error *er
             hg_conn_fail(s->conn, s->first->client_id, err);
         hg_session_request_drop(s, s->first);
     }
-    if (!s->conn) // nothing is left to wait for
-        s->table->ended = true;
+    if (s->conn)
+        return;
+    s->resume.parked_ns = 0; // nothing is left to wait for
+    s->table->ended = true;
 }
 
 // Cameras that have come to the front took effect after all answered requests before them.
@@ -131,7 +149,17 @@ struct hg_request *hg_session_request_find(struct hg_session *s, uint32_t link_i
 bool hg_session_request_is_full(const struct hg_session *s)
 {
     const struct hg_options *o = s->table->options;
-    return s->request_count >= o->max_requests || s->request_bytes > o->input_limit_bytes;
+    return s->load.count >= o->max_requests || s->load.bytes > o->input_limit_bytes;
+}
+
+bool hg_session_request_is_crowded(const struct hg_session *s)
+{
+    const struct hg_link *link = s->scene ? s->scene->link : NULL;
+    const uint64_t limit = s->table->options->input_limit_bytes;
+    if (!link || link->out.bytes + link->feed.unsent_bytes <= limit)
+        return false;
+    const uint64_t share = limit / 2 / s->table->count;
+    return s->load.unsent_bytes > (share > LEAST_SHARE ? share : LEAST_SHARE);
 }
 
 // ---- to the worker ------------------------------------------------------------------------------
@@ -155,6 +183,7 @@ static void send_request(struct hg_session *s, struct hg_request *request)
     uint16_t type = request->packet->header.type;
     request->link_id = is_answered(request) ? hg_link_next_id(link) : 0;
     request->sent = true;
+    note_unsent(s, -(int64_t)packet_bytes(request->packet));
     charge(s, request);
     struct hg_packet *packet = type == HGP_T_subscribe ? windowed_subscribe(s, request->packet)
                                                        : hg_packet_ref(request->packet);
@@ -171,27 +200,73 @@ static bool has_room(struct hg_session *s, const struct hg_request *request)
            hg_session_view_may_grant(s, answer_bytes(s, request->packet));
 }
 
-void hg_session_request_pump(struct hg_session *s)
+// Sends at most about `most` bytes. True: there is more, for the next turn.
+static bool send_some(struct hg_session *s, uint64_t most)
 {
+    struct hg_link *link = s->scene->link;
     struct hg_request *next;
+    uint64_t bytes = 0;
     for (struct hg_request *it = s->first; it && s->attached; it = next) {
         next = it->next;
         if (it->sent)
             continue;
         if (hg_trial_must_wait(s, it) || !has_room(s, it))
-            return;
+            return false;
+        if (!hg_link_has_room(link) || bytes >= most) {
+            link->feed.starved = true;
+            return true;
+        }
+        bytes += packet_bytes(it->packet);
         send_request(s, it);
     }
     if (!s->attached)
-        return;
+        return false;
     settle_cameras(s);
     hg_trial_subscribe(s);
+    return false;
+}
+
+void hg_session_request_pump(struct hg_session *s)
+{
+    struct hg_link *link = s->scene ? s->scene->link : NULL;
+    if (link && link->feed.starved) // others were before it
+        link->feed.pump |= hg_link_has_room(link);
+    else if (link)
+        send_some(s, UINT64_MAX);
+}
+
+static struct hg_session *after(const struct hg_session_table *table, struct hg_session *s)
+{
+    return s && s->next ? s->next : table->first;
+}
+
+void hg_session_request_pump_all(struct hg_session_table *table, struct hg_link *link)
+{
+    struct hg_session *first = table->first;
+    while (first && first->number != link->feed.turn)
+        first = first->next;
+    first = after(table, first);
+    bool more = first != NULL;
+    while (more && hg_link_has_room(link)) {
+        struct hg_session *it = first;
+        more = false;
+        do {
+            if (it->scene && it->scene->link == link && hg_link_has_room(link)) {
+                more |= send_some(it, TURN_BYTES);
+                link->feed.turn = it->number;
+            }
+            it = after(table, it);
+        } while (it != first);
+    }
+    link->feed.starved = more || !hg_link_has_room(link);
 }
 
 // Two cameras of one view in a row are one.
 static bool merge_camera(struct hg_session *s, struct hg_packet *packet)
 {
     struct hg_request *last = s->last;
+    if (last && last->sent && s->scene && !hg_link_has_room(s->scene->link))
+        return false; // the next one merges with those that come behind it
     if (!last || is_answered(last) || last->packet->header.type != packet->header.type ||
         packet->header.request || packet->header.length < 8 ||
         memcmp(last->packet->payload + 4, packet->payload + 4, 4) != 0)
@@ -199,7 +274,9 @@ static bool merge_camera(struct hg_session *s, struct hg_packet *packet)
     size_t before = packet_bytes(last->packet);
     if (hg_session_view_merge(&last->packet, packet))
         return false;
-    s->request_bytes += packet_bytes(last->packet) - before;
+    s->load.bytes += packet_bytes(last->packet) - before;
+    if (!last->sent)
+        note_unsent(s, (int64_t)packet_bytes(last->packet) - (int64_t)before);
     if (last->sent && s->attached)
         hg_link_send_packet(s->scene->link, s->number, 0, hg_packet_ref(packet));
     return true;
@@ -235,6 +312,12 @@ static void restore_view(struct hg_session *s, struct hg_session_view *view)
         hg_session_view_subscribe(s, view);
 }
 
+void hg_session_request_restore(struct hg_session *s)
+{
+    for (struct hg_session_view *it = s->views; it; it = it->next)
+        restore_view(s, it);
+}
+
 void hg_session_request_attach(struct hg_session *s)
 {
     struct hg_link *link = s->scene->link;
@@ -247,11 +330,13 @@ void hg_session_request_attach(struct hg_session *s)
             .id_count = HG_SCENE_ID_RANGE,
             .max_pixels = s->table->options->max_pixels,
             .replay = restore});
+    hg_link_send(link, s->number, 0, HGP_T_session_tenant,
+        &(struct hgp_session_tenant){.tenant = hgp_str_make(s->tenant)});
     if (s->batch_open) // before there is a view that could show half of it
         hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_batch_begin,
             &(struct hgp_batch_begin){0});
-    for (struct hg_session_view *it = s->views; it; it = it->next)
-        restore_view(s, it);
+    if (!s->resume.parked_ns)
+        hg_session_request_restore(s);
     if (restore)
         hg_link_send(link, s->number, 0, HGP_T_replay_end,
             &(struct hgp_replay_end){.revision = s->scene->revision});

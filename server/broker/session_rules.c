@@ -7,6 +7,17 @@
 #include "server/broker/session_view.h"
 #include "server/broker/trial.h"
 
+enum hg_status hg_session_rules_may_change(
+    const struct hg_session_table *table, const char *what, struct hg_error *err)
+{
+    enum hg_status status = hg_state_log_refusal(table->scenes.log);
+    return status ? hg_error_set(err, status, what, NULL,
+                        "scenes cannot be changed now: the daemon's state cannot be written "
+                        "(state-dir): %s; try again later",
+                        hg_status_text(status))
+                  : HG_OK;
+}
+
 static enum hg_status check_load(
     struct hg_session *s, const struct hgp_asset_load *m, struct hg_error *err)
 {
@@ -56,7 +67,7 @@ static enum hg_status check_journal(
 {
     const struct hg_options *o = s->table->options;
     const uint16_t type = packet->header.type;
-    const uint64_t more = s->request_bytes + packet->header.length;
+    const uint64_t more = s->load.bytes + packet->header.length;
     const uint64_t need = hg_journal_get_stats(s->scene->journal).bytes + more;
     if (!hg_journal_wants(type) || type == HGP_T_object_remove || type == HGP_T_asset_unload)
         return HG_OK;
@@ -85,10 +96,10 @@ static enum hg_status check_view(
 static enum hg_status check_frame_request(
     struct hg_session *s, const struct hg_packet *packet, uint32_t view, struct hg_error *err)
 {
-    if (s->frame_count >= s->table->options->max_frame_requests)
+    if (s->load.frames >= s->table->options->max_frame_requests)
         return hg_error_set(err, HG_E_BUSY, hgp_find(packet->header.type)->name, NULL,
             "%u frame requests of this session are under way already (max-frame-requests)",
-            s->frame_count);
+            s->load.frames);
     return check_view(s, packet, view, err);
 }
 
@@ -98,6 +109,8 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
     const char *name = hgp_find(packet->header.type)->name;
     if (!s->scene)
         return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
+    if (hg_journal_wants(packet->header.type) && hg_session_rules_may_change(s->table, name, err))
+        return err->status;
     switch (packet->header.type) {
     case HGP_T_bake:
         return hg_error_set(

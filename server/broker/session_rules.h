@@ -9,5 +9,9 @@
 // HG_E_UNSUPPORTED, HG_E_NOMEM.
 enum hg_status hg_session_rules_check(struct hg_session *session, const struct hg_packet *packet,
     const union hgp_any *m, struct hg_error *err) HG_MUST_CHECK;
+// Scenes may be changed: what is accepted now survives the daemon, as configured. Else
+// HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM: why the state log is broken.
+enum hg_status hg_session_rules_may_change(
+    const struct hg_session_table *table, const char *what, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -40,6 +40,8 @@ struct hg_session_view {
     struct hg_packet *camera; // view_cameras, merged; NULL = none
     bool subscribed, resubscribe;
     uint32_t credit;  // credit: frames that the client accepts
+    uint32_t first_credit; // of the newest subscription
+    bool unrecorded;       // its camera has changed since the state log was told
     uint32_t granted; // of these, given to the worker
     uint64_t frame_bytes; // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
@@ -56,6 +58,12 @@ struct hg_session_failed {
     struct hg_error err;
 };
 
+// Requests under way.
+struct hg_session_load {
+    uint32_t count, frames;       // frames: those that render
+    uint64_t bytes, unsent_bytes; // unsent: of those that the worker has no room for yet
+};
+
 // What the client was promised.
 struct hg_session_answers {
     uint64_t granted_bytes; // that the answers to what was sent may have, subscribed frames apart
@@ -63,10 +71,24 @@ struct hg_session_answers {
     uint64_t turns;         // of the views
 };
 
+// For going on with it on another connection.
+struct hg_session_resume {
+    uint8_t token[32]; // hash of the client's
+    bool has_token;    // false: the daemon's own user
+    bool has_ticket;
+    uint8_t ticket[32]; // hash of what the client has
+    uint64_t parked_ns; // since when it is kept without a client; 0 = it has one, or is to end
+};
+
+struct hg_session_bytes {
+    uint64_t uploaded; // that came, for statistics
+    uint64_t verified; // of the file that the worker has for image_query
+};
+
 struct hg_session {
     struct hg_session *prev, *next;
     struct hg_session_table *table;
-    struct hg_conn *conn; // NULL: the client disconnected; waits until its edits are answered
+    struct hg_conn *conn; // NULL: the client disconnected; parked, or waits for answers to edits
     uint32_t number;
     enum hgp_role role;
     char name[129];
@@ -77,15 +99,14 @@ struct hg_session {
     bool attached;   // the worker knows it
     bool batch_open; // batch_begin was accepted
     struct hg_request *first, *last;
-    uint32_t request_count, frame_count;
-    uint64_t request_bytes;
+    struct hg_session_load load;
     struct hg_session_answers answers;
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
-    uint64_t uploaded_bytes;       // that came, for statistics
-    uint64_t verified_bytes;       // of the file that the worker has for image_query
+    struct hg_session_bytes bytes;
     struct hg_session_failed failed;
     uint32_t poisons;
+    struct hg_session_resume resume;
 };
 
 // All sessions and their scenes.

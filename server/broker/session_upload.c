@@ -32,8 +32,8 @@ static struct hg_upload_owner *owner_of(const struct hg_session *s)
     struct hg_upload_owner *owner = hg_upload_store_owner(s->table->store, key);
     if (owner) // a file that is verified counts as long as the worker has it
         hg_upload_owner_set_quota(
-            owner, &(struct hg_upload_usage){.bytes = o->max_upload_bytes > s->verified_bytes
-                                                          ? o->max_upload_bytes - s->verified_bytes
+            owner, &(struct hg_upload_usage){.bytes = o->max_upload_bytes > s->bytes.verified
+                                                          ? o->max_upload_bytes - s->bytes.verified
                                                           : 0,
                        .files = o->max_upload_files});
     return owner;
@@ -56,17 +56,29 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     if (m->offset)
         return hg_error_set(err, HG_E_STATE, "upload", "offset",
             "the first piece of a content starts at 0, not at %llu", (unsigned long long)m->offset);
-    if (m->total > o->max_upload_bytes || s->verified_bytes > o->max_upload_bytes - m->total)
+    if (m->total > o->max_upload_bytes || s->bytes.verified > o->max_upload_bytes - m->total)
         return hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "%llu bytes, beside %llu of a file that is verified, are more than the quota of %llu "
             "MiB (max-upload)",
-            (unsigned long long)m->total, (unsigned long long)s->verified_bytes,
+            (unsigned long long)m->total, (unsigned long long)s->bytes.verified,
             (unsigned long long)(o->max_upload_bytes >> 20));
     *slot = free_slot(s);
     if (!*slot)
         return hg_error_set(err, HG_E_LIMIT, "upload", NULL,
             "%d contents of this session are under way already", HG_SESSION_UPLOADS);
     return hg_upload_begin(s->table->store, owner, m->hash, m->total, *slot, err);
+}
+
+// With a state log the content is on the disk before its answer is sent: edits name it.
+static enum hg_status commit(struct hg_session *s, struct hg_upload *upload, struct hg_error *err)
+{
+    struct hg_state_log *log = s->table->scenes.log;
+    int fd = log ? hg_upload_dup(upload) : -1;
+    enum hg_status status = hg_upload_commit(upload, err);
+    hg_state_log_sync_file(log, fd);
+    if (log && !status)
+        hg_state_log_sync_file(log, hg_upload_store_open_folder(s->table->store));
+    return status;
 }
 
 static enum hg_status take_piece(
@@ -83,13 +95,13 @@ static enum hg_status take_piece(
             (unsigned long long)hg_upload_total(*slot));
     else
         status = hg_upload_append(*slot, m->data.data, m->data.size, err);
-    s->uploaded_bytes += status ? 0 : m->data.size;
+    s->bytes.uploaded += status ? 0 : m->data.size;
     struct hg_upload *upload = *slot;
     *done = !status && hg_upload_offset(upload) == hg_upload_total(upload);
     if (*done || status)
         *slot = NULL;
     if (*done)
-        status = hg_upload_commit(upload, err);
+        status = commit(s, upload, err);
     else if (status)
         hg_upload_abort(upload);
     return status;
@@ -138,8 +150,10 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
         tell_audit(s, m, status);
     if (status)
         refuse(s, request, m, &err);
-    else if (done && request)
+    else if (done && request) {
+        hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+    }
 }
 
 void hg_session_upload_query(
@@ -186,7 +200,7 @@ static uint64_t all_verified_bytes(const struct hg_session_table *table)
 {
     uint64_t sum = 0;
     for (const struct hg_session *it = table->first; it; it = it->next)
-        sum += it->verified_bytes;
+        sum += it->bytes.verified;
     return sum;
 }
 
@@ -194,17 +208,17 @@ static uint64_t all_verified_bytes(const struct hg_session_table *table)
 static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct hg_error *err)
 {
     const struct hg_options *o = s->table->options;
-    const uint64_t before = s->verified_bytes;
-    s->verified_bytes = 0;
+    const uint64_t before = s->bytes.verified;
+    s->bytes.verified = 0;
     const struct hg_upload_owner *owner = owner_of(s);
     const uint64_t used = owner ? hg_upload_owner_usage(owner).bytes : 0;
     const uint64_t left = o->max_upload_bytes > used ? o->max_upload_bytes - used : 0;
     const uint64_t others = all_verified_bytes(s->table);
     if (size <= left && others <= o->upload_store_bytes && size <= o->upload_store_bytes - others) {
-        s->verified_bytes = size;
+        s->bytes.verified = size;
         return HG_OK;
     }
-    s->verified_bytes = before;
+    s->bytes.verified = before;
     return hg_error_set(err, HG_E_LIMIT, "image_query", "size",
         "%llu bytes are more than %s leaves", (unsigned long long)size,
         size > left ? "this session's quota (max-upload)" : "upload-store");
@@ -217,10 +231,10 @@ enum hg_status hg_session_upload_verify(
     const uint64_t size = m->has_size ? m->size : 0;
     if (!m->has_offset)
         return HG_OK;
-    if (m->offset && size != s->verified_bytes)
+    if (m->offset && size != s->bytes.verified)
         return hg_error_set(err, HG_E_INVAL, "image_query", "size",
             "is %llu, and was %llu where the file began", (unsigned long long)size,
-            (unsigned long long)s->verified_bytes);
+            (unsigned long long)s->bytes.verified);
     if (m->offset > size || m->data.size > size - m->offset)
         return hg_error_set(err, HG_E_INVAL, "image_query", "data",
             "%llu bytes at offset %llu exceed the file size of %llu",
@@ -234,5 +248,5 @@ void hg_session_upload_verified(struct hg_session *s, const struct hg_request *r
     for (const struct hg_request *it = s->first; it; it = it->next)
         if (it != request && it->packet->header.type == HGP_T_image_query)
             return; // another one is on its way
-    s->verified_bytes = 0;
+    s->bytes.verified = 0;
 }

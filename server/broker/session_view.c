@@ -74,6 +74,25 @@ enum hg_status hg_session_view_ask(
     return HG_OK;
 }
 
+struct hg_session_view *hg_session_view_take(
+    struct hg_session *s, uint32_t number, struct hg_packet *params, struct hg_error *err)
+{
+    struct hgp_view_set m;
+    enum hg_status status = hgp_decode(HGP_VERSION_MAX, HGP_T_view_set,
+        hg_reader_make(params->payload, params->header.length), NULL, &m, NULL);
+    if (status || m.view != number) {
+        hg_error_set(err, status ? status : HG_E_FORMAT, "view_set", NULL, "of another view");
+        return NULL;
+    }
+    if (hg_session_view_ask(s, &m, err))
+        return NULL;
+    struct hg_session_view *view = hg_session_view_find(s, number);
+    hg_packet_unref(view->params);
+    view->params = hg_packet_ref(params);
+    view->accepted = true;
+    return view;
+}
+
 // Newer fields over older ones. `camera` of view_camera counts only in the message that has it.
 enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from)
 {
@@ -108,6 +127,8 @@ void hg_session_view_note_camera(struct hg_session *s, struct hg_packet *packet)
     struct hg_session_view *view = hg_session_view_find(s, hg_read_u32(&r));
     if (view && hg_session_view_merge(&view->camera, packet))
         hg_warn(SESSION, "no memory to remember a camera");
+    else if (view)
+        view->unrecorded = true;
 }
 
 void hg_session_view_reset(struct hg_session_view *view)
@@ -126,7 +147,7 @@ void hg_session_view_clear(struct hg_session *s, struct hg_session_view *view)
         return;
     view->suspect = view->held = false;
     link->trial.waiting--;
-    link->pump = true;
+    link->feed.pump = true;
     if (link->trial.session == s && !link->trial.id && link->trial.view == view->number)
         link->trial.session = NULL;
 }

@@ -10,6 +10,9 @@ uint64_t hg_session_view_pixels(const struct hg_session *session); // of all vie
 // Quotas of view_set; makes the record. HG_E_LIMIT, HG_E_NOMEM.
 enum hg_status hg_session_view_ask(
     struct hg_session *session, const struct hgp_view_set *m, struct hg_error *err) HG_MUST_CHECK;
+// A view that a worker had accepted with these parameters, made or changed. NULL: *err says why.
+struct hg_session_view *hg_session_view_take(struct hg_session *session, uint32_t number,
+    struct hg_packet *params, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_session_view_merge(struct hg_packet **into, struct hg_packet *from) HG_MUST_CHECK;
 // A view_camera that took effect: a new worker gets it.
 void hg_session_view_note_camera(struct hg_session *session, struct hg_packet *packet);

@@ -189,7 +189,7 @@ void hg_trial_clear(struct hg_session *s, struct hg_request *request)
         return;
     request->suspect = false;
     link->trial.waiting--;
-    link->pump = true;
+    link->feed.pump = true;
     if (request->sent && is_tried(s, request))
         link->trial.session = NULL;
 }
@@ -213,12 +213,41 @@ void hg_trial_check_time(struct hg_link *link)
 
 // ---- a death ------------------------------------------------------------------------------------
 
+static bool find_hang(const struct hg_session *s, const struct hg_link_hang *hang)
+{
+    for (const struct hg_request *it = s->first; it && hang->request; it = it->next)
+        if (it->sent && it->link_id == hang->request)
+            return true;
+    for (const struct hg_session_view *it = s->views; it && !hang->request; it = it->next)
+        if (it->subscribed && it->granted && it->number == hang->view)
+            return true;
+    return false;
+}
+
+void hg_trial_accuse(struct hg_link *link)
+{
+    const struct hg_session_table *table = link->owner;
+    const struct hg_link_hang *hang = &link->hang;
+    link->trial.accused = false;
+    for (struct hg_session *it = table->first; it && hang->fatal; it = it->next) {
+        if (it->number != hang->channel || !it->scene || it->scene->link != link ||
+            !find_hang(it, hang))
+            continue;
+        link->trial.session = it;
+        link->trial.id = hang->request;
+        link->trial.view = hang->view;
+        link->trial.accused = true;
+    }
+}
+
 bool hg_trial_blames(struct hg_session *s, struct hg_request *request)
 {
     struct hg_quarantine_entry file;
     if (!request->sent || !request->link_id)
         return false;
     const bool alone = is_tried(s, request);
+    if (s->scene->link->trial.accused && !alone)
+        return false;
     if (find_file(s, request->packet, &file))
         hg_quarantine_note(s->table->quarantine, &file, alone, now_of(s));
     request->ran_ns = now_of(s) - request->sent_ns;
@@ -233,6 +262,8 @@ bool hg_trial_blames_view(struct hg_session *s, struct hg_session_view *view)
         return false;
     if (is_tried_view(s, view))
         return true;
+    if (s->scene->link->trial.accused)
+        return false;
     view->ran_ns = now_of(s) - view->credit_ns;
     if (!view->suspect)
         s->scene->link->trial.waiting++;
@@ -257,5 +288,6 @@ void hg_trial_end(struct hg_session_table *table, struct hg_link *link)
         if (now_ns - link->trial.left.files[i].seen_ns < left_ns)
             hg_quarantine_note(table->quarantine, &link->trial.left.files[i], false, now_ns);
     link->trial.left.count = 0;
+    link->trial.accused = false;
     link->trial.session = NULL;
 }

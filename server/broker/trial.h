@@ -23,7 +23,9 @@ void hg_trial_leave(struct hg_session *session, const struct hg_request *request
 void hg_trial_subscribe(struct hg_session *session);
 // Once in a while: what has run long enough is taken for harmless.
 void hg_trial_check_time(struct hg_link *link);
-// The worker died: what this session had under way becomes suspect, or is to be given up (true).
+// The worker died; where it hung and said in what, that alone is to be blamed.
+void hg_trial_accuse(struct hg_link *link);
+// Then: what this session had under way becomes suspect, or is to be given up (true).
 bool hg_trial_blames(struct hg_session *session, struct hg_request *request);
 bool hg_trial_blames_view(struct hg_session *session, struct hg_session_view *view);
 // After all of them: blames what sessions that have gone had under way, and the next worker begins

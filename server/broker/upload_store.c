@@ -3,6 +3,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -15,7 +16,7 @@
 #include "base/log.h"
 #include "base/sha256.h"
 
-enum { BUCKETS = 65536, BLOCK_BYTES = 4096, MARK_DIGITS = 32 };
+enum { BUCKETS = 65536, BLOCK_BYTES = 4096, KEY_DIGITS = 32 };
 
 struct content {
     struct content *chain;           // of its bucket
@@ -31,6 +32,7 @@ struct content {
 struct hg_upload_owner {
     struct hg_upload_owner *next;
     uint8_t key[32];
+    char *moved; // where its folder is; NULL = in that of the store
     struct hg_upload_usage usage, quota;
 };
 
@@ -149,18 +151,30 @@ static void remove_if_unused(struct hg_upload_store *store, struct content *cont
     hg_free(content);
 }
 
-// An empty file beside the content says that it is this owner's, so that later runs know it.
+// An owner has a folder with a link to each of its contents, so that later runs know whose they are
+// and a worker may be shown those of its tenant and no others.
+static const char *owner_folder(const struct hg_upload_store *store,
+    const struct hg_upload_owner *owner, char *path, size_t size)
+{
+    char hex[HG_SHA256_HEX];
+    if (owner->moved)
+        return owner->moved;
+    hg_sha256_hex(owner->key, hex);
+    snprintf(path, size, "%s/%.*s", store->folder, KEY_DIGITS, hex);
+    return path;
+}
+
 // Caller frees. NULL: no memory.
-static char *marker_path(const struct hg_upload_store *store, const struct content *content,
+static char *link_path(const struct hg_upload_store *store, const struct content *content,
     const struct hg_upload_owner *owner)
 {
-    char hex[HG_SHA256_HEX], mark[HG_SHA256_HEX];
+    char hex[HG_SHA256_HEX], folder[PATH_MAX];
+    const char *above = owner_folder(store, owner, folder, sizeof folder);
     hg_sha256_hex(content->hash, hex);
-    hg_sha256_hex(owner->key, mark);
-    size_t size = strlen(store->folder) + 2 * sizeof hex;
+    size_t size = strlen(above) + sizeof hex + 1;
     char *path = hg_calloc(size, 1);
     if (path)
-        snprintf(path, size, "%s/%s.%.*s", store->folder, hex, MARK_DIGITS, mark);
+        snprintf(path, size, "%s/%s", above, hex);
     return path;
 }
 
@@ -183,24 +197,35 @@ static enum hg_status add_owner(struct content *content, struct hg_upload_owner 
     return HG_OK;
 }
 
+static enum hg_status link_content(const struct hg_upload_store *store,
+    const struct content *content, struct hg_upload_owner *owner)
+{
+    char folder[PATH_MAX];
+    char *from = content_path(store, content->hash), *to = link_path(store, content, owner);
+    enum hg_status status = from && to ? HG_OK : HG_E_NOMEM;
+    if (!status && mkdir(owner_folder(store, owner, folder, sizeof folder), 0700) != 0 &&
+        errno != EEXIST)
+        status = hg_status_from_errno(errno);
+    if (!status && link(from, to) != 0 && errno != EEXIST)
+        status = hg_status_from_errno(errno);
+    hg_free(from);
+    hg_free(to);
+    return status;
+}
+
 static enum hg_status take_owner(
     struct hg_upload_store *store, struct content *content, struct hg_upload_owner *owner)
 {
     if (is_owned_by(content, owner))
         return HG_OK;
-    enum hg_status status = add_owner(content, owner);
-    char *path = status ? NULL : marker_path(store, content, owner);
-    int fd = path ? open(path, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600) : -1;
-    if (fd >= 0)
-        close(fd); // without it a later run asks for the content again
-    hg_free(path);
-    return status;
+    enum hg_status status = link_content(store, content, owner);
+    return status ? status : add_owner(content, owner);
 }
 
 static void disown(struct hg_upload_store *store, struct content *content, size_t i)
 {
     struct hg_upload_owner *owner = content->owners[i];
-    char *path = marker_path(store, content, owner);
+    char *path = link_path(store, content, owner);
     if (path)
         unlink(path);
     hg_free(path);
@@ -242,7 +267,7 @@ static bool make_room(struct hg_upload_store *store, uint64_t need)
 struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, const uint8_t key[32])
 {
     struct hg_upload_owner *owner = store->owners;
-    while (owner && memcmp(owner->key, key, MARK_DIGITS / 2) != 0)
+    while (owner && memcmp(owner->key, key, KEY_DIGITS / 2) != 0)
         owner = owner->next;
     if (owner)
         return owner;
@@ -253,6 +278,27 @@ struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, con
     owner->next = store->owners;
     store->owners = owner;
     return owner;
+}
+
+enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const char *folder, struct hg_error *err)
+{
+    char here[PATH_MAX], there[PATH_MAX];
+    char *moved = folder ? hg_strdup(folder) : NULL;
+    if (folder && !moved)
+        return hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
+    struct hg_upload_owner next = {.moved = moved};
+    memcpy(next.key, owner->key, sizeof next.key);
+    const char *from = owner_folder(store, owner, here, sizeof here);
+    const char *to = owner_folder(store, &next, there, sizeof there);
+    // What it has not sent anything to has no folder.
+    if (rename(from, to) != 0 && errno != ENOENT) {
+        hg_free(moved);
+        return fail_errno(err, from, "move the folder");
+    }
+    hg_free(owner->moved);
+    owner->moved = moved;
+    return HG_OK;
 }
 
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner)
@@ -331,40 +377,37 @@ static enum hg_status make_folders(const char *folder, struct hg_error *err)
     return status;
 }
 
-static int hex_digit(char c)
+// A link in the folder of an owner. One without its content is removed.
+static enum hg_status index_link(
+    struct hg_upload_store *store, struct hg_upload_owner *owner, int folder, const char *name)
 {
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-static bool parse_hash(const char *name, uint8_t hash[32])
-{
-    for (int i = 0; i < 64; i++) {
-        int digit = hex_digit(name[i]);
-        if (digit < 0)
-            return false;
-        hash[i / 2] = (uint8_t)(i % 2 ? hash[i / 2] | digit : digit << 4);
-    }
-    return !name[64];
-}
-
-// `<hash>.<owner>`. One without its content is removed.
-static enum hg_status index_marker(struct hg_upload_store *store, DIR *dir, const char *name)
-{
-    char text[64 + 1], mark[64 + 1];
-    uint8_t hash[32], key[32];
+    uint8_t hash[32];
     struct stat st;
-    snprintf(text, sizeof text, "%.64s", name);
-    snprintf(mark, sizeof mark, "%.*s%032d", MARK_DIGITS, name + 65, 0);
-    if (!parse_hash(text, hash) || !parse_hash(mark, key))
+    if (!hg_sha256_parse(name, 32, hash))
         return HG_OK;
-    if (fstatat(dirfd(dir), text, &st, AT_SYMLINK_NOFOLLOW) != 0)
-        return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
-    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
-    struct content *content = owner ? find_or_add(store, hash) : NULL;
+    char *path = content_path(store, hash);
+    bool is_there = path && lstat(path, &st) == 0;
+    struct content *content = is_there ? find_or_add(store, hash) : NULL;
+    hg_free(path);
+    if (path && !is_there)
+        return unlinkat(folder, name, 0) == 0 ? HG_OK : HG_E_IO;
     if (!content)
         return HG_E_NOMEM;
     content->size = (uint64_t)st.st_size;
     return is_owned_by(content, owner) ? HG_OK : add_owner(content, owner);
+}
+
+static enum hg_status index_owner(struct hg_upload_store *store, const uint8_t key[32])
+{
+    char folder[PATH_MAX];
+    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
+    DIR *dir = owner ? opendir(owner_folder(store, owner, folder, sizeof folder)) : NULL;
+    enum hg_status status = dir ? HG_OK : HG_E_NOMEM;
+    for (struct dirent *it; !status && (it = readdir(dir));)
+        status = index_link(store, owner, dirfd(dir), it->d_name);
+    if (dir)
+        closedir(dir);
+    return status;
 }
 
 static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const char *name)
@@ -373,10 +416,10 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
     uint8_t hash[32];
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
-    if (strlen(name) == 64 + 1 + MARK_DIGITS && name[64] == '.')
-        return index_marker(store, dir, name);
-    if (!parse_hash(name, hash) || fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 ||
-        !S_ISREG(st.st_mode))
+    if (hg_sha256_parse(name, KEY_DIGITS / 2, hash))
+        return index_owner(store, hash);
+    if (!hg_sha256_parse(name, 32, hash) ||
+        fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(st.st_mode))
         return HG_OK;
     struct content *content = find_or_add(store, hash);
     if (!content)
@@ -437,6 +480,7 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
     while (store->owners) {
         struct hg_upload_owner *owner = store->owners;
         store->owners = owner->next;
+        hg_free(owner->moved);
         hg_free(owner);
     }
     hg_free(store->folder);
@@ -613,7 +657,7 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
     else if (content->present) { // another owner's, or another session was faster
         status = take_owner(upload->store, content, upload->owner);
         touch(upload->store, content);
-    } else if (rename(upload->path, path) != 0)
+    } else if (fchmod(upload->fd, 0400) != 0 || rename(upload->path, path) != 0)
         status = fail_errno(err, "upload", "name the content");
     else {
         upload->path[0] = 0;
@@ -625,8 +669,20 @@ static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
     }
     if (status && content)
         remove_if_unused(upload->store, content);
+    if (status && err && !err->status)
+        hg_error_set(err, status, "upload", NULL, "the content cannot be kept for its tenant");
     hg_free(path);
     return status;
+}
+
+int hg_upload_dup(const struct hg_upload *upload)
+{
+    return fcntl(upload->fd, F_DUPFD_CLOEXEC, 0);
+}
+
+int hg_upload_store_open_folder(const struct hg_upload_store *store)
+{
+    return open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 }
 
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err)

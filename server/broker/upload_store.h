@@ -32,6 +32,10 @@ uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 // memory.
 struct hg_upload_owner *hg_upload_store_owner(
     struct hg_upload_store *store, const uint8_t key[32]) HG_MUST_CHECK;
+// Moves the folder with links to all that the owner has sent (and will send) to where its tenant's
+// worker may read it; NULL: back. HG_E_NOMEM, HG_E_PERM, HG_E_IO.
+enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const char *folder, struct hg_error *err) HG_MUST_CHECK;
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner);
 // Above it what the owner sent and used longest ago goes, and what is in use is refused.
 void hg_upload_owner_set_quota(struct hg_upload_owner *owner, const struct hg_upload_usage *quota);
@@ -61,6 +65,10 @@ uint64_t hg_upload_progress_ns(
 // HG_E_NOSPACE, HG_E_IO.
 enum hg_status hg_upload_append(
     struct hg_upload *upload, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
+// Descriptors of the caller's, to be synced: of what has come, and of the folder that names it.
+// -1: none could be made.
+int hg_upload_dup(const struct hg_upload *upload);
+int hg_upload_store_open_folder(const struct hg_upload_store *store);
 // All bytes came: verifies the hash and takes the content into the store. Destroys the upload
 // either way. HG_E_HASH, HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err) HG_MUST_CHECK;

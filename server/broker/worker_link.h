@@ -10,8 +10,13 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/quarantine.h"
+#include "server/broker/worker_home.h"
+#include "server/broker/worker_share.h"
 
-enum { HG_LINK_DEATHS_KEPT = 64 };
+enum {
+    HG_LINK_DEATHS_KEPT = 64,
+    HG_LINK_AHEAD = 2 << 20, // bytes that may wait in its queue before sessions wait for their turn
+};
 
 struct hg_link;
 struct hg_session;
@@ -55,7 +60,24 @@ struct hg_link_trial {
     uint32_t view;
     uint64_t sent_ns, patience_ns; // after which it is taken for harmless
     uint32_t waiting;              // suspects, that one included
+    bool accused; // the worker said what it hung in: nothing else is suspect of its death
     struct hg_link_left left;
+};
+
+// What sessions send to the worker. Of the layer above.
+struct hg_link_feed {
+    bool pump;             // sessions may have something to send
+    bool starved;          // and had more than there was room for
+    uint32_t turn;         // number of the session that had the newest turn
+    uint64_t unsent_bytes; // that sessions keep until there is room
+};
+
+// What the worker says that it has been at for longest.
+struct hg_link_hang {
+    uint64_t busy_ns; // how long, with the newest pulse
+    uint32_t channel, request, view;
+    bool told;  // in what
+    bool fatal; // it was ended for that
 };
 
 // Whom it works for. Of the pool.
@@ -64,6 +86,10 @@ struct hg_link_owner {
     bool wanted;      // a process is kept running
     uint32_t scene_count;
     uint64_t idle_ns; // since when there is no scene in it
+    struct hg_home home;
+    const struct hg_machine *machine; // of which it has a share; NULL: no limits
+    uint32_t weight;                  // its tenant's
+    struct hg_worker_share share;     // as it was put into effect
 };
 
 struct hg_link {
@@ -77,7 +103,8 @@ struct hg_link {
     struct hg_outq out;
     enum hg_link_state state;
     pid_t pid; // 0 = none
-    uint64_t restart_ns, started_ns, pulse_ns, busy_ns, rss_bytes;
+    uint64_t restart_ns, started_ns, pulse_ns, rss_bytes;
+    struct hg_link_hang hang;
     uint64_t death_ns[HG_LINK_DEATHS_KEPT]; // ring
     uint32_t deaths;
     uint32_t last_id;
@@ -85,13 +112,10 @@ struct hg_link {
     char last_words[400]; // why the worker says it ends; "" = it says nothing
     bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory
     bool broken;          // could not queue a message: replaced at the end of the round
-    bool pump;            // sessions may have something to send
+    struct hg_link_feed feed;
     struct hg_link_replay replay;
     struct hg_link_trial trial;
 };
-
-// Path of the worker's program; false when there is none.
-bool hg_link_find_program(const struct hg_options *options, char *path, size_t size);
 
 void hg_link_start(struct hg_link *link);
 void hg_link_stop(struct hg_link *link);                     // at the end: kills and frees
@@ -101,6 +125,7 @@ void hg_link_check_time(struct hg_link *link);
 void hg_link_exited(struct hg_link *link, int status);      // its process has been reaped
 uint32_t hg_link_recent_deaths(const struct hg_link *link); // within the last minute
 uint32_t hg_link_next_id(struct hg_link *link);
+bool hg_link_has_room(const struct hg_link *link); // for what sessions send
 // Takes over the reference. Without memory the worker is replaced.
 void hg_link_send_packet(
     struct hg_link *link, uint32_t channel, uint32_t id, struct hg_packet *packet);

@@ -13,8 +13,8 @@
 #include "server/worker/view_messages.h"
 #include "server/worker/view_schedule.h"
 
-// Messages are taken for this long before views get a turn, whatever still waits.
-static const uint64_t message_slice_ns = 20000000u;
+// Out of the inbox before somebody has a turn, and messages in one turn.
+static const uint64_t take_ns = 5000000u, messages_ns = 2000000u;
 
 static struct reply_to reply_to(const struct render_state *s, const struct command *c)
 {
@@ -110,23 +110,38 @@ static void decode_and_handle(struct render_state *s, struct command *c)
     hg_arena_finish(&arena);
 }
 
-// While a session's task runs, its messages wait; the broker's own messages do not.
-static bool must_wait(const struct session *session, uint16_t type)
+// Messages about sessions, and pings behind a session's task. What waits when a session ends is
+// dropped: the broker has answered it.
+static bool is_immediate(const struct session *session, uint16_t type)
 {
-    return session && session->task && type != HGP_T_session_detach && type != HGP_T_ping;
+    return !session || type == HGP_T_session_attach || type == HGP_T_session_tenant ||
+           type == HGP_T_session_detach || (session->task && type == HGP_T_ping);
 }
 
-static void handle_command(struct render_state *s, struct command *c)
+// A replay that ends has been answered, all but its end.
+static void finish_replay(struct render_state *s, struct session *session)
 {
-    struct session *session = hg_session_find(s, c->header.channel);
-    struct hg_error err = {0};
-    if (!must_wait(session, c->header.type))
+    const uint32_t channel = session->channel;
+    struct command *c;
+    while (session && session->restoring && (c = hg_session_resume(session))) {
         decode_and_handle(s, c);
-    else if (hg_session_hold(session, c, &err))
-        hg_reply_error(reply_to(s, c), &err);
-    else
-        return; // the session's now
+        hg_worker_free_command(s->w, c);
+        session = hg_session_find(s, channel);
+    }
+}
+
+static bool out_of_room(struct render_state *s, struct session *session, struct command *c)
+{
+    struct hg_error err = {0};
+    if (!hg_session_hold(session, c, &err))
+        return false;
+    if (!session->task) { // there will be room soon
+        s->blocked = c;
+        return true;
+    }
+    hg_reply_error(reply_to(s, c), &err);
     hg_worker_free_command(s->w, c);
+    return false;
 }
 
 // ---- finished tasks -----------------------------------------------------------------------------
@@ -142,17 +157,6 @@ static void finish_task(const struct request *r, struct task *task)
     finishers[task->kind](r, task);
 }
 
-// Messages that waited run until one of them starts the next task, or ends the session.
-static void run_waiting(struct render_state *s, uint32_t channel)
-{
-    struct session *session;
-    struct command *c;
-    while ((session = hg_session_find(s, channel)) && (c = hg_session_resume(session))) {
-        decode_and_handle(s, c);
-        hg_worker_free_command(s->w, c);
-    }
-}
-
 static void handle_finished_task(struct render_state *s, struct task *task)
 {
     const struct reply_to to = task->to;
@@ -166,22 +170,28 @@ static void handle_finished_task(struct render_state *s, struct task *task)
             .message = &task->message};
         session->task = NULL;
         finish_task(&r, task);
-        run_waiting(s, to.channel);
     }
     hg_task_destroy(task);
 }
 
-static void handle(struct render_state *s, struct command *c)
+// What came out of the inbox: most wait for their session's turn. False: nothing more is taken now.
+static bool take(struct render_state *s, struct watch *watch, struct command *c)
 {
-    atomic_store(&s->w->step_started_ns, hg_clock_now_ns());
-    if (c->payload) {
-        handle_command(s, c);
-    } else {
-        if (c->task)
-            handle_finished_task(s, c->task);
-        hg_worker_free_command(s->w, c);
-    }
-    atomic_store(&s->w->step_started_ns, 0);
+    struct session *session = c->payload ? hg_session_find(s, c->header.channel) : NULL;
+    s->blocked = NULL;
+    if (c->payload && !is_immediate(session, c->header.type))
+        return !out_of_room(s, session, c);
+    hg_watch_begin(watch, c->task ? (struct watch_work){c->task->to.channel, c->task->to.request, 0}
+                                  : (struct watch_work){c->header.channel, c->header.request, 0});
+    if (session && c->header.type == HGP_T_session_detach)
+        finish_replay(s, session);
+    if (c->payload)
+        decode_and_handle(s, c);
+    else if (c->task)
+        handle_finished_task(s, c->task);
+    hg_watch_end(watch);
+    hg_worker_free_command(s->w, c);
+    return true;
 }
 
 // ---- the thread ---------------------------------------------------------------------------------
@@ -197,6 +207,8 @@ static void linger(struct render_state *s)
 static void shut_down(struct render_state *s)
 {
     linger(s);
+    if (s->blocked)
+        hg_worker_free_command(s->w, s->blocked);
     while (s->sessions)
         hg_session_message_detach(s, s->sessions);
     while (s->tasks) { // cancelled; each comes back once
@@ -209,15 +221,56 @@ static void shut_down(struct render_state *s)
     hg_render_state_finish(s);
 }
 
-static void take_messages(struct render_state *s, struct command *first)
+static bool ends(const struct render_state *s)
 {
-    uint64_t start = hg_clock_now_ns();
-    for (struct command *c = first; c; c = hg_queue_try_pop(&s->w->inbox)) {
-        handle(s, c);
-        if (atomic_load(&s->w->stop) || atomic_load(&s->w->device_lost) ||
-            hg_clock_now_ns() - start > message_slice_ns)
+    return atomic_load(&s->w->stop) || atomic_load(&s->w->device_lost);
+}
+
+static void take_messages(struct render_state *s, struct watch *watch, struct command *first)
+{
+    const uint64_t start_ns = hg_clock_now_ns();
+    for (struct command *c = first; c && take(s, watch, c); c = hg_queue_try_pop(&s->w->inbox))
+        if (ends(s) || hg_clock_now_ns() - start_ns > take_ns)
             return;
+}
+
+// Messages of the session whose turn it is, until one of them starts a task or ends the session.
+static void run_messages(struct render_state *s, struct watch *watch, uint32_t channel)
+{
+    const uint64_t start_ns = hg_clock_now_ns();
+    struct session *session;
+    struct command *c;
+    uint64_t ns = 0;
+    while (ns < messages_ns && !ends(s) && (session = hg_session_find(s, channel)) &&
+           (c = hg_session_resume(session))) {
+        hg_watch_begin(watch, (struct watch_work){channel, c->header.request, 0});
+        decode_and_handle(s, c);
+        hg_worker_free_command(s->w, c);
+        ns = hg_clock_now_ns() - start_ns;
     }
+    hg_watch_end(watch);
+    session = hg_session_find(s, channel);
+    if (session)
+        hg_schedule_charge_messages(s, session, ns);
+}
+
+// A turn of whoever is next. Returns how long there is nothing to do.
+static uint64_t run_next(struct render_state *s, struct watch *watch)
+{
+    struct hg_schedule_choice choice;
+    uint64_t wait_ns;
+    if (!hg_schedule_choose(s, &choice, &wait_ns))
+        return wait_ns;
+    if (!choice.view) {
+        run_messages(s, watch, choice.session->channel);
+        return 0;
+    }
+    const struct frame_wait *wait = choice.view->waits;
+    hg_watch_begin(watch, (struct watch_work){choice.session->channel, wait ? wait->request : 0,
+                              choice.view->number});
+    hg_schedule_work(s, &choice);
+    hg_watch_end(watch);
+    return 0;
 }
 
 static void warm_up(struct render_state *s)
@@ -233,20 +286,21 @@ static void warm_up(struct render_state *s)
 void *hg_dispatch_main(void *arg)
 {
     struct render_state s = {.w = arg, .started_ns = hg_clock_now_ns()};
+    struct watch watch = {0};
     uint64_t wait_ns = UINT64_MAX;
+    hg_watch_add(&s.w->watch, &watch);
     if (s.w->options.warm_up)
         warm_up(&s);
     while (!atomic_load(&s.w->stop)) {
-        struct command *c = hg_queue_pop(&s.w->inbox, wait_ns);
-        take_messages(&s, c);
+        struct command *c = s.blocked ? s.blocked : hg_queue_pop(&s.w->inbox, wait_ns);
+        take_messages(&s, &watch, c);
+        if (!ends(&s))
+            wait_ns = run_next(&s, &watch);
         if (atomic_load(&s.w->device_lost))
-            return NULL; // the process ends; nothing of the driver is touched any more
-        atomic_store(&s.w->step_started_ns, hg_clock_now_ns());
-        bool more = hg_schedule_step_next(&s, &wait_ns);
-        atomic_store(&s.w->step_started_ns, 0);
-        if (more)
-            wait_ns = 0;
+            break;
     }
-    shut_down(&s);
+    if (!atomic_load(&s.w->device_lost)) // else the process ends, and nothing of the driver is
+        shut_down(&s);                   // touched any more
+    hg_watch_remove(&s.w->watch, &watch);
     return NULL;
 }

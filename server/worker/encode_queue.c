@@ -12,7 +12,9 @@
 enum {
     FRAME_DATA_LIMIT = 512 << 20, // of frame.data
     STREAM_FRAMES = 2,            // one that is being encoded, one behind it
-    MIN_THREADS = 2,
+    MIN_THREADS = 2,              // besides the one for small frames
+    SMALL_PX = 1 << 18,
+    DEADLINE_NS_PER_PX = 400, // some times as long as slow encoders take
     MAX_THREADS = 16,
     MAX_STAGES = 64,
 };
@@ -29,8 +31,16 @@ struct encode_stream {
     struct encode_stream *next_ready;
     struct encode_request *first, **end; // waiting, oldest first
     _Atomic uint32_t frames;             // waiting and being encoded
+    uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
     struct encoder_state states[ENCODER_COUNT];
+};
+
+struct encoder_thread {
+    struct encode_queue *queue;
+    pthread_t thread;
+    struct watch watch;
+    bool only_small; // frames, which never wait behind large ones
 };
 
 struct encode_queue {
@@ -38,10 +48,10 @@ struct encode_queue {
     encoder_find_fn *find;
     pthread_mutex_t lock; // of the streams' lists and flags, and of what follows
     pthread_cond_t changed;
-    struct encode_stream *ready, **ready_end; // with frames, not running
+    struct encode_stream *ready; // with frames, not running; earliest deadline first
     bool stop;
     uint32_t thread_count;
-    pthread_t threads[MAX_THREADS];
+    struct encoder_thread threads[MAX_THREADS + 1];
 };
 
 // ---- one frame ----------------------------------------------------------------------------------
@@ -128,7 +138,8 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
     return n;
 }
 
-static void encode_and_send(struct encode_stream *stream, const struct encode_request *request)
+static void encode_and_send(
+    struct encode_stream *stream, const struct encode_request *request, struct watch *watch)
 {
     struct worker *w = stream->queue->w;
     struct hgp_stage_time stages[MAX_STAGES];
@@ -136,7 +147,10 @@ static void encode_and_send(struct encode_stream *stream, const struct encode_re
     struct hg_writer data = {0};
     struct hg_error err = {0};
     const uint64_t start = hg_clock_now_ns();
+    hg_watch_begin(
+        watch, (struct watch_work){request->to.channel, request->to.request, request->frame.view});
     enum hg_status status = encode(stream, request, &frame, &data, &err);
+    hg_watch_end(watch); // sending may wait for the peer
     if (status) {
         if (!err.status)
             hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
@@ -165,14 +179,24 @@ static void destroy_stream(struct encode_stream *stream)
     hg_free(stream);
 }
 
-// Under the lock.
+static uint64_t pixels_of(const struct encode_stream *stream)
+{
+    const struct hgp_frame *frame = &stream->first->frame;
+    return (uint64_t)frame->width * frame->height;
+}
+
+// Under the lock. Deadlines grow with the size, so that small frames do not wait for all large
+// ones, and no large one for ever.
 static void make_ready(struct encode_stream *stream)
 {
     struct encode_queue *q = stream->queue;
-    stream->next_ready = NULL;
-    *q->ready_end = stream;
-    q->ready_end = &stream->next_ready;
-    pthread_cond_signal(&q->changed);
+    struct encode_stream **link = &q->ready;
+    stream->deadline_ns = hg_clock_now_ns() + DEADLINE_NS_PER_PX * pixels_of(stream);
+    while (*link && (*link)->deadline_ns <= stream->deadline_ns)
+        link = &(*link)->next_ready;
+    stream->next_ready = *link;
+    *link = stream;
+    pthread_cond_broadcast(&q->changed);
 }
 
 struct encode_stream *hg_encode_stream_open(struct encode_queue *queue)
@@ -219,17 +243,24 @@ void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *
 
 // ---- threads ------------------------------------------------------------------------------------
 
+static struct encode_stream **find_ready(struct encode_queue *q, bool only_small)
+{
+    struct encode_stream **link = &q->ready;
+    while (*link && only_small && pixels_of(*link) > SMALL_PX)
+        link = &(*link)->next_ready;
+    return link;
+}
+
 // The stream whose turn it is, with its oldest request; NULL: the end.
-static struct encode_stream *begin(struct encode_queue *q, struct encode_request **request)
+static struct encode_stream *begin(
+    struct encode_queue *q, bool only_small, struct encode_request **request)
 {
     pthread_mutex_lock(&q->lock);
-    while (!q->ready && !q->stop)
+    while (!*find_ready(q, only_small) && !q->stop)
         pthread_cond_wait(&q->changed, &q->lock);
-    struct encode_stream *stream = q->stop ? NULL : q->ready;
+    struct encode_stream **link = find_ready(q, only_small), *stream = q->stop ? NULL : *link;
     if (stream) {
-        q->ready = stream->next_ready;
-        if (!q->ready)
-            q->ready_end = &q->ready;
+        *link = stream->next_ready;
         *request = stream->first;
         stream->first = stream->first->next;
         if (!stream->first)
@@ -257,10 +288,11 @@ static void end(struct encode_queue *q, struct encode_stream *stream)
 
 static void *encoder_main(void *arg)
 {
-    struct encode_queue *q = arg;
+    struct encoder_thread *self = arg;
+    struct encode_queue *q = self->queue;
     struct encode_request *request;
-    for (struct encode_stream *stream; (stream = begin(q, &request));) {
-        encode_and_send(stream, request);
+    for (struct encode_stream *stream; (stream = begin(q, self->only_small, &request));) {
+        encode_and_send(stream, request, &self->watch);
         hg_encode_request_destroy(request);
         end(q, stream);
     }
@@ -273,6 +305,18 @@ static uint32_t default_threads(void)
     return cores < MIN_THREADS ? MIN_THREADS : cores > MAX_THREADS ? MAX_THREADS : cores;
 }
 
+static bool start_thread(struct encode_queue *q, bool only_small)
+{
+    struct encoder_thread *t = &q->threads[q->thread_count];
+    t->queue = q;
+    t->only_small = only_small;
+    hg_watch_add(&q->w->watch, &t->watch);
+    if (pthread_create(&t->thread, NULL, encoder_main, t) == 0)
+        return true;
+    hg_watch_remove(&q->w->watch, &t->watch);
+    return false;
+}
+
 enum hg_status hg_encode_queue_create(
     struct worker *w, uint32_t threads, encoder_find_fn *find, struct encode_queue **out)
 {
@@ -281,12 +325,11 @@ enum hg_status hg_encode_queue_create(
         return HG_E_NOMEM;
     q->w = w;
     q->find = find;
-    q->ready_end = &q->ready;
     pthread_mutex_init(&q->lock, NULL);
     pthread_cond_init(&q->changed, NULL);
-    const uint32_t count = threads ? threads : default_threads();
-    while (q->thread_count < count && q->thread_count < MAX_THREADS &&
-           pthread_create(&q->threads[q->thread_count], NULL, encoder_main, q) == 0)
+    const uint32_t large = threads ? threads : default_threads();
+    while (q->thread_count <= large && q->thread_count <= MAX_THREADS &&
+           start_thread(q, q->thread_count == large))
         q->thread_count++;
     if (q->thread_count > 0)
         return HG_OK;
@@ -303,8 +346,10 @@ void hg_encode_queue_destroy(struct encode_queue *q)
     q->stop = true;
     pthread_cond_broadcast(&q->changed);
     pthread_mutex_unlock(&q->lock);
-    for (uint32_t i = 0; i < q->thread_count; i++)
-        pthread_join(q->threads[i], NULL);
+    for (uint32_t i = 0; i < q->thread_count; i++) {
+        pthread_join(q->threads[i].thread, NULL);
+        hg_watch_remove(&q->w->watch, &q->threads[i].watch);
+    }
     for (struct encode_stream *next; q->ready; q->ready = next) {
         next = q->ready->next_ready;
         destroy_stream(q->ready);

@@ -12,8 +12,8 @@
 struct encode_queue;
 struct encode_stream;
 
-// Starts threads that answer through the worker's outbox; 0 = one per core, at least two.
-// HG_E_NOMEM, HG_E_LIMIT.
+// Starts threads that answer through the worker's outbox, 0 = one per core, at least two, and one
+// for small frames. HG_E_NOMEM, HG_E_LIMIT.
 enum hg_status hg_encode_queue_create(struct worker *w, uint32_t threads, encoder_find_fn *find,
     struct encode_queue **out) HG_MUST_CHECK;
 // After all streams were closed. What is being encoded is waited for, the rest is dropped.

@@ -15,7 +15,7 @@
 #include "protocol/framing.h"
 #include "server/worker/reply.h"
 
-enum { PULSE_MS = 500, READ_BUDGET_BYTES = 4 << 20, LAST_WORDS_S = 3 };
+enum { PULSE_MS = 500, BUSY_TOLD_NS = 50000000, READ_BUDGET_BYTES = 4 << 20, LAST_WORDS_S = 3 };
 
 struct link {
     struct worker *w;
@@ -32,10 +32,11 @@ struct link {
 
 static void send_pulse(struct link *l)
 {
-    uint64_t expirations, started = atomic_load(&l->w->step_started_ns);
+    uint64_t expirations;
     if (read(l->timer_fd, &expirations, sizeof expirations) < 0)
         return;
-    uint64_t now = hg_clock_now_ns();
+    struct watch_work work;
+    const uint64_t busy_ns = hg_watch_longest_ns(&l->w->watch, &work);
     unsigned long pages = 0;
     FILE *statm = fopen("/proc/self/statm", "re");
     if (statm) {
@@ -44,10 +45,14 @@ static void send_pulse(struct link *l)
         fclose(statm);
     }
     struct hgp_pulse pulse = {
-        .busy_ns = started && now > started ? now - started : 0,
+        .busy_ns = busy_ns,
         .rss_bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE),
         .views = atomic_load(&l->w->view_count),
     };
+    const struct hgp_busy busy = {
+        .channel = work.channel, .request = work.request, .view = work.view};
+    if (busy_ns >= BUSY_TOLD_NS)
+        hg_reply_send_lossy((struct reply_to){.w = l->w}, HGP_T_busy, &busy);
     hg_reply_send_lossy((struct reply_to){.w = l->w}, HGP_T_pulse, &pulse);
 }
 

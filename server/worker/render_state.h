@@ -5,11 +5,12 @@
 
 #include "renderer/renderer.h"
 #include "server/worker/lazy_device.h"
+#include "server/worker/turn.h"
 #include "server/worker/worker.h"
 
 struct session;
 struct scene_slot;
-struct view_slot;
+struct tenant;
 
 struct render_state {
     struct worker *w;
@@ -19,7 +20,9 @@ struct render_state {
     struct hg_jobs *jobs;         // for loads before there is a renderer
     struct session *sessions;
     struct scene_slot *scenes;
-    struct view_slot *turn; // view that was stepped last
+    struct tenant *tenants;
+    struct turn_clock clock; // of the tenants
+    struct command *blocked; // out of the inbox, but its session has no room for it yet
     char device[128];       // name, created on first use
     uint32_t tasks;         // running
 };

@@ -80,6 +80,8 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         allow(ruleset, devices[i], device_access);
     for (uint32_t i = 0; i < o->asset_root_count; i++)
         allow(ruleset, o->asset_roots[i], read_access);
+    if (o->upload_dir)
+        allow(ruleset, o->upload_dir, read_access);
     if (o->shader_dir)
         allow(ruleset, o->shader_dir, read_access);
     if (o->cache_dir)

@@ -1,11 +1,58 @@
 #include "server/worker/session.h"
 
+#include <stdio.h>
+#include <string.h>
+
 #include "base/alloc.h"
 #include "base/log.h"
 #include "server/worker/task.h"
 
-// What may wait behind a session's running task.
+// What may wait for a session's turn, or behind its running task.
 enum { WAITING_LIMIT = 65536, WAITING_LIMIT_BYTES = 512 * 1024 * 1024 };
+
+// ---- tenants ------------------------------------------------------------------------------------
+
+static struct tenant *hold_tenant(struct render_state *s, struct hgp_str name)
+{
+    for (struct tenant *it = s->tenants; it; it = it->next)
+        if (strlen(it->name) == name.size && memcmp(it->name, name.data, name.size) == 0) {
+            it->sessions++;
+            return it;
+        }
+    struct tenant *tenant = hg_calloc(1, sizeof *tenant);
+    if (!tenant)
+        return NULL;
+    snprintf(tenant->name, sizeof tenant->name, "%.*s", (int)name.size, name.data);
+    tenant->sessions = 1;
+    tenant->next = s->tenants;
+    s->tenants = tenant;
+    return tenant;
+}
+
+static void release_tenant(struct render_state *s, struct tenant *tenant)
+{
+    struct tenant **link = &s->tenants;
+    if (!tenant || --tenant->sessions)
+        return;
+    while (*link != tenant)
+        link = &(*link)->next;
+    *link = tenant->next;
+    hg_free(tenant);
+}
+
+enum hg_status hg_session_set_tenant(
+    struct render_state *s, struct session *session, struct hgp_str name)
+{
+    struct tenant *tenant = hold_tenant(s, name);
+    if (!tenant)
+        return HG_E_NOMEM;
+    release_tenant(s, session->tenant);
+    session->tenant = tenant;
+    session->turn = (struct turn){0};
+    return HG_OK;
+}
+
+// ---- sessions -----------------------------------------------------------------------------------
 
 struct session *hg_session_find(struct render_state *s, uint32_t channel)
 {
@@ -26,8 +73,10 @@ enum hg_status hg_session_create(struct render_state *s, uint32_t channel,
     if (!session)
         return hg_error_set(
             err, HG_E_NOMEM, "session_attach", "channel", "cannot attach the session");
-    session->scene = hg_scene_slot_hold(s, m->scene);
+    session->tenant = hold_tenant(s, hgp_str_make(""));
+    session->scene = session->tenant ? hg_scene_slot_hold(s, m->scene) : NULL;
     if (!session->scene) {
+        release_tenant(s, session->tenant);
         hg_free(session);
         return hg_error_set(err, HG_E_NOMEM, "session_attach", NULL, "no memory for a scene");
     }
@@ -57,6 +106,7 @@ void hg_session_destroy(struct render_state *s, struct session *session)
         link = &(*link)->next;
     *link = session->next;
     hg_scene_slot_release(s, session->scene);
+    release_tenant(s, session->tenant);
     hg_writer_finish(&session->file);
     hg_free(session);
 }
@@ -77,14 +127,14 @@ void hg_session_close_batch(struct session *session)
     hg_scene_slot_publish(session->scene);
 }
 
-// ---- messages behind a task ---------------------------------------------------------------------
+// ---- messages that wait -------------------------------------------------------------------------
 
 enum hg_status hg_session_hold(struct session *session, struct command *c, struct hg_error *err)
 {
     const uint64_t bytes = session->waiting_bytes + c->header.length;
     if (session->waiting_count >= WAITING_LIMIT || bytes > WAITING_LIMIT_BYTES)
         return hg_error_set(err, HG_E_BUSY, "session", NULL,
-            "%u messages of %llu bytes wait for a load to finish", session->waiting_count,
+            "%u messages of %llu bytes wait already", session->waiting_count,
             (unsigned long long)session->waiting_bytes);
     session->waiting_count++;
     session->waiting_bytes = bytes;
@@ -92,6 +142,11 @@ enum hg_status hg_session_hold(struct session *session, struct command *c, struc
     *session->waiting_end = c;
     session->waiting_end = &c->next;
     return HG_OK;
+}
+
+bool hg_session_is_waiting(const struct session *session)
+{
+    return session->waiting && !session->task;
 }
 
 struct command *hg_session_resume(struct session *session)

@@ -8,6 +8,15 @@
 
 struct view_slot;
 
+// Sessions of one tenant share its turns, however many they are.
+struct tenant {
+    struct tenant *next;
+    char name[129];
+    uint32_t sessions;
+    struct turn turn;
+    struct turn_clock clock; // of its sessions
+};
+
 struct session {
     struct session *next;
     uint32_t channel;
@@ -17,8 +26,12 @@ struct session {
     uint32_t first_id, id_count;
     uint32_t batch_depth;
     bool restoring; // until replay_end
+    struct tenant *tenant;
+    struct turn turn;
+    struct turn_clock clock; // of its views
     struct view_slot *views;
-    struct task *task; // running; later messages wait in `waiting`
+    struct task *task;    // running; later messages wait in `waiting`
+    uint64_t messages_ns; // that they took since one of its views had a turn
     struct command *waiting, **waiting_end;
     uint32_t waiting_count;
     uint64_t waiting_bytes; // of their payloads
@@ -38,10 +51,16 @@ void hg_session_edited(struct session *session);
 // Commits the changes of the session's open batch as a revision, if there is one.
 void hg_session_close_batch(struct session *session);
 
-// Keeps a message until the running task has ended. HG_E_BUSY: too many wait; it stays the
-// caller's.
+// Its turns are those of this tenant from here on. HG_E_NOMEM: they stay whose they were.
+enum hg_status hg_session_set_tenant(
+    struct render_state *s, struct session *session, struct hgp_str name) HG_MUST_CHECK;
+
+// Keeps a message until its turn comes, and the running task has ended. HG_E_BUSY: too many wait;
+// it stays the caller's.
 enum hg_status hg_session_hold(
     struct session *session, struct command *c, struct hg_error *err) HG_MUST_CHECK;
+// Is one of them due? Not while a task runs.
+bool hg_session_is_waiting(const struct session *session);
 // The oldest of them; NULL while a task runs, and when none waits.
 struct command *hg_session_resume(struct session *session);
 

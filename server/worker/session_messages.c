@@ -47,6 +47,11 @@ bool hg_session_message_handle(const struct request *r, uint16_t type)
     case HGP_T_session_attach:
         attach(r);
         return true;
+    case HGP_T_session_tenant:
+        if (r->session &&
+            hg_session_set_tenant(r->s, r->session, r->message->session_tenant.tenant))
+            hg_warn(SESSION, "no memory for the turns of a tenant");
+        return true;
     case HGP_T_session_detach:
         if (r->session)
             hg_session_message_detach(r->s, r->session);

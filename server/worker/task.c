@@ -34,6 +34,7 @@ static bool report_progress(void *user, const char *stage, uint64_t done, uint64
 {
     struct task *task = user;
     uint64_t now = hg_clock_now_ns();
+    hg_watch_go_on(&task->watch);
     if (now - task->progress_sent_ns >= PROGRESS_NS) {
         task->progress_sent_ns = now;
         hg_reply_progress(task->to, stage, done, total);
@@ -151,6 +152,7 @@ static enum hg_status load_asset(struct task *task)
 // Between the steps of tasks that cannot be stopped inside one.
 static enum hg_status go_on(struct task *task, const char *what)
 {
+    hg_watch_go_on(&task->watch);
     if (!atomic_load(&task->cancel))
         return HG_OK;
     return hg_error_set(&task->err, HG_E_CANCELLED, what, NULL, "the session ended");
@@ -328,7 +330,10 @@ static enum hg_status examine_image(struct task *task)
 static void *task_main(void *arg)
 {
     struct task *task = arg;
+    struct watch_list *list = &task->to.w->watch;
     hg_isolate_watch(&task->cancel);
+    hg_watch_add(list, &task->watch);
+    hg_watch_begin(&task->watch, (struct watch_work){task->to.channel, task->to.request, 0});
     switch (task->kind) {
     case TASK_ASSET:
         task->status = load_asset(task);
@@ -343,6 +348,7 @@ static void *task_main(void *arg)
         task->status = examine_image(task);
         break;
     }
+    hg_watch_remove(list, &task->watch);
     if (task->status && !task->err.status)
         hg_error_set(&task->err, task->status, NULL, NULL, "%s", hg_status_text(task->status));
     struct command *command = NULL;

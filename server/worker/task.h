@@ -24,6 +24,7 @@ struct task {
     struct hg_writer file; // IMAGE: when it came in parts
     struct hg_jobs *jobs;
     _Atomic bool cancel;
+    struct watch watch;
     uint64_t progress_sent_ns;
     // Results:
     enum hg_status status;

@@ -6,11 +6,7 @@
 
 #define EXPOSURE_STEP (1.0f / 16.0f) // stops, between frames of an exposure that adapts
 
-enum {
-    STEP_TARGET_NS = 50 * 1000 * 1000,
-    MAX_SAMPLES_PER_STEP = 16,
-    PROGRESS_NS = 200 * 1000 * 1000
-};
+enum { MAX_SAMPLES_PER_STEP = 16, PROGRESS_NS = 200 * 1000 * 1000 };
 
 // ---- subscriptions ------------------------------------------------------------------------------
 
@@ -55,10 +51,10 @@ void hg_rate_sent(struct view_slot *view)
     sub->fresh = false;
 }
 
-uint32_t hg_rate_samples(const struct view_slot *view)
+uint32_t hg_rate_samples(const struct view_slot *view, uint64_t step_ns)
 {
     const uint64_t sample_ns = view->progress.sample_ns;
-    const uint64_t n = sample_ns ? STEP_TARGET_NS / sample_ns : 1;
+    const uint64_t n = sample_ns ? step_ns / sample_ns : 1;
     return n < 1 ? 1 : n > MAX_SAMPLES_PER_STEP ? MAX_SAMPLES_PER_STEP : (uint32_t)n;
 }
 

@@ -17,8 +17,8 @@ uint64_t hg_rate_due_ns(const struct view_slot *view);
 // The newest frame has been sent.
 void hg_rate_sent(struct view_slot *view);
 
-// How many samples the next step should draw to stay responsive.
-uint32_t hg_rate_samples(const struct view_slot *view);
+// How many samples the next step should draw to take about so long.
+uint32_t hg_rate_samples(const struct view_slot *view, uint64_t step_ns);
 // Sends progress to requests that wait for the settled frame, a few times a second.
 void hg_rate_send_progress(struct view_slot *view, struct frame_wait *wait, struct reply_to to);
 

@@ -7,6 +7,13 @@
 #include "server/worker/view_rate.h"
 
 #define ADAPTATION_NS 16000000u // between steps
+// How long a step takes about: of a session that is alone, and where others wait.
+#define STEP_NS        50000000u
+#define SHARED_STEP_NS 16000000u
+// What takes longer once is made for all: pipelines, geometry.
+#define MOST_CHARGED_NS 500000000u // beside other sessions
+#define MOST_IN_SESSION 50000000u  // beside other views of its own
+#define MESSAGES_NS     20000000u  // of a session before its views have a turn
 
 // ---- steps --------------------------------------------------------------------------------------
 
@@ -119,8 +126,34 @@ static bool has_work(const struct session *session, const struct view_slot *view
     return false;
 }
 
+// What it has its turn for: weights of the shares of those that want more than there is.
+enum purpose {
+    MOVES,   // somebody watches it change
+    SETTLES, // towards its settled picture
+    FILMS,   // likewise, in path mode: takes minutes, and what the others leave
+};
+
+static enum purpose purpose_of(const struct session *session, const struct view_slot *view)
+{
+    if (hg_view_slot_is_stale(session, view) && !is_final(view))
+        return MOVES;
+    return view->settings.params.mode == HG_MODE_PATH ? FILMS : SETTLES;
+}
+
+static uint64_t least(uint64_t a, uint64_t b)
+{
+    return a < b ? a : b;
+}
+
+static void charge(struct render_state *s, struct session *session, uint64_t ns)
+{
+    hg_turn_serve(&s->clock, &session->tenant->turn, ns);
+    hg_turn_serve(&session->tenant->clock, &session->turn, ns);
+}
+
 // Renders, then reads: what is delivered is what the step left.
-static void work(struct render_state *s, struct session *session, struct view_slot *view)
+static void work(
+    struct render_state *s, struct session *session, struct view_slot *view, uint64_t step_ns)
 {
     struct hg_error err = {0};
     enum hg_status status = HG_OK;
@@ -128,7 +161,7 @@ static void work(struct render_state *s, struct session *session, struct view_sl
     hg_scene_slot_publish(session->scene); // a batch may be open for too long
     hg_view_set_formats(view->view, hg_output_formats(s, view));
     if (wants_step(session, view))
-        status = step(session, view, hg_rate_samples(view), &err);
+        status = step(session, view, hg_rate_samples(view, step_ns), &err);
     if (status == HG_E_DEVICE_LOST) {
         // Only a new process gets a clean device; the broker replays the journal into it.
         hg_worker_lose_device(s->w, &err);
@@ -142,26 +175,78 @@ static void work(struct render_state *s, struct session *session, struct view_sl
     hg_output_deliver(s, session, view);
 }
 
-bool hg_schedule_step_next(struct render_state *s, uint64_t *wait_ns)
+void hg_schedule_work(struct render_state *s, const struct hg_schedule_choice *choice)
 {
-    struct session *chosen_session = NULL;
-    struct view_slot *chosen = NULL;
-    bool passed_turn = s->turn == NULL, chosen_after_turn = false;
+    static const uint64_t in_session[] = {[MOVES] = 1, [SETTLES] = 4, [FILMS] = 16},
+                          among_sessions[] = {[MOVES] = 1, [SETTLES] = 1, [FILMS] = 4};
+    struct session *session = choice->session;
+    const enum purpose purpose = purpose_of(session, choice->view);
+    const uint64_t begin_ns = hg_clock_now_ns();
+    work(s, session, choice->view, choice->contended ? SHARED_STEP_NS : STEP_NS);
+    const uint64_t took_ns = hg_clock_now_ns() - begin_ns;
+    session->messages_ns = 0;
+    hg_turn_serve(&session->clock, &choice->view->turn,
+        least(took_ns, MOST_IN_SESSION) * in_session[purpose]);
+    charge(s, session, least(took_ns, MOST_CHARGED_NS) * among_sessions[purpose]);
+}
+
+void hg_schedule_charge_messages(struct render_state *s, struct session *session, uint64_t ns)
+{
+    session->messages_ns += ns;
+    charge(s, session, ns);
+}
+
+// The view of the session whose turn it is. NULL: none has work.
+static struct view_slot *choose_view(struct session *session, uint64_t *wait_ns)
+{
+    struct view_slot *best = NULL;
+    for (struct view_slot *it = session->views; it; it = it->next)
+        if (has_work(session, it, wait_ns) &&
+            (!best || hg_turn_start(&session->clock, &it->turn) <
+                          hg_turn_start(&session->clock, &best->turn)))
+            best = it;
+    return best;
+}
+
+// Messages come before views, so that what is rendered is the newest state, but not for ever.
+static bool takes_message(const struct session *session, const struct view_slot *view)
+{
+    return hg_session_is_waiting(session) && (!view || session->messages_ns < MESSAGES_NS);
+}
+
+// Tenants first, then their sessions; at equal times what somebody waits for to move.
+static bool is_before(const struct render_state *s, const struct hg_schedule_choice *a,
+    const struct hg_schedule_choice *b)
+{
+    struct tenant *ta = a->session->tenant, *tb = b->session->tenant;
+    const uint64_t tenant_a = hg_turn_start(&s->clock, &ta->turn),
+                   tenant_b = hg_turn_start(&s->clock, &tb->turn);
+    if (tenant_a != tenant_b)
+        return tenant_a < tenant_b;
+    const uint64_t start_a = hg_turn_start(&ta->clock, &a->session->turn),
+                   start_b = hg_turn_start(&tb->clock, &b->session->turn);
+    if (ta == tb && start_a != start_b)
+        return start_a < start_b;
+    const bool moves_a = !a->view || purpose_of(a->session, a->view) == MOVES,
+               moves_b = !b->view || purpose_of(b->session, b->view) == MOVES;
+    return moves_a && !moves_b;
+}
+
+bool hg_schedule_choose(
+    struct render_state *s, struct hg_schedule_choice *choice, uint64_t *wait_ns)
+{
+    *choice = (struct hg_schedule_choice){0};
     *wait_ns = UINT64_MAX;
-    // The first view with work after the one that went last, else the first of all.
-    for (struct session *session = s->sessions; session; session = session->next)
-        for (struct view_slot *view = session->views; view; view = view->next) {
-            bool candidate = !chosen || (passed_turn && !chosen_after_turn);
-            if (candidate && has_work(session, view, wait_ns)) {
-                chosen = view;
-                chosen_session = session;
-                chosen_after_turn = passed_turn;
-            }
-            passed_turn |= view == s->turn;
-        }
-    if (!chosen)
-        return false;
-    s->turn = chosen;
-    work(s, chosen_session, chosen);
-    return true;
+    for (struct session *it = s->sessions; it; it = it->next) {
+        struct hg_schedule_choice next = {.session = it, .view = choose_view(it, wait_ns)};
+        if (takes_message(it, next.view))
+            next.view = NULL;
+        else if (!next.view)
+            continue;
+        next.contended = choice->session != NULL;
+        if (!choice->session || is_before(s, &next, choice))
+            *choice = next;
+        choice->contended = next.contended;
+    }
+    return choice->session != NULL;
 }

@@ -63,8 +63,6 @@ void hg_view_slot_destroy(struct render_state *s, struct session *session, struc
     while (*link != view)
         link = &(*link)->next;
     *link = view->next;
-    if (s->turn == view)
-        s->turn = NULL;
     free_view(view);
     atomic_fetch_sub(&s->w->view_count, 1);
 }

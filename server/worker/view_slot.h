@@ -78,6 +78,7 @@ struct view_slot {
     uint32_t number;
     struct hg_view *view;
     struct encode_stream *encoder;
+    struct turn turn;
     struct frame_wait *waits; // oldest first
     struct view_settings settings;
     struct view_subscription subscription;

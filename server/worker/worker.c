@@ -7,6 +7,7 @@ enum { INBOX_ITEMS = 4096, OUTBOX_ITEMS = 1024 };
 
 enum hg_status hg_worker_init(struct worker *w)
 {
+    hg_watch_init(&w->watch);
     enum hg_status status = hg_queue_init(&w->inbox, INBOX_ITEMS);
     return status ? status : hg_queue_init(&w->outbox, OUTBOX_ITEMS);
 }
@@ -21,6 +22,7 @@ void hg_worker_finish(struct worker *w)
         hg_worker_free_command(w, c);
     hg_queue_finish(&w->inbox);
     hg_queue_finish(&w->outbox);
+    hg_watch_finish(&w->watch);
 }
 
 void hg_worker_wake(struct worker *w)

@@ -9,8 +9,10 @@
 // Files include only files of the lines above their own, and what a .c file exports is declared in
 // its own header, so calls go the same way. tests/unit/floors/floors.py reads this list:
 // Layers, lowest first:
+//   turn watch                              whose turn it is; what threads are at
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
+//   shader_seed                             compiled shaders in advance
 //   view_params frame_planes picture_extremes    parameters, planes and pixels, of protocol and
 //   renderer encode_request                          a frame to be encoded, and what its file says
 //   encode_exr
@@ -44,6 +46,7 @@
 #include "protocol/hgp.h"
 #include "renderer/scene_gpu/debug_overrides.h"
 #include "server/loader/loader_client.h"
+#include "server/worker/watch.h"
 
 enum { WORKER_EXIT_DISK = 9 };
 
@@ -60,7 +63,9 @@ struct worker_options {
     int fd;             // the socketpair's end; default 3
     char **asset_roots; // [asset_root_count] real paths
     uint32_t asset_root_count;
-    const char *cache_dir;  // NULL: none
+    const char *cache_dir;   // NULL: none
+    const char *upload_dir;  // contents by hash; NULL: `uploads` in the cache folder
+    const char *shader_seed; // compiled shaders to begin with; NULL: none
     const char *shader_dir; // NULL: embedded shaders
     const char *device;     // NULL: best
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
@@ -68,7 +73,7 @@ struct worker_options {
     uint32_t threads; // at most, for one thing at a time; 0 = one per core
     enum hg_sandbox_mode sandbox;
     struct loader_options loader;
-    bool no_spill, device_info, validation, warm_up;
+    bool no_spill, device_info, compile_shaders, validation, warm_up;
     struct hg_debug_overrides overrides; // from the environment
 };
 
@@ -87,7 +92,7 @@ struct worker {
     struct encode_queue *encoders; // render -> encoder threads; set before the threads start
     struct command wake;           // in the inbox while wake_queued
     _Atomic bool wake_queued;
-    _Atomic uint64_t step_started_ns; // of the render thread; 0 = idle (read by the I/O thread)
+    struct watch_list watch; // all threads but the I/O thread, which reads it
     _Atomic uint32_t view_count;
     _Atomic uint64_t encode_ns; // of the newest frame
     _Atomic bool stop, device_lost, disk_lost;

@@ -148,6 +148,39 @@ static void stopped_suspects_hold_nobody_up(void **state)
     daemon_finish(&d);
 }
 
+// The worker says what it hangs in: that is given up after one death, and nothing else is tried
+// alone.
+static void what_hangs_is_blamed_at_once(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "hang-timeout", "0.5");
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_start(&d);
+    enter(&honest, &d, "edit-token-1");
+    peer_call(&honest, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 1000}, HGP_T_ok); // ms
+    enter(&hostile, &d, "admin-token-1");
+    struct hgp_asset_load poison = load_of(&hostile, "poison");
+    daemon_write(&d, "stuck.asset_load", "");
+    uint32_t asked =
+        peer_send(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+    peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
+    peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
+    assert_true(peer_says(&hostile, "quarantine"));
+    peer_answer(&honest, asked, HGP_T_frame);
+    char *log = daemon_read(&d, "log");
+    char *first = strstr(log, "hang-timeout");
+    assert_non_null(first);
+    assert_null(strstr(first + 1, "hang-timeout"));
+    free(log);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
 // Fresh requests wait while suspects are tried: none of them is taken for the guilty one.
 static void innocents_are_not_blamed(void **state)
 {
@@ -179,6 +212,7 @@ int main(void)
         cmocka_unit_test(leaving_does_not_help),
         cmocka_unit_test(subscriptions_are_blamed),
         cmocka_unit_test(stopped_suspects_hold_nobody_up),
+        cmocka_unit_test(what_hangs_is_blamed_at_once),
         cmocka_unit_test(innocents_are_not_blamed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

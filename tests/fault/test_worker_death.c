@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "base/sha256.h"
+#include "tests/fault/built_scene.h"
 #include "tests/system/daemon.h"
 
 static void start(struct daemon *d)
@@ -21,108 +22,14 @@ static void start(struct daemon *d)
     daemon_start(d);
 }
 
-// Parents younger than their children, a mesh and its material replaced.
-static void make_objects(struct peer *p)
-{
-    uint32_t n = p->first_id;
-    float triangle[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
-    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
-        .positions = {(const uint8_t *)triangle, sizeof triangle}};
-    struct hgp_mesh_set mesh = {.mesh = n, .parts = {&part, 1}};
-    peer_call(p, HGP_T_mesh_set, &mesh, HGP_T_ok);
-    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
-        HGP_T_ok);
-    peer_call(p, HGP_T_material_set,
-        &(struct hgp_material_set){.material = n, .has_roughness = true, .roughness = 0.25f},
-        HGP_T_ok);
-    part.material = n; // younger than the mesh's first version
-    peer_call(p, HGP_T_mesh_set, &mesh, HGP_T_ok);
-    peer_call(p, HGP_T_node_set,
-        &(struct hgp_node_set){.node = n + 1, .has_name = true, .name = hgp_str_make("parent")},
-        HGP_T_ok);
-    peer_call(p, HGP_T_node_set,
-        &(struct hgp_node_set){.node = n, .has_parent = true, .parent = n + 1}, HGP_T_ok);
-    peer_call(p, HGP_T_asset_load,
-        &(struct hgp_asset_load){
-            .asset = n, .path = hgp_str_make("a"), .has_parent = true, .parent = n + 1},
-        HGP_T_asset_loaded);
-}
-
-// Poses between moves, objects removed and made again, an environment in two steps.
-static void change_objects(struct peer *p)
-{
-    uint32_t n = p->first_id;
-    uint64_t of_asset = (uint64_t)n << 32;
-    peer_call(p, HGP_T_node_set,
-        &(struct hgp_node_set){.node = of_asset, .has_translation = true, .translation = {1, 2, 3}},
-        HGP_T_ok);
-    peer_call(p, HGP_T_animation_set,
-        &(struct hgp_animation_set){.asset = n, .animation = 0, .time_s = 1}, HGP_T_ok);
-    peer_call(p, HGP_T_animation_set,
-        &(struct hgp_animation_set){.asset = n, .animation = 0, .time_s = 2.5}, HGP_T_ok);
-    for (int i = 0; i < 40; i++)
-        peer_call(p, HGP_T_node_set,
-            &(struct hgp_node_set){
-                .node = n, .has_translation = true, .translation = {(float)i, 0, 0}},
-            HGP_T_ok);
-    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n + 2}, HGP_T_ok);
-    peer_call(p, HGP_T_node_set,
-        &(struct hgp_node_set){.node = n + 3, .has_parent = true, .parent = n + 2}, HGP_T_ok);
-    peer_call(p, HGP_T_object_remove,
-        &(struct hgp_object_remove){.kind = HGP_object_kind_NODE, .object = n + 2}, HGP_T_ok);
-    peer_call(
-        p, HGP_T_node_set, &(struct hgp_node_set){.node = n + 2, .has_visible = true}, HGP_T_ok);
-    peer_call(p, HGP_T_environment_set,
-        &(struct hgp_environment_set){.has_kind = true,
-            .kind = HGP_environment_kind_SKY,
-            .has_turbidity = true,
-            .turbidity = 3},
-        HGP_T_ok);
-    peer_call(p, HGP_T_environment_set,
-        &(struct hgp_environment_set){.has_intensity = true, .intensity = 2}, HGP_T_ok);
-}
-
-// A scene with every kind of edit, in an order in which compaction by kind would fail: parents
-// that are younger than their children, meshes and materials replaced, objects removed and made
-// again, poses between moves.
-static void build_scene(struct peer *p)
-{
-    make_objects(p);
-    change_objects(p);
-    peer_call(p, HGP_T_view_set,
-        &(struct hgp_view_set){.view = 1,
-            .has_width = true,
-            .width = 32,
-            .has_height = true,
-            .height = 32,
-            .has_samples = true,
-            .samples = 4},
-        HGP_T_ok);
-    peer_call(p, HGP_T_view_set,
-        &(struct hgp_view_set){.view = 1, .has_exposure_ev = true, .exposure_ev = 1}, HGP_T_ok);
-    peer_tell(p, HGP_T_view_camera,
-        &(struct hgp_view_camera){.view = 1, .input_seq = 1, .has_eye = true, .eye = {0, 0, 5}});
-    peer_tell(p, HGP_T_view_camera,
-        &(struct hgp_view_camera){
-            .view = 1, .input_seq = 2, .has_target = true, .target = {0, 1, 0}});
-}
-
-static void take_frame(struct peer *p, struct hgp_frame *out, uint8_t digest[32])
-{
-    peer_call(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1, .settled = true},
-        HGP_T_frame);
-    *out = p->m.frame;
-    memcpy(digest, p->m.frame.data.data, 32);
-}
-
 static void same_frame_after(struct daemon *d, struct peer *p, const char *wire)
 {
     struct hgp_frame before, after;
     uint8_t digest_before[32], digest_after[32];
     pid_t worker = daemon_worker(d, 0);
-    take_frame(p, &before, digest_before);
+    built_scene_frame(p, &before, digest_before);
     daemon_write(d, wire, "");
-    take_frame(p, &after, digest_after);
+    built_scene_frame(p, &after, digest_after);
     assert_true(daemon_worker(d, worker) != worker);
     assert_memory_equal(digest_before, digest_after, 32);
     assert_int_equal(before.scene_revision, after.scene_revision);
@@ -137,7 +44,7 @@ static void killed_in_a_frame(void **state)
     struct peer p;
     start(&d);
     peer_open_scene(&p, &d, "");
-    build_scene(&p);
+    built_scene_make(&p);
     same_frame_after(&d, &p, "die.frame_request");
     char *log = daemon_read(&d, "log");
     assert_null(strstr(log, "an edit is refused now"));
@@ -158,7 +65,7 @@ static void killed_from_outside_with_subscription(void **state)
     struct peer p;
     start(&d);
     peer_open_scene(&p, &d, "shared");
-    build_scene(&p);
+    built_scene_make(&p);
     pid_t worker = daemon_worker(&d, 0);
     peer_call(
         &p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 8}, HGP_T_ok);
@@ -200,7 +107,7 @@ static void hung_loop_is_replaced(void **state)
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
     peer_open_scene(&p, &d, "");
-    build_scene(&p);
+    built_scene_make(&p);
     same_frame_after(&d, &p, "hang.frame_request");
     daemon_wait_log(&d, "worker-timeout");
     peer_close(&p);
@@ -217,15 +124,15 @@ static void endless_step_is_replaced(void **state)
     daemon_option(&d, "restart-delay", "0.01");
     daemon_start(&d);
     peer_open_scene(&p, &d, "");
-    build_scene(&p);
+    built_scene_make(&p);
     // Its pulses go on, but say that one step does not end. The frame came; the next one does too.
     pid_t worker = daemon_worker(&d, 0);
     struct hgp_frame before, after;
     uint8_t digest_before[32], digest_after[32];
     daemon_write(&d, "busy.frame_request", "");
-    take_frame(&p, &before, digest_before);
+    built_scene_frame(&p, &before, digest_before);
     daemon_worker(&d, worker);
-    take_frame(&p, &after, digest_after);
+    built_scene_frame(&p, &after, digest_after);
     assert_memory_equal(digest_before, digest_after, 32);
     peer_close(&p);
     daemon_finish(&d);
@@ -262,13 +169,13 @@ static void poison_is_given_up(void **state)
     struct peer bad, good;
     start(&d);
     peer_open_scene(&good, &d, "");
-    build_scene(&good);
+    built_scene_make(&good);
     struct hgp_frame frame;
     uint8_t digest_before[32], digest_after[32];
-    take_frame(&good, &frame, digest_before);
+    built_scene_frame(&good, &frame, digest_before);
     peer_call(&good, HGP_T_view_set,
         &(struct hgp_view_set){.view = 1, .has_seed = true, .seed = 100}, HGP_T_ok);
-    take_frame(&good, &frame, digest_before);
+    built_scene_frame(&good, &frame, digest_before);
     daemon_write(&d, "kill.variant_set", "");
     peer_open_scene(&bad, &d, "");
     uint32_t waiting =
@@ -341,18 +248,18 @@ static void two_sessions_keep_their_scene(void **state)
     start(&d);
     peer_open_scene(&a, &d, "hall");
     peer_open_scene(&b, &d, "hall");
-    build_scene(&a);
-    build_scene(&b);
+    built_scene_make(&a);
+    built_scene_make(&b);
     uint64_t revision = b.m.ok.revision; // of its last view_set: all edits of both
     pid_t worker = daemon_worker(&d, 0);
     kill(worker, SIGKILL);
-    take_frame(&a, &frame, digest_a);
-    take_frame(&b, &frame, digest_b);
+    built_scene_frame(&a, &frame, digest_a);
+    built_scene_frame(&b, &frame, digest_b);
     assert_int_equal(frame.scene_revision, revision);
     worker = daemon_worker(&d, worker);
     uint8_t again[32];
     kill(worker, SIGKILL);
-    take_frame(&b, &frame, again);
+    built_scene_frame(&b, &frame, again);
     assert_memory_equal(digest_b, again, 32);
     // A batch that was open stays open: its end is no error.
     peer_call(&a, HGP_T_batch_begin, &(struct hgp_batch_begin){0}, HGP_T_ok);
@@ -407,11 +314,11 @@ static void views_closed_and_made_again(void **state)
     peer_send(&p, HGP_T_view_close, &(struct hgp_view_close){.view = 1});
     m.width = 16;
     peer_send(&p, HGP_T_view_set, &m);
-    take_frame(&p, &frame, before);
+    built_scene_frame(&p, &frame, before);
     assert_int_equal(frame.width, 16);
     assert_int_equal(frame.input_seq, 0); // the camera went with the first view
     kill(daemon_worker(&d, 0), SIGKILL);
-    take_frame(&p, &frame, after);
+    built_scene_frame(&p, &frame, after);
     assert_memory_equal(before, after, 32);
     peer_call(&p, HGP_T_view_close, &(struct hgp_view_close){.view = 1}, HGP_T_ok);
     peer_refused(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HG_E_NOTFOUND);
@@ -437,7 +344,7 @@ static void edits_of_a_client_that_left(void **state)
         &(struct hgp_view_set){
             .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8},
         HGP_T_ok);
-    take_frame(&a, &frame, before);
+    built_scene_frame(&a, &frame, before);
     peer_open_scene(&b, &d, "hall");
     daemon_write(&d, "hang.node_set", "");
     peer_tell(&b, HGP_T_node_set, &(struct hgp_node_set){.node = b.first_id});
@@ -445,7 +352,7 @@ static void edits_of_a_client_that_left(void **state)
     peer_close(&b);
     daemon_wait_log(&d, "worker-timeout");
     do
-        take_frame(&a, &frame, after);
+        built_scene_frame(&a, &frame, after);
     while (frame.scene_revision < 2);
     assert_true(memcmp(before, after, 32) != 0);
     peer_call(&a, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
@@ -457,7 +364,7 @@ static void edits_of_a_client_that_left(void **state)
     peer_tell(&b, HGP_T_variant_set, &(struct hgp_variant_set){.asset = b.first_id});
     peer_close(&b);
     daemon_wait_log(&d, "it is not tried again");
-    take_frame(&a, &frame, before);
+    built_scene_frame(&a, &frame, before);
     assert_memory_equal(before, after, 32);
     peer_call(&a, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
     assert_non_null(memmem(a.m.json.text.data, a.m.json.text.size, "\"sessions\":1,", 13));

@@ -10,7 +10,9 @@
 //   die.NAME   removed, then the process kills itself      kill.NAME   the same, but stays
 //   hang.NAME  removed, then nothing happens any more      busy.NAME   removed, then pulses report
 //                                                                      a step that does not end
+//   stuck.NAME stays, and the message is not answered; pulses report that a thread hangs in it
 //   die.start  removed at start, then exit before worker_ready
+//   die.compile  removed by the process that compiles shaders, which then fails
 // The folder also gets: pid, and count.NAME, one byte per message of that name.
 #include <errno.h>
 #include <fcntl.h>
@@ -63,6 +65,7 @@ static struct scene *scenes;
 static struct delayed delayed[MAX_DELAYED];
 static struct hg_outq out;
 static uint64_t busy_since_ns;
+static struct hgp_busy busy; // with channel 0: nobody knows at what
 static bool hung;
 
 // ---- tripwires ----------------------------------------------------------------------------------
@@ -103,6 +106,16 @@ static void check_tripwires(const char *name)
         hung = true;
     if (trip("busy", name, false))
         busy_since_ns = hg_clock_now_ns();
+}
+
+// Is the message one that a thread hangs in from now on?
+static bool stick(const struct hgp_header *header)
+{
+    if (!trip("stuck", hgp_find(header->type)->name, true))
+        return false;
+    busy = (struct hgp_busy){.channel = header->channel, .request = header->request};
+    busy_since_ns = hg_clock_now_ns();
+    return true;
 }
 
 // ---- answers ------------------------------------------------------------------------------------
@@ -382,6 +395,8 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
     case HGP_T_session_detach:
         detach(c);
         return;
+    case HGP_T_session_tenant:
+        return;
     case HGP_T_replay_end:
         if (c->scene->revision < m->replay_end.revision)
             c->scene->revision = m->replay_end.revision;
@@ -442,7 +457,7 @@ static void handle(struct hg_packet *packet)
     struct channel *c = to->channel ? find_channel(to->channel) : NULL;
     if (!(to->flags & 0x8000))
         check_tripwires(hgp_find(to->type)->name);
-    if (hung) {
+    if (hung || stick(to)) {
     } else if (to->type == HGP_T_session_attach) {
         attach(to->channel, &any.session_attach);
     } else if (!c) {
@@ -519,6 +534,8 @@ static void send_pulse(uint64_t now_ns)
     if (now_ns - sent_ns < PULSE_MS * 1000000ull)
         return;
     sent_ns = now_ns;
+    if (busy.channel)
+        push(0, 0, hg_packet_encode(HGP_T_busy, &busy));
     push(0, 0,
         hg_packet_encode(
             HGP_T_pulse, &(struct hgp_pulse){.busy_ns = busy_since_ns ? now_ns - busy_since_ns : 0,
@@ -561,6 +578,8 @@ int main(int argc, char **argv)
         if (strcmp(argv[i], "--device-info") == 0) {
             puts("{\"name\":\"fake\"}");
             return 7; // whatever it is, the daemon passes it on
+        } else if (strcmp(argv[i], "--compile-shaders") == 0) {
+            return trip("die", "compile", false); // there are none
         }
     char pid[32];
     int n = snprintf(pid, sizeof pid, "%d\n", (int)getpid());

@@ -554,23 +554,24 @@ static void scenes_are_spread_over_workers(void **state)
     (void)state;
     struct hg_worker_pool pool;
     struct hg_options o = {.isolation = (char *)"shared", .shared_workers = 3};
-    assert_int_equal(hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}), HG_OK);
+    assert_int_equal(
+        hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}, NULL, NULL), HG_OK);
     struct hg_link *links = pool.links;
     assert_false(hg_worker_pool_is_up(&pool));
     for (int i = 0; i < 7; i++) { // none runs yet
-        struct hg_link *link = hg_worker_pool_route(&pool, "anna");
+        struct hg_link *link = hg_worker_pool_route(&pool, "anna", 0);
         assert_ptr_equal(link, &links[i % 3]);
         link->whose.scene_count++;
     }
     links[0].state = links[2].state = HG_LINK_UP;
-    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[2]); // 3, 2 (down), 2
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna", 0), &links[2]); // 3, 2 (down), 2
     links[2].whose.scene_count = 4;
-    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[0]);
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna", 0), &links[0]);
     links[2].state = HG_LINK_STARTING;
     links[0].state = HG_LINK_DOWN;
     links[0].restart_ns = 7;
     links[1].restart_ns = 5;
-    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[1]);
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna", 0), &links[1]);
     assert_true(hg_worker_pool_deadline_ns(&pool) == 5);
     links[0].state = links[1].state = links[2].state = HG_LINK_UP;
     assert_true(hg_worker_pool_is_up(&pool));

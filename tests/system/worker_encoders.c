@@ -256,6 +256,11 @@ static void test_a_slow_encoder_holds_up_its_own_view_alone(void **state)
     }
     ask(rig, HGP_T_subscribe, &(struct hgp_subscribe){.view = SLOW, .credit_frames = 1000});
     await_count(&encoder.begun, 1);
+    struct watch_work work; // whoever waits for it learns what it waits for
+    assert_true(hg_watch_longest_ns(&rig->w.watch, &work) > 0);
+    assert_int_equal(work.channel, CHANNEL);
+    assert_int_equal(work.view, SLOW);
+    assert_int_equal(work.request, 0);
     ask(rig, HGP_T_subscribe, &(struct hgp_subscribe){.view = QUICK, .credit_frames = 1000});
     for (uint64_t seq = 2; seq <= CAMERAS; seq++) {
         const struct hgp_view_camera slow = camera(SLOW, seq), quick = camera(QUICK, seq);

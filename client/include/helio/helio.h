@@ -57,7 +57,16 @@ struct helio_options {
     const char *worker;             // private worker's program; default HELIO_WORKER of the
                                     // environment, else ../libexec/helio-worker beside this program
     const char *const *worker_args; // its arguments after --fd 3, NULL-terminated; NULL = none
+    uint64_t reconnect_ns;          // when the connection to a daemon is lost, or the daemon was
+                                    // restarted, try for so long to go on; 0 = do not (see below)
 };
+
+// Going on with a session (reconnect_ns): the connection is made again and the daemon gives back
+// the session with its scene, ids, views and subscriptions; meanwhile the state is
+// HELIO_CONNECTING or HELIO_GREETING again, and helio_fd may be -1: call helio_process every 100 ms
+// at least. Blocking calls that can be repeated without harm are; the others (loads, removals,
+// batches, uploads, opening and closing) fail with HG_E_CLOSED: they may have been done. Requests
+// that were sent with helio_send get no answer any more when `reconnects` has risen.
 
 enum helio_state {
     HELIO_CONNECTING, // the transport is being set up
@@ -76,6 +85,7 @@ struct helio_info {
     const char *device;         // private worker: JSON object of its device; else ""
     int worker_pid;             // private worker: its process; else 0
     bool draining;              // the server stops soon
+    uint32_t reconnects;        // so often the session went on on another connection
 };
 
 // "0.1.0".
@@ -114,7 +124,8 @@ HELIO_API enum hg_status helio_process(struct helio *h, struct hg_error *err) HG
 
 // Queues a message. `type` goes to the server and needs HELIO_OPEN. *request (may be NULL) becomes
 // the id that its answers carry; with NULL no answer is wanted.
-// HG_E_AGAIN: 8 MiB wait to be sent already: process first. HG_E_INVAL names the field at fault;
+// HG_E_AGAIN: 8 MiB wait to be sent already, or the connection is being made again: process first.
+// HG_E_INVAL names the field at fault;
 // HG_E_LIMIT: larger than the other side takes; HG_E_STATE; HG_E_NOMEM.
 HELIO_API enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *message,
     uint32_t *request, struct hg_error *err) HG_MUST_CHECK;

@@ -1,0 +1,18 @@
+// session_record.h - records of the state log about sessions with a ticket, and their views.
+// Floor 6 (broker). Thread: the loop. Answers that are sent from here on wait for the record.
+// Sessions without a ticket are not recorded.
+#ifndef HG_BROKER_SESSION_RECORD_H
+#define HG_BROKER_SESSION_RECORD_H
+
+#include "server/broker/session_state.h"
+
+void hg_session_record(struct hg_session *session); // as it is now
+void hg_session_record_end(struct hg_session *session);
+void hg_session_record_view(struct hg_session *session, struct hg_session_view *view);
+void hg_session_record_view_end(struct hg_session *session, const struct hg_session_view *view);
+// Once in a while: cameras that have moved.
+void hg_session_record_cameras(struct hg_session_table *table);
+// For a snapshot: the session and all its views.
+void hg_session_record_all(struct hg_session *session);
+
+#endif

@@ -1,0 +1,37 @@
+// turn.h - whose turn it is: start-time fair queueing.
+// Floor 6, private to server/worker. Thread: the one that owns the structs.
+//
+// Those that share something each have a virtual time, which grows by what they are served. The one
+// that would begin earliest is next, so that all that want more get equal shares, whatever a step
+// of each takes. Who comes back from a rest begins at the present virtual time: it has not saved up
+// what it did not use, and does not wait behind those that used more. Source: Goyal, Vin and Cheng
+// 1996, "Start-time Fair Queueing".
+#ifndef HG_SERVER_WORKER_TURN_H
+#define HG_SERVER_WORKER_TURN_H
+
+#include <stdint.h>
+
+// Of all that share. Zero-initialised.
+struct turn_clock {
+    uint64_t now; // when the newest service began
+};
+
+// Of one that shares. Zero-initialised = it was never served.
+struct turn {
+    uint64_t end; // of its newest service
+};
+
+// When its next service begins; least is next.
+static inline uint64_t hg_turn_start(const struct turn_clock *clock, const struct turn *turn)
+{
+    return turn->end > clock->now ? turn->end : clock->now;
+}
+
+// It was served: `cost` is the time that took, more for those of less weight.
+static inline void hg_turn_serve(struct turn_clock *clock, struct turn *turn, uint64_t cost)
+{
+    clock->now = hg_turn_start(clock, turn);
+    turn->end = clock->now + cost;
+}
+
+#endif
