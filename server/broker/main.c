@@ -6,7 +6,6 @@
 
 #include "base/sha256.h"
 #include "server/broker/broker.h"
-#include "server/broker/worker_process.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 

@@ -158,7 +158,8 @@ static void discard(const char *folder)
 enum hg_status hg_home_make(struct hg_home *home, struct hg_error *err)
 {
     static const char *const above[] = {"workers", "tenants", "seed", "seed/shaders"};
-    static const char *const inside[] = {".", "cache", "cache/store", "cache/shaders", "uploads"};
+    static const char *const inside[] = {
+        ".", "cache", "cache/store", "cache/shaders", "given", "given/uploads"};
     char folder[HG_HOME_PATH];
     enum hg_status status = home_folder(home, folder, err);
     if (!status)
@@ -196,7 +197,10 @@ enum hg_status hg_home_give(struct hg_home *home, const char *tenant, struct hg_
 {
     char folder[HG_HOME_PATH], path[HG_HOME_PATH], store[HG_HOME_PATH];
     uint8_t digest[32];
+    struct stat st;
     enum hg_status status = home_folder(home, folder, err);
+    if (!status && lstat(folder, &st) != 0) // no worker has started in it
+        status = hg_home_make(home, err);
     if (!status && make_key(home, tenant, digest))
         status = hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
     if (status || !join(path, sizeof path, folder, "owner"))
@@ -208,7 +212,7 @@ enum hg_status hg_home_give(struct hg_home *home, const char *tenant, struct hg_
         status = HG_E_LIMIT;
     if (!status)
         status = move_folder(path, store, err);
-    if (!status && join(path, sizeof path, folder, "uploads")) {
+    if (!status && join(path, sizeof path, folder, "given/uploads")) {
         struct hg_upload_owner *owner = hg_upload_store_owner(home->homes->store, digest);
         status = owner ? hg_upload_owner_move(home->homes->store, owner, path, err) : HG_E_NOMEM;
     }
@@ -261,7 +265,7 @@ static void recover(const char *cache_dir, const char *folder)
     if (hg_file_read(path, HG_HOME_KEY, &key, &size, NULL) == HG_OK) {
         if (hg_sha256_parse((const char *)key, (HG_HOME_KEY - 1) / 2, digest)) {
             return_store(cache_dir, folder, (const char *)key);
-            if (join(path, sizeof path, folder, "uploads") &&
+            if (join(path, sizeof path, folder, "given/uploads") &&
                 (size_t)snprintf(to, sizeof to, "%s/uploads/%s", cache_dir, (const char *)key) <
                     sizeof to &&
                 rename(path, to) != 0)

@@ -3,7 +3,7 @@
 //
 //   CACHE/workers/N/          home of the worker in place N; it may read it
 //         cache/              and write this: `store` (baked data), `shaders` (compiled ones)
-//         uploads/            contents of its tenant: links to files of the upload store
+//         given/uploads/      contents of its tenant: links to files of the upload store
 //         owner               whose it is, for a later run of the daemon
 //   CACHE/tenants/KEY/store   baked data of a tenant that has no worker
 //   CACHE/uploads/KEY/        contents of a tenant that has no worker (upload_store.h)

@@ -11,7 +11,6 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "server/broker/worker_process.h"
 
 enum {
     PAYLOAD_LIMIT = 640 << 20, // above every message of the table
@@ -57,7 +56,7 @@ void hg_link_start(struct hg_link *link)
         .memory_bytes =
             link->whose.machine ? hg_machine_most_bytes(link->whose.machine, link->options) : 0,
         .warm_up = link->options->warm_up && !link->deaths};
-    int rc = hg_worker_process_start(&start, &link->pid);
+    int rc = hg_launcher_run(link->whose.launcher, &start, &link->pid);
     close(pair[1]);
     if (rc) {
         close(pair[0]);

@@ -7,7 +7,6 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
-#include "server/broker/worker_process.h"
 
 static const uint64_t seed_delay_ns = 2000000000; // spares first
 
@@ -176,7 +175,7 @@ static void check_seeder(struct hg_worker_pool *pool)
         return;
     pool->seeder.due_ns = 0;
     const struct hg_worker_start start = {.options = any->options, .fd = -1, .seed = true};
-    int rc = hg_worker_process_start(&start, &pool->seeder.pid);
+    int rc = hg_launcher_run(any->whose.launcher, &start, &pool->seeder.pid);
     if (rc)
         hg_warn(WORKER, "shaders are not compiled in advance: %s", strerror(rc));
 }
@@ -214,8 +213,14 @@ void hg_worker_pool_reap(struct hg_worker_pool *pool)
 {
     int status;
     for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
+        const struct hg_link *any = &pool->links[0];
         if (pid == pool->seeder.pid)
             end_seeder(pool, status);
+        if (any->whose.launcher && pid == any->whose.launcher->pid) {
+            hg_fault(WORKER, HG_E_WORKER, "the process that starts workers has ended");
+            any->whose.launcher->pid = 0;
+            any->loop->stop = true; // a service manager starts all anew
+        }
         for (uint32_t i = 0; i < pool->count; i++)
             if (pool->links[i].pid == pid)
                 hg_link_exited(&pool->links[i], status);

@@ -1,5 +1,5 @@
-// worker_process.h - starts the worker's program: arguments, environment, descriptors.
-// Floor 6 (broker). Thread: the loop.
+// worker_process.h - what the worker's program is started with: arguments, environment.
+// Floor 6 (broker).
 #ifndef HG_BROKER_WORKER_PROCESS_H
 #define HG_BROKER_WORKER_PROCESS_H
 
@@ -19,9 +19,23 @@ struct hg_worker_start {
 
 // Path of the worker's program; false when there is none.
 bool hg_worker_process_find(const struct hg_options *options, char *path, size_t size);
-// The child gets the link as descriptor 3, nothing to read, our stderr and no other descriptor, no
-// blocked signals, of the environment what drivers and the C library need, and the first place when
-// memory is short. Returns 0, or an errno.
-int hg_worker_process_start(const struct hg_worker_start *start, pid_t *pid);
+
+enum { HG_WORKER_ARGUMENTS = 1024 };
+
+// What its program is started with.
+struct hg_worker_arguments {
+    char *items[HG_WORKER_ARGUMENTS], *variables[HG_WORKER_ARGUMENTS];
+    char text[16][32]; // numbers in words
+    int count, texts;
+    char program[HG_HOME_PATH], cache_dir[HG_HOME_PATH], upload_dir[HG_HOME_PATH];
+    char seed[HG_HOME_PATH];
+};
+
+// Of the environment it gets what drivers and the C library need. Borrows the strings of `start`.
+// Returns 0, or an errno.
+int hg_worker_arguments_make(
+    struct hg_worker_arguments *arguments, const struct hg_worker_start *start);
+// Called in the new process.
+void hg_worker_process_make_first_victim(void);
 
 #endif

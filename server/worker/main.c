@@ -30,7 +30,7 @@ static const struct option long_options[] = {
     {"fd", required_argument, NULL, 'f'},
     {"asset-root", required_argument, NULL, 'a'},
     {"cache-dir", required_argument, NULL, 'c'},
-    {"upload-dir", required_argument, NULL, 'u'},
+    {"upload-dir", required_argument, NULL, 'U'},
     {"shader-seed", required_argument, NULL, 'S'},
     {"compile-shaders", no_argument, NULL, 'k'},
     {"shader-dir", required_argument, NULL, 's'},
@@ -45,7 +45,7 @@ static const struct option long_options[] = {
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
     {"sandbox", required_argument, NULL, 'n'},
-    {"loader-cpu", required_argument, NULL, 'U'},
+    {"loader-cpu", required_argument, NULL, 'x'},
     {"loader-memory", required_argument, NULL, 'M'},
     {"loader-timeout", required_argument, NULL, 'o'},
     {"no-spill", no_argument, NULL, 'p'},
@@ -91,7 +91,7 @@ static bool apply_option(struct worker_options *o, int option)
     case 'c':
         o->cache_dir = optarg;
         return true;
-    case 'u':
+    case 'U':
         o->upload_dir = optarg;
         return true;
     case 'S':
@@ -128,7 +128,7 @@ static bool apply_option(struct worker_options *o, int option)
     case 'n':
         o->loader.sandbox = optarg;
         return hg_sandbox_parse(optarg, &o->sandbox);
-    case 'U':
+    case 'x':
         o->loader.cpu_s = (uint32_t)strtoul(optarg, NULL, 10);
         return o->loader.cpu_s > 0;
     case 'M':

@@ -331,9 +331,9 @@ static void *task_main(void *arg)
 {
     struct task *task = arg;
     struct watch_list *list = &task->to.w->watch;
-    hg_isolate_watch(&task->cancel);
     hg_watch_add(list, &task->watch);
     hg_watch_begin(&task->watch, (struct watch_work){task->to.channel, task->to.request, 0});
+    hg_isolate_watch(&task->cancel);
     switch (task->kind) {
     case TASK_ASSET:
         task->status = load_asset(task);

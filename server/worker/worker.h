@@ -64,7 +64,7 @@ struct worker_options {
     char **asset_roots; // [asset_root_count] real paths
     uint32_t asset_root_count;
     const char *cache_dir;   // NULL: none
-    const char *upload_dir;  // contents by hash; NULL: `uploads` in the cache folder
+    const char *upload_dir;  // has `uploads`, contents by hash; NULL: the cache folder
     const char *shader_seed; // compiled shaders to begin with; NULL: none
     const char *shader_dir; // NULL: embedded shaders
     const char *device;     // NULL: best

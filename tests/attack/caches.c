@@ -35,7 +35,7 @@ static void flag_of(pid_t pid, const char *flag, char *out, size_t size)
 
 static bool has(const char *folder, const char *name)
 {
-    char path[600];
+    char path[2000];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     return access(path, F_OK) == 0;
 }
@@ -96,7 +96,7 @@ static void homes_are_recovered(void **state)
     (void)state;
     struct daemon d;
     struct peer anna;
-    char cache[512], uploads[512], hex[HG_SHA256_HEX];
+    char cache[512], uploads[520], hex[HG_SHA256_HEX];
     struct hgp_upload upload = {.total = 5, .data = {(const uint8_t *)"model", 5}};
     assert_int_equal(hg_sha256("model", 5, upload.hash), HG_OK);
     hg_sha256_hex(upload.hash, hex);
@@ -110,11 +110,12 @@ static void homes_are_recovered(void **state)
     daemon_reap(&d);
     peer_close(&anna);
     daemon_start(&d);
-    assert_false(has(cache, code)); // of the home nothing is left
     tenant_enter(&anna, &d, "anna-token-1", "hall");
+    assert_false(has(cache, code)); // of the home nothing is left
     pid_t pid = tenant_await_worker(&d, "anna", 0);
     flag_of(pid, "--cache-dir", cache, sizeof cache);
-    flag_of(pid, "--upload-dir", uploads, sizeof uploads);
+    flag_of(pid, "--upload-dir", uploads, sizeof uploads - 8);
+    strcat(uploads, "/uploads");
     assert_true(has(cache, entry));
     assert_true(has(uploads, hex) && peer_has_upload(&anna, upload.hash));
     peer_close(&anna);
@@ -128,7 +129,7 @@ static void uploads_are_shown_to_their_tenant(void **state)
     (void)state;
     struct daemon d;
     struct peer anna, bert;
-    char annas[512], berts[512], hex[2][HG_SHA256_HEX];
+    char annas[520], berts[520], hex[2][HG_SHA256_HEX];
     struct hgp_upload uploads[2] = {{.total = 5, .data = {(const uint8_t *)"first", 5}},
         {.total = 6, .data = {(const uint8_t *)"second", 6}}};
     struct stat st;
@@ -144,8 +145,10 @@ static void uploads_are_shown_to_their_tenant(void **state)
     peer_call(&anna, HGP_T_upload, &uploads[1], HGP_T_ok);
     tenant_enter(&bert, &d, "bert-token-1", "hall");
     pid_t pid = tenant_await_worker(&d, "anna", 0);
-    flag_of(pid, "--upload-dir", annas, sizeof annas);
-    flag_of(tenant_await_worker(&d, "bert", 0), "--upload-dir", berts, sizeof berts);
+    flag_of(pid, "--upload-dir", annas, sizeof annas - 8);
+    strcat(annas, "/uploads");
+    flag_of(tenant_await_worker(&d, "bert", 0), "--upload-dir", berts, sizeof berts - 8);
+    strcat(berts, "/uploads");
     assert_true(has(annas, hex[0]) && has(annas, hex[1]));
     assert_false(has(berts, hex[0]) || has(berts, hex[1]));
     assert_int_equal(stat(annas, &st), 0);
@@ -155,6 +158,38 @@ static void uploads_are_shown_to_their_tenant(void **state)
     assert_true(peer_has_upload(&anna, uploads[0].hash));
     peer_close(&anna);
     peer_close(&bert);
+    daemon_finish(&d);
+}
+
+// A spare is in its namespaces before it has a tenant: what is moved into its home is seen there.
+static void a_confined_spare_sees_its_tenant_s_files(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer anna;
+    char cache[512], path[1400], hex[HG_SHA256_HEX];
+    struct hgp_upload upload = {.total = 5, .data = {(const uint8_t *)"model", 5}};
+    assert_int_equal(hg_sha256("model", 5, upload.hash), HG_OK);
+    hg_sha256_hex(upload.hash, hex);
+    tenant_rig_init(&d);
+    daemon_option(&d, "worker-idle", "0.2");
+    daemon_option(&d, "sandbox", "best-effort"); // as far as this system allows
+    daemon_start(&d);
+    tenant_enter(&anna, &d, "anna-token-1", "hall");
+    peer_call(&anna, HGP_T_upload, &upload, HGP_T_ok);
+    pid_t pid = tenant_await_worker(&d, "anna", 0);
+    flag_of(pid, "--cache-dir", cache, sizeof cache);
+    test_text_write(cache, entry, "baked");
+    leave(&anna, &d, pid);
+    peer_scene(&anna, "hall");
+    pid = tenant_await_worker(&d, "anna", pid);
+    flag_of(pid, "--cache-dir", cache, sizeof cache);
+    snprintf(path, sizeof path, "/proc/%d/root%s", (int)pid, cache);
+    assert_true(has(path, entry));
+    flag_of(pid, "--upload-dir", cache, sizeof cache);
+    snprintf(path, sizeof path, "/proc/%d/root%s/uploads", (int)pid, cache);
+    assert_true(has(path, hex));
+    peer_close(&anna);
     daemon_finish(&d);
 }
 
@@ -185,6 +220,7 @@ int main(void)
         cmocka_unit_test(baked_data_stay_with_their_tenant),
         cmocka_unit_test(homes_are_recovered),
         cmocka_unit_test(uploads_are_shown_to_their_tenant),
+        cmocka_unit_test(a_confined_spare_sees_its_tenant_s_files),
         cmocka_unit_test(shaders_are_compiled_by_nobody_s_worker),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

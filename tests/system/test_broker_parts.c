@@ -1,12 +1,17 @@
 // test_broker_parts.c - options, tokens, peers, the upload store, streams.
+#include <errno.h>
 #include <fcntl.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -16,11 +21,12 @@
 #include "base/sha256.h"
 #include "server/broker/audit.h"
 #include "server/broker/auth.h"
+#include "server/broker/call_filter.h"
 #include "server/broker/listener.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_table.h"
-#include "server/broker/upload_store.h"
+#include "server/broker/upload.h"
 #include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
 
@@ -547,6 +553,44 @@ static void streams_are_cut_into_messages(void **state)
     hg_outq_finish(&out);
 }
 
+// ---- system calls -------------------------------------------------------------------------------
+
+// 0: what is refused is refused, and what is needed works. In a process of its own.
+static int try_filter(void)
+{
+    struct timespec zero = {0};
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || !hg_call_filter_enter())
+        return 1;
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    const long refused[] = {SYS_ptrace, SYS_process_vm_readv, SYS_bpf, SYS_io_uring_setup,
+        SYS_userfaultfd, SYS_perf_event_open, SYS_keyctl, SYS_unshare, SYS_setns, SYS_kexec_load,
+        SYS_init_module, SYS_open_by_handle_at, SYS_chroot, SYS_personality, SYS_mknodat};
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
+        if (syscall(refused[i], 0, 0, 0, 0, 0) != -1 || errno != EPERM)
+            return 2;
+#endif
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), status = 1;
+    pid_t pid = fork();
+    if (pid == 0)
+        _exit(0);
+    bool works = fd >= 0 && pid > 0 && waitpid(pid, &status, 0) == pid && status == 0 &&
+                 nanosleep(&zero, NULL) == 0 && open("/dev/null", O_RDONLY | O_CLOEXEC) >= 0;
+    return works ? 0 : 3;
+}
+
+static void the_daemon_has_a_list_of_calls(void **state)
+{
+    (void)state;
+    int status = 1;
+    pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (pid == 0)
+        _exit(try_filter());
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+}
+
 // ---- workers ------------------------------------------------------------------------------------
 
 static void scenes_are_spread_over_workers(void **state)
@@ -596,6 +640,7 @@ int main(void)
         cmocka_unit_test(owners_have_quotas),
         cmocka_unit_test(contents_have_owners),
         cmocka_unit_test(streams_are_cut_into_messages),
+        cmocka_unit_test(the_daemon_has_a_list_of_calls),
         cmocka_unit_test(scenes_are_spread_over_workers),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);

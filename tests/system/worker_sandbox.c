@@ -17,6 +17,7 @@
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -155,6 +156,16 @@ static int write_cache(void)
 static int write_shader_cache(void)
 {
     return write_entry(shader_cache);
+}
+
+// As the daemon does when a worker gets a tenant: another folder in place of an empty one.
+static int read_moved_upload(void)
+{
+    char path[112];
+    snprintf(path, sizeof path, "%s/uploads/moved", uploads);
+    for (int i = 0; i < 1000 && access(path, F_OK) != 0; i++)
+        nanosleep(&(struct timespec){.tv_nsec = 10000000}, NULL);
+    return open_read(path);
 }
 
 static int write_uploads(void)
@@ -333,6 +344,32 @@ static bool is_text(const char *where, const char *name, const char *text)
     return size == strlen(text) && memcmp(found, text, size) == 0;
 }
 
+static void *move_uploads(void *result)
+{
+    char from[112], to[112];
+    snprintf(from, sizeof from, "%s/incoming", folder);
+    snprintf(to, sizeof to, "%s/uploads", uploads);
+    nanosleep(&(struct timespec){.tv_nsec = 200000000}, NULL);
+    return rename(from, to) == 0 ? result : NULL;
+}
+
+static void test_moved_uploads(void **state)
+{
+    pthread_t thread;
+    void *moved = NULL;
+    char path[112];
+    (void)state;
+    snprintf(path, sizeof path, "%s/uploads", uploads);
+    assert_int_equal(mkdir(path, 0700), 0);
+    snprintf(path, sizeof path, "%s/incoming", folder);
+    assert_int_equal(mkdir(path, 0700), 0);
+    test_text_write(path, "moved", "text");
+    assert_int_equal(pthread_create(&thread, NULL, move_uploads, &moved), 0);
+    assert_int_equal(inside(read_moved_upload), 0);
+    assert_int_equal(pthread_join(thread, &moved), 0);
+    assert_non_null(moved);
+}
+
 // What the worker has stays; links are not followed; each copy is a file of its own.
 static void test_shader_seed(void **state)
 {
@@ -382,7 +419,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_files),
         cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_shader_seed),
-        cmocka_unit_test(test_signals), cmocka_unit_test(test_processes),
-        cmocka_unit_test(test_require), cmocka_unit_test(test_programs_sockets_and_memory)};
+        cmocka_unit_test(test_moved_uploads), cmocka_unit_test(test_signals),
+        cmocka_unit_test(test_processes), cmocka_unit_test(test_require),
+        cmocka_unit_test(test_programs_sockets_and_memory)};
     return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);
 }
