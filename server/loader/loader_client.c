@@ -335,7 +335,7 @@ static enum hg_status call_process(struct hg_isolated *p, const struct hg_isolat
         close(result);
     if (!lives) {
         end_process(p);
-        if (err)
+        if (err && status != HG_E_CANCELLED)
             hg_warn(SCENE, "loader ended: %s: %s", err->what, err->reason);
     }
     return status;

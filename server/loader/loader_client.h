@@ -8,7 +8,7 @@
 enum {
     LOADER_CPU_S = 60,
     LOADER_MEMORY_MIB = 2048,
-    LOADER_TIMEOUT_S = 120,
+    LOADER_TIMEOUT_S = 90,
 }; // unless an option says otherwise
 
 struct loader_options {
