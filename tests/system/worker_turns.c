@@ -165,7 +165,7 @@ static void test_messages_take_turns(void **state)
     see_frame(rig, MANY, 1);
     see_frame(rig, HONEST, 1);
     see_frame(rig, HONEST, 1); // what the first one took is paid for
-    struct hg_writer w = {0}; // all at once: the worker is not to be quicker than this program
+    struct hg_writer w = {0};  // all at once: the worker is not to be quicker than this program
     const uint32_t wanted = rig->next_request += PICKS + 1;
     for (uint32_t i = PICKS; i > 0; i--)
         assert_int_equal(
