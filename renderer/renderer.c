@@ -200,6 +200,11 @@ void hg_view_set_final(struct hg_view *view, bool final)
     view->state.final = final;
 }
 
+void hg_view_set_slice(struct hg_view *view, uint64_t slice_ns)
+{
+    view->state.accumulation.slices.ns = slice_ns;
+}
+
 void hg_view_set_formats(struct hg_view *view, uint32_t formats)
 {
     view->state.formats = formats;

@@ -314,6 +314,9 @@ struct hg_frame_info {
 // The view is not displayed before its picture is settled: steps skip intermediate pictures, and
 // load missing pages and chunks before drawing. Until it is called with false.
 void hg_view_set_final(struct hg_view *view, bool final);
+// While others wait: a large settled picture that is not displayed before is drawn in areas, so
+// that a step takes about so long. 0: as a whole. It is the same picture.
+void hg_view_set_slice(struct hg_view *view, uint64_t slice_ns);
 // Which pixels are read after the next steps: bits 1 << enum hg_pixel_format; at first
 // HG_PIXEL_RGBA8 alone. A picture in motion has no others; one that rests has all.
 void hg_view_set_formats(struct hg_view *view, uint32_t formats);

@@ -28,7 +28,7 @@ static const char tokens[] = "honest-token-1 edit honest\nother-token-1 edit oth
 struct siege {
     struct hg_cli *cli;
     double seconds;
-    uint32_t clients, viewers, side;
+    uint32_t clients, viewers, side, rate;
     const char *isolation, *only;
     char folder[64], url[128], daemon[4096];
     pid_t pid;
@@ -198,6 +198,7 @@ static enum hg_status measure(struct siege *s,
         c->round = round;
         c->views = 8;
         c->side = s->side;
+        c->rate = s->rate;
     }
     enum hg_status status = run_phase(s, count, err);
     if (status)
@@ -263,22 +264,24 @@ static enum hg_status measure_viewers(struct siege *s, struct hg_error *err)
 
 static enum hg_status read_options(struct siege *s, const json_t *options, struct hg_error *err)
 {
-    int clients = 4, viewers = 8, side = 512;
+    int clients = 4, viewers = 8, side = 512, rate = 5000;
     json_error_t wrong;
     s->seconds = 3;
     s->isolation = "tenant";
-    if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT, "{s?F, s?i, s?i, s?i, s?s, s?s}",
-            "seconds", &s->seconds, "clients", &clients, "viewers", &viewers, "side", &side,
-            "isolation", &s->isolation, "only", &s->only))
+    if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT,
+            "{s?F, s?i, s?i, s?i, s?i, s?s, s?s}", "seconds", &s->seconds, "clients", &clients,
+            "viewers", &viewers, "side", &side, "rate", &rate, "isolation", &s->isolation, "only",
+            &s->only))
         return hg_error_set(err, HG_E_INVAL, "bench siege", "options", "%s", wrong.text);
     if (clients < 1 || clients > HG_SIEGE_CLIENTS || viewers < 1 || viewers > HG_SIEGE_CLIENTS ||
-        side < 1 || side > 4096 || !(s->seconds > 0 && s->seconds <= 3600))
+        side < 1 || side > 4096 || rate < 1 || !(s->seconds > 0 && s->seconds <= 3600))
         return hg_error_set(err, HG_E_INVAL, "bench siege", "options",
             "clients and viewers are 1 to %d, side 1 to 4096, seconds at most 3600",
             HG_SIEGE_CLIENTS);
     s->clients = (uint32_t)clients;
     s->viewers = (uint32_t)viewers;
     s->side = (uint32_t)side;
+    s->rate = (uint32_t)rate;
     return HG_OK;
 }
 
@@ -293,8 +296,9 @@ static enum hg_status begin(struct siege *s, struct hg_error *err)
         return status;
     }
     snprintf(s->url, sizeof s->url, "unix:%s/sock", s->folder);
-    s->report = json_pack("{s:f, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "clients",
-        (int)s->clients, "side", (int)s->side, "isolation", s->isolation, "classes");
+    s->report = json_pack("{s:f, s:i, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "clients",
+        (int)s->clients, "side", (int)s->side, "rate", (int)s->rate, "isolation", s->isolation,
+        "classes");
     if (!s->report)
         return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
     enum hg_status status = spawn_daemon(s, err);

@@ -36,6 +36,7 @@ struct hg_siege_client {
     char token[32];
     uint32_t views, side; // side: of each, px
     uint64_t pause_ns;    // between rounds
+    uint64_t rate, sent;  // of an attack: messages a second at most; and all
     enum hg_status (*round)(struct hg_siege_client *client, struct hg_error *err);
     struct hg_siege_times *times; // of its rounds; NULL: they are counted only
     _Atomic bool measured;        // rounds are timed from now on

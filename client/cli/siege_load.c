@@ -86,11 +86,19 @@ static enum hg_status open_session(struct hg_siege_client *c, struct hg_error *e
     return status ? status : take_frame(c, 1, true, err); // all pipelines are there
 }
 
+// So many messages a second at most: a flood that takes all of the processors' time measures these.
+static void pace(struct hg_siege_client *c)
+{
+    if (++c->sent % BURST == 0)
+        hg_clock_sleep_ns(BURST * UINT64_C(1000000000) / c->rate);
+}
+
 // Sends without reading what comes back: what the library has taken in stays there.
 static enum hg_status push(
     struct hg_siege_client *c, enum hgp_type type, const void *message, struct hg_error *err)
 {
     uint32_t request;
+    pace(c);
     const enum hg_status status = helio_send(c->h, type, message, &request, err);
     if (status == HG_E_AGAIN)
         hg_clock_sleep_ns(FULL_NS); // the daemon does not take it: what is measured needs the cores
@@ -235,6 +243,7 @@ static enum hg_status knock(struct hg_siege_client *c, struct hg_error *err)
 {
     struct helio *h;
     const struct helio_options options = {.url = c->url, .token = "wrong-token-1"};
+    pace(c);
     enum hg_status status = helio_start(&options, &h, err);
     if (!status)
         status = helio_process(h, err);

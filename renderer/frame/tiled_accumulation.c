@@ -15,6 +15,8 @@
 #define REGION_ALIGN_PX 16u        // of what is drawn of a picture with a region
 #define BEHIND_TRIES    4          // of an area whose pages may drive each other out
 #define MOST_SHARES     (1u << 20) // of the geometry of shadow maps
+#define SLICES_FROM_PX  (1u << 18) // smaller pictures are drawn as a whole,
+#define SLICE_LEAST_PX  (1u << 13) // and so are smaller areas: culling takes as long for all
 
 static struct hg_page_cache *pages_of(const struct hg_draw *draw)
 {
@@ -292,6 +294,37 @@ static bool share(struct hg_tiled_areas *areas)
     return true;
 }
 
+static uint64_t pixels_of(VkExtent2D size)
+{
+    return (uint64_t)size.width * size.height;
+}
+
+bool hg_tiled_accumulation_slices(const struct hg_draw *draw)
+{
+    const struct hg_view_settings *settings = draw->request->settings;
+    const VkExtent2D size = {settings->width, settings->height};
+    return draw->accumulation->slices.ns > 0 && hg_draw_is(draw, HG_DRAW_FINAL) &&
+           pixels_of(size) > SLICES_FROM_PX && !hg_frame_transmits(draw);
+}
+
+// A sample of `pixels` took so long.
+static void note_slice(struct hg_tiled_accumulation *s, uint64_t pixels, uint64_t ns)
+{
+    s->slices.px_ns = (float)((double)ns / (double)(pixels > 0 ? pixels : 1));
+}
+
+// Halves the area on top until a sample of it takes about as long as a slice may.
+static void cut_slice(const struct hg_draw *draw)
+{
+    struct hg_tiled_accumulation *s = draw->accumulation;
+    if (!hg_tiled_accumulation_slices(draw) || !(s->slices.px_ns > 0.0f))
+        return;
+    const float most = (float)s->slices.ns / s->slices.px_ns;
+    const uint64_t most_px = most > (float)SLICE_LEAST_PX ? (uint64_t)most : SLICE_LEAST_PX;
+    while (pixels_of(s->areas.items[s->areas.count - 1].rect.extent) > most_px && split(&s->areas))
+        ;
+}
+
 static enum hg_status run_batch(struct hg_draw *draw, uint32_t samples, bool shadows,
     struct hg_page_demand *demand, struct hg_error *err)
 {
@@ -350,10 +383,14 @@ enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, str
     enum hg_status status = start_exact(draw, 0, err);
     if (status != HG_OK)
         return status;
+    const uint64_t start = hg_clock_now_ns();
     status = hg_frame_cull(&find, HG_FRAME_PICTURE, 1, err);
     if (status == HG_OK)
         status = run_batch(&find, 1, false, &demand, err);
     if (status == HG_OK) {
+        note_slice(s,
+            pixels_of(hg_draw_size(&request)) / (HG_TILED_FIND_SMALLER * HG_TILED_FIND_SMALLER),
+            hg_clock_now_ns() - start);
         hg_frame_note_blend(&find, 1);
         status = start_exact(draw, 0, err); // discards it
     }
@@ -508,6 +545,7 @@ static enum hg_status draw_behind(const struct hg_draw *draw, struct hg_error *e
 static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
+    cut_slice(draw);
     if (wants_behind(draw))
         return draw_behind(draw, err);
     struct hg_tiled_area *area = &s->areas.items[s->areas.count - 1];
@@ -516,6 +554,7 @@ static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
     count = count < draw->request->max_samples ? count : draw->request->max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
     count = s->behind.there ? 1 : count;
+    const uint64_t start = hg_clock_now_ns();
     enum hg_status status = hg_frame_cull(draw, HG_FRAME_PICTURE, count, err);
     if (status == HG_OK && draw->crowded && !s->forced) {
         s->shadows.coarse_texels =
@@ -532,6 +571,7 @@ static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
     status = run_batch(draw, count, false, &demand, err);
     if (status != HG_OK)
         return status;
+    note_slice(s, pixels_of(area->rect.extent) * count, hg_clock_now_ns() - start);
     hg_frame_note_drawn(draw, count);
     s->pages.missing = demand.missing;
     s->pages.waiting = demand.missing > 0;

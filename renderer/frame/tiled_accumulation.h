@@ -12,7 +12,8 @@
 // or the mip bias or coarser geometry show that a budget is too small. A view that is not displayed
 // before it is settled is exact from the start: its first batch finds the pages that it needs. Each
 // pixel adds the same samples in the same order in either case: the settled picture does not depend
-// on budgets, caches or timing.
+// on budgets, caches or timing. In the same way a large picture is cut where others wait for the
+// device.
 #ifndef HG_RENDERER_FRAME_TILED_ACCUMULATION_H
 #define HG_RENDERER_FRAME_TILED_ACCUMULATION_H
 
@@ -71,6 +72,13 @@ struct hg_tiled_behind {
     struct hg_gpu_buffer progress; // as that of the picture: there all pixels wait
 };
 
+// Areas of pictures that are not displayed before they are settled, while others wait for the
+// device.
+struct hg_tiled_slices {
+    uint64_t ns; // that a batch takes about; 0: no matter how long
+    float px_ns; // that a sample of a pixel took, in the newest batch; 0: not known
+};
+
 struct hg_tiled_accumulation {
     struct hg_view_key key;
     enum hg_view_phase phase;
@@ -88,6 +96,7 @@ struct hg_tiled_accumulation {
     struct hg_tiled_pages pages;
     struct hg_tiled_shadows shadows;
     struct hg_tiled_behind behind;
+    struct hg_tiled_slices slices;
 };
 
 // Frees images and buffers that depend on the size. Nothing may be drawing.
@@ -95,6 +104,8 @@ void hg_tiled_accumulation_finish(struct hg_gpu *gpu, struct hg_tiled_accumulati
 // Restarts after a change: discards samples, resets waits and counters.
 void hg_tiled_accumulation_restart(
     struct hg_tiled_accumulation *accumulation, struct hg_lighting *lighting);
+// The picture of a view that is not displayed yet is to be drawn in areas from the start.
+bool hg_tiled_accumulation_slices(const struct hg_draw *draw);
 // After a restart of a view that is not displayed yet: collects its requests and switches to exact.
 enum hg_status hg_tiled_accumulation_begin_exact(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;

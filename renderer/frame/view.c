@@ -455,7 +455,8 @@ static enum hg_status begin_state(
 {
     const struct hg_draw draw = hg_view_draw(view, request);
     restart(view);
-    if (!view->accumulation.pages.on || !view->final || view->settings.debug != 0)
+    const bool cut = view->accumulation.pages.on || hg_tiled_accumulation_slices(&draw);
+    if (!cut || !view->final || view->settings.debug != 0)
         return HG_OK;
     return hg_tiled_accumulation_begin_exact(&draw, err);
 }

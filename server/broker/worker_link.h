@@ -15,7 +15,8 @@
 
 enum {
     HG_LINK_DEATHS_KEPT = 64,
-    HG_LINK_AHEAD = 256 << 10, // bytes that may wait in its queue before sessions wait for their turn
+    HG_LINK_AHEAD =
+        256 << 10, // bytes that may wait in its queue before sessions wait for their turn
 };
 
 struct hg_link;

@@ -15,6 +15,7 @@ struct tenant {
     uint32_t sessions;
     struct turn turn;
     struct turn_clock clock; // of its sessions
+    uint64_t usual_ns;       // that a step of its views takes
 };
 
 struct session {

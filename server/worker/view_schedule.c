@@ -10,10 +10,7 @@
 // How long a step takes about: of a session that is alone, and where others wait.
 #define STEP_NS        50000000u
 #define SHARED_STEP_NS 16000000u
-// What takes longer once is made for all: pipelines, geometry.
-#define MOST_CHARGED_NS 500000000u // beside other sessions
-#define MOST_IN_SESSION 50000000u  // beside other views of its own
-#define MESSAGES_NS     20000000u  // of a session before its views have a turn
+#define MESSAGES_NS    20000000u // of a session before its views have a turn
 
 // ---- steps --------------------------------------------------------------------------------------
 
@@ -140,15 +137,16 @@ static enum purpose purpose_of(const struct session *session, const struct view_
     return view->settings.params.mode == HG_MODE_PATH ? FILMS : SETTLES;
 }
 
-static uint64_t least(uint64_t a, uint64_t b)
-{
-    return a < b ? a : b;
-}
-
 static void charge(struct render_state *s, struct session *session, uint64_t ns)
 {
     hg_turn_serve(&s->clock, &session->tenant->turn, ns);
     hg_turn_serve(&session->tenant->clock, &session->turn, ns);
+}
+
+// Areas are finished one after the other: one that has to end at a time is not drawn so.
+static bool may_be_cut(const struct render_state *s, const struct view_slot *view)
+{
+    return s->sessions->next && !(view->settings.params.time_limit_s > 0);
 }
 
 // Renders, then reads: what is delivered is what the step left.
@@ -160,6 +158,7 @@ static void work(
     view->progress.failed = false;
     hg_scene_slot_publish(session->scene); // a batch may be open for too long
     hg_view_set_formats(view->view, hg_output_formats(s, view));
+    hg_view_set_slice(view->view, may_be_cut(s, view) ? SHARED_STEP_NS : 0);
     if (wants_step(session, view))
         status = step(session, view, hg_rate_samples(view, step_ns), &err);
     if (status == HG_E_DEVICE_LOST) {
@@ -175,6 +174,15 @@ static void work(
     hg_output_deliver(s, session, view);
 }
 
+// A step that takes much longer than those of its tenant usually do makes something for all
+// (pipelines, geometry), or the machine was busy with other things: it costs no more than they do.
+static uint64_t fair_cost(struct tenant *tenant, uint64_t took_ns)
+{
+    const uint64_t most_ns = 2 * tenant->usual_ns + SHARED_STEP_NS;
+    tenant->usual_ns = (7 * tenant->usual_ns + took_ns) / 8;
+    return took_ns < most_ns ? took_ns : most_ns;
+}
+
 void hg_schedule_work(struct render_state *s, const struct hg_schedule_choice *choice)
 {
     static const uint64_t in_session[] = {[MOVES] = 1, [SETTLES] = 4, [FILMS] = 16},
@@ -183,11 +191,10 @@ void hg_schedule_work(struct render_state *s, const struct hg_schedule_choice *c
     const enum purpose purpose = purpose_of(session, choice->view);
     const uint64_t begin_ns = hg_clock_now_ns();
     work(s, session, choice->view, choice->contended ? SHARED_STEP_NS : STEP_NS);
-    const uint64_t took_ns = hg_clock_now_ns() - begin_ns;
+    const uint64_t ns = fair_cost(session->tenant, hg_clock_now_ns() - begin_ns);
     session->messages_ns = 0;
-    hg_turn_serve(&session->clock, &choice->view->turn,
-        least(took_ns, MOST_IN_SESSION) * in_session[purpose]);
-    charge(s, session, least(took_ns, MOST_CHARGED_NS) * among_sessions[purpose]);
+    hg_turn_serve(&session->clock, &choice->view->turn, ns * in_session[purpose]);
+    charge(s, session, ns * among_sessions[purpose]);
 }
 
 void hg_schedule_charge_messages(struct render_state *s, struct session *session, uint64_t ns)

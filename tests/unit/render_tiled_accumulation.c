@@ -441,6 +441,38 @@ static void test_finding_does_not_show(void **state)
     }
 }
 
+// A picture that is cut into slices, as small as they get and in between, is that of a view that
+// is alone.
+static void test_slices_do_not_show(void **state)
+{
+    enum { WIDTH = 640, HEIGHT = 480 };
+    const uint64_t slices[] = {0, 1, 20000000, 1};
+    struct hg_refbuf *pictures[4];
+    uint64_t steps[4] = {0};
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        const struct hg_view_params view = {
+            .width = WIDTH, .height = HEIGHT, .samples = 4, .seed = 5};
+        struct rig rig;
+        struct hg_frame_info info = {0};
+        open_rig(&rig, i == 3 ? LEAST : 0);
+        test_ok(hg_view_set_params(rig.view, &view, &rig.err), &rig.err);
+        look(&rig, 0, 6.5f);
+        hg_view_set_final(rig.view, true);
+        hg_view_set_slice(rig.view, slices[i]);
+        for (; !info.settled && steps[i] < 4000; steps[i]++)
+            info = rig_step(&rig, 2);
+        assert_true(info.settled);
+        pictures[i] = rig_pixels(&rig, HG_PIXEL_RGBA32F);
+        rig_close(&rig);
+    }
+    assert_true(steps[1] > steps[0] + 8);
+    for (int i = 3; i >= 0; i--) {
+        rig_assert_same(pictures[0], pictures[i]);
+        hg_refbuf_unref(pictures[i]);
+    }
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -461,7 +493,8 @@ int main(void)
         cmocka_unit_test(test_another_scene_comes), cmocka_unit_test(test_budgets_behind_glass),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_missing_is_told),
         cmocka_unit_test(test_bias_settles), cmocka_unit_test(test_finding_does_not_show),
-        cmocka_unit_test(test_final_is_drawn_once), cmocka_unit_test(test_final_no_longer),
-        cmocka_unit_test(test_prediction), cmocka_unit_test(test_looking_ahead)};
+        cmocka_unit_test(test_slices_do_not_show), cmocka_unit_test(test_final_is_drawn_once),
+        cmocka_unit_test(test_final_no_longer), cmocka_unit_test(test_prediction),
+        cmocka_unit_test(test_looking_ahead)};
     return cmocka_run_group_tests(tests, set_up, finish);
 }
