@@ -49,7 +49,7 @@ static uint32_t over(uint32_t px, uint32_t step)
     return (px + step - 1) / step;
 }
 
-static uint32_t step_of(VkExtent2D size)
+uint32_t hg_mirror_view_step(VkExtent2D size)
 {
     const uint64_t px = (uint64_t)size.width * size.height;
     return px <= SHARP_PX ? 1 : px <= HALF_PX ? 2 : 4;
@@ -349,7 +349,7 @@ static enum hg_status look(
         .height = size.height,
         .light = light,
         .surfaces = surfaces};
-    const uint32_t side = HG_PROBE_LIGHT_PX / step_of(size);
+    const uint32_t side = HG_PROBE_LIGHT_PX / hg_mirror_view_step(size);
     enum hg_status status = reserve(m, f->draw->context->gpu, texels.columns * texels.rows, err);
     if (status == HG_OK)
         status = hg_mirror_planes_find(&texels, &m->points, m->of, m->planes, &m->count);
@@ -500,8 +500,8 @@ void hg_batch_declare_mirrors(struct hg_batch *f)
     const VkExtent2D size = hg_draw_size(f->draw->request);
     if (!hg_mirror_view_is_on(f->draw))
         return;
-    m->width = over(size.width, step_of(size));
-    m->height = over(size.height, step_of(size));
+    m->width = over(size.width, hg_mirror_view_step(size));
+    m->height = over(size.height, hg_mirror_view_step(size));
     f->mirrors.mirrored = image(f, "mirrored scene", HG_COLOR_FORMAT, 1);
     for (uintptr_t k = 0; k < HG_MIRROR_PLANES; k++)
         declare_plane(f, k);

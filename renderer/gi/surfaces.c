@@ -1,6 +1,7 @@
 #include "renderer/gi/surfaces.h"
 
 #include "base/alloc.h"
+#include "renderer/geometry/materials.h"
 #include "renderer/math/vec.h"
 #include "renderer/texture/cache/page_cache.h"
 #include "renderer/texture/source/page_source.h"
@@ -8,6 +9,9 @@
 // Share of light from everywhere that dielectrics of index 1.5 mirror, smooth and rough ones.
 #define DIELECTRIC_SMOOTH 0.09f
 #define DIELECTRIC_ROUGH  0.02f
+
+#define CLEAR_ROUGHNESS 0.3f  // from which on glass is not clear,
+#define CLEAR_SHARE     0.05f // nor where it lets through less than this
 
 // --- means of textures ---------------------------------------------------------------------------
 
@@ -65,6 +69,27 @@ static void texture_mean(struct hg_textures *textures, const struct hg_material 
 
 // --- materials -----------------------------------------------------------------------------------
 
+static struct hg_gi_glass make_glass(struct hg_textures *textures, const struct hg_material *m,
+    float metallic, float roughness, const float base[4])
+{
+    struct hg_gi_glass out = {.clear = false};
+    struct hg_gpu_lobes lobes;
+    float share[4] = {1, 1, 1, 1};
+    if (m->unlit || !(m->transmission > 0))
+        return out;
+    hg_material_pack_lobes(m, textures, &lobes);
+    if (hg_material_uses_slot(m, HG_SLOT_TRANSMISSION))
+        texture_mean(textures, m, HG_SLOT_TRANSMISSION, share);
+    out.clear =
+        roughness < CLEAR_ROUGHNESS && m->transmission * share[0] * (1 - metallic) > CLEAR_SHARE;
+    out.thin = !(lobes.thickness > 0);
+    out.ior = lobes.ior;
+    for (int c = 0; c < 3; c++)
+        out.tint[c] = hg_clampf(m->base_color[c] * base[c], 0, 1);
+    memcpy(out.absorption, &lobes.attenuation, sizeof out.absorption);
+    return out;
+}
+
 static struct hg_gi_material make_material(
     struct hg_textures *textures, const struct hg_material *m)
 {
@@ -80,6 +105,7 @@ static struct hg_gi_material make_material(
     out.id = m->head.id;
     out.revision = m->head.revision;
     out.double_sided = m->double_sided;
+    out.glass = make_glass(textures, m, metallic, roughness, base);
     for (int c = 0; c < 3; c++) {
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
         out.albedo[c] =
@@ -203,8 +229,56 @@ void hg_gi_surface_at(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *h
     const float facing =
         hg_dot3(out->normal, direction) * ((p->flags & HG_DRAW_MIRRORED) ? -1.0f : 1.0f);
     out->material = &s->materials[s->piece_materials[i]];
+    out->inner = facing > 0;
     out->back = facing > 0 && !out->material->double_sided && !(p->flags & HG_DRAW_DOUBLE_SIDED);
+    out->layers = (p->flags & HG_DRAW_BLEND) != 0;
     if (hg_dot3(out->normal, direction) > 0)
         for (int k = 0; k < 3; k++)
             out->normal[k] = -out->normal[k];
+}
+
+// Of a vertex, in object space; false: only triangles have any.
+static bool vertex_normal(const struct hg_ray_geometry_piece *p, uint32_t vertex, float out[3])
+{
+    if (p->vertices != NULL) {
+        const uint32_t n = p->vertices[vertex].normal;
+        hg_octahedral3(
+            (float)(int16_t)(n & 0xffff) / 32767, (float)(int16_t)(n >> 16) / 32767, out);
+    } else if (p->normals != NULL) {
+        hg_copy3(p->normals + (size_t)vertex * 3, out);
+    }
+    return p->vertices != NULL || p->normals != NULL;
+}
+
+// By the cofactors of the matrix: its inverse transposed, but for the length.
+static void world_normal(const struct hg_ray_geometry_piece *p, const float n[3], float out[3])
+{
+    const float *m = p->world;
+    float cofactors[3][3];
+    for (int a = 0; a < 3; a++)
+        hg_cross3(m + (a + 1) % 3 * 3, m + (a + 2) % 3 * 3, cofactors[a]);
+    for (int a = 0; a < 3; a++)
+        out[a] = cofactors[0][a] * n[0] + cofactors[1][a] * n[1] + cofactors[2][a] * n[2];
+    hg_normalize3(out);
+}
+
+void hg_gi_surface_normal(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit,
+    const float direction[3], const struct hg_gi_surface *surface, float out[3])
+{
+    const struct hg_ray_geometry_piece *p = &s->pieces[find_piece(s, hit)];
+    const uint32_t *v = p->indices + (size_t)(hit->primitive - p->first_primitive) * 3;
+    const float weights[3] = {1 - hit->u - hit->v, hit->u, hit->v};
+    float n[3] = {0}, corner[3];
+    bool known = hit->primitive - p->first_primitive < p->triangle_count;
+    for (int k = 0; k < 3 && known; k++) {
+        known = vertex_normal(p, v[k], corner);
+        if (known)
+            hg_mad3(n, corner, weights[k], n);
+    }
+    world_normal(p, n, out);
+    if (hg_dot3(out, surface->normal) < 0)
+        for (int a = 0; a < 3; a++)
+            out[a] = -out[a];
+    if (!known || !(hg_dot3(out, direction) < -1e-3f))
+        hg_copy3(surface->normal, out);
 }
