@@ -24,6 +24,7 @@ struct hg_gi_material {
     float emitted[3];  // of that what rays to lights find: colours of unlit surfaces are no light
     bool double_sided;
     struct hg_gi_glass glass;
+    struct hg_gi_mask *mask; // tails.h; NULL: no holes
 };
 
 struct hg_gi_surfaces { // zeroed: none
@@ -34,6 +35,7 @@ struct hg_gi_surfaces { // zeroed: none
     uint32_t draw_count;
     struct hg_gi_material *materials;
     size_t material_count, material_capacity;
+    bool has_masks;
     uint64_t rays_revision, geometry_revision; // that it is in line with; 0: none
 };
 
@@ -54,6 +56,8 @@ struct hg_gi_surface {
 // Of a hit; direction: of the ray.
 void hg_gi_surface_at(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,
     const float direction[3], struct hg_gi_surface *out);
+// The alpha of its mask is that of a hole there.
+bool hg_gi_surface_is_hole(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit);
 // The interpolated normal there, unit, on the ray's side: the geometric one of deformed parts, and
 // where the ray comes from behind it.
 void hg_gi_surface_normal(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,

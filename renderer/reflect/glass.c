@@ -5,7 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/gi/surfaces.h"
+#include "renderer/gi/holes.h"
 #include "renderer/gi/words.h"
 #include "renderer/reflect/light.h"
 
@@ -35,8 +35,8 @@ struct way {
 struct hg_glass {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
-    uint32_t number; // of the picture
-    struct hg_gpu_buffer rays, hits, list;
+    uint32_t number;                              // of the picture
+    struct hg_gpu_buffer rays, hits, list, again; // again: rays that go on behind holes
     struct way *ways;           // [2 * TEXELS] of a texel: on through the glass, mirrored
     uint8_t *blocks, *near;     // [rows][columns] of SCOUT x SCOUT texels: show glass; or beside
     uint32_t *texels, *waiting; // [texel_room]; [2 * TEXELS]
@@ -90,6 +90,7 @@ void hg_glass_destroy(struct hg_glass *g)
     hg_gpu_buffer_destroy(g->gpu, &g->rays);
     hg_gpu_buffer_destroy(g->gpu, &g->hits);
     hg_gpu_buffer_destroy(g->gpu, &g->list);
+    hg_gpu_buffer_destroy(g->gpu, &g->again);
     hg_reflect_light_finish(&g->light, g->gpu);
     free_texels(g);
     hg_free(g->ways);
@@ -128,7 +129,8 @@ static enum hg_status reserve(struct work *w, struct hg_error *err)
         const char *name;
     } rows[] = {{&g->rays, slots * sizeof(struct hg_gpu_ray), "glass rays"},
         {&g->hits, slots * sizeof(struct hg_gpu_hit), "glass hits"},
-        {&g->list, 2 * TEXELS * sizeof(uint32_t), "glass list"}};
+        {&g->list, 2 * TEXELS * sizeof(uint32_t), "glass list"},
+        {&g->again, 2 * TEXELS * sizeof(uint32_t), "glass rays through holes"}};
     enum hg_status status = reserve_texels(g, w->across * w->down, w->p->columns * w->p->rows, err);
     for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
         status = hg_gpu_buffer_reserve(
@@ -148,8 +150,8 @@ static uint64_t bytes_of(const struct hg_glass *g)
 {
     const uint64_t lit = sizeof *g->light.points + sizeof *g->light.direct + sizeof *g->light.lit +
                          sizeof *g->light.radiance;
-    return g->rays.size_bytes + g->hits.size_bytes + g->list.size_bytes + g->light.rays.size_bytes +
-           g->light.blocked.size_bytes + MOST_LIT * lit +
+    return g->rays.size_bytes + g->hits.size_bytes + g->list.size_bytes + g->again.size_bytes +
+           g->light.rays.size_bytes + g->light.blocked.size_bytes + MOST_LIT * lit +
            2 * TEXELS * (sizeof *g->ways + sizeof *g->waiting) + 2ull * g->block_room +
            g->texel_room * sizeof *g->texels;
 }
@@ -319,7 +321,7 @@ static void pass_glass(struct way *way, const float at[3], const float normal[3]
     const float ratio = s->inner ? glass->ior : 1 / glass->ior;
     if (!glass->thin && !refract(way->direction, normal, ratio, bent)) {
         mirror(way->direction, normal, s->normal, way->direction);
-        way->in = glass;
+        way->in = s->inner ? glass : NULL;
         leave(way, at, s->normal, 1);
         return;
     }
@@ -433,9 +435,13 @@ static enum hg_status send_all(struct work *w, struct hg_error *err)
             .coherent = coherent};
         hg_jobs_for(g->jobs, jobs_of(w->ray_count), send_some, w);
         status = hg_trace_closest(w->p->world.trace, &wave, err);
+        uint32_t more = 0;
+        if (status == HG_OK)
+            status = hg_gi_pass_holes(
+                w->p->world.surfaces, w->p->world.trace, &wave, &g->again, &more, err);
         if (status == HG_OK)
             hg_jobs_for(g->jobs, jobs_of(w->ray_count), meet_some, w);
-        g->stats.rays += w->ray_count;
+        g->stats.rays += w->ray_count + more;
         coherent = false;
     }
     return status;

@@ -131,13 +131,17 @@ static struct error compare(
                 e.middle += fabs((double)(a[4 * i + c] - b[4 * i + c]));
         }
     e.middle *= ROWS * COLUMNS / (all * (ROWS - 2) * (COLUMNS - 4));
+    int worst = 0;
     for (int i = 0; i < ROWS * COLUMNS * 3; i++) {
-        e.worst = fmax(e.worst, fabs(off[i]) * ROWS * COLUMNS * 3 / all);
+        worst = fabs(off[i]) > fabs(off[worst]) ? i : worst;
         e.mean += fabs(off[i]) / all;
     }
+    e.worst = fabs(off[worst]) * ROWS * COLUMNS * 3 / all;
     print_message(
-        "%s: regions off by %.3f in the mean, %.3f at worst, pixels of the middle by %.3f\n", name,
-        e.mean, e.worst, e.middle);
+        "%s: regions off by %.3f in the mean, at worst by %.3f (column %d, row %d, channel "
+        "%d: %+.3f), pixels of the middle by %.3f\n",
+        name, e.mean, e.worst, worst / 3 % COLUMNS, worst / 3 / COLUMNS, worst % 3,
+        off[worst] * ROWS * COLUMNS * 3 / all, e.middle);
     return e;
 }
 
@@ -179,6 +183,17 @@ static void test_rooms(void **state)
     }
 }
 
+// Mean of green over the 4 x 4 pixels in the middle.
+static double middle_of(const struct hg_refbuf *pixels)
+{
+    const float *p = (const float *)(const void *)pixels->data;
+    double sum = 0;
+    for (int i = 0; i < 16; i++)
+        sum +=
+            (double)p[((GI_HEIGHT / 2 - 2 + i / 4) * GI_WIDTH + GI_WIDTH / 2 - 2 + i % 4) * 4 + 1];
+    return sum / 16;
+}
+
 // Where all is equally bright clear glass is not seen; absorption dims it by the way that light has
 // in it, a diameter in the middle (Beer-Lambert).
 static void test_furnace(void **state)
@@ -196,10 +211,10 @@ static void test_furnace(void **state)
         // Through the middle the view ray passes the ball's centre.
         rig_sphere(rig, m, (const float[3]){0.2f, 1.45f, -0.3f}, radius, 48);
         struct hg_refbuf *pixels = take_moving(rig, HG_REFLECTIONS_CACHE, &stats);
-        const double got = gi_mean(pixels, (const int[4]){3, 3, 5, 5});
+        const double got = middle_of(pixels);
         const double want = radiance * (0.04 + 0.96 * exp((double)(-absorbed[i] * 2 * radius)));
         print_message("absorption %.1f / m: %.4f, expected %.4f\n", (double)absorbed[i], got, want);
-        assert_true(fabs(got / want - 1) < (i ? 0.06 : 0.015));
+        assert_true(fabs(got / want - 1) < (i ? 0.06 : 0.03));
         hg_refbuf_unref(pixels);
     }
 }
