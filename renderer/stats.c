@@ -185,14 +185,26 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
         p->room, p->held, p->asked, p->hits, p->drawn, p->evicted);
 }
 
+static void put_gathered(struct hg_writer *w, const char *name, const struct hg_path_stats *of,
+    const struct hg_gpu_image *image)
+{
+    const struct hg_path_time *p = of->pieces;
+    hg_json_put(w,
+        "\"%s\":{\"paths\":%llu,\"rays\":%llu,\"shadow_rays\":%llu,\"misses\":%llu,"
+        "\"shaded\":%llu,\"bytes\":%llu},",
+        name, (unsigned long long)of->paths, (unsigned long long)p[HG_PATH_PIECE_TRACE].items,
+        (unsigned long long)p[HG_PATH_PIECE_SHADOW].items,
+        (unsigned long long)p[HG_PATH_PIECE_MISS].items,
+        (unsigned long long)p[HG_PATH_PIECE_SHADE].items,
+        (unsigned long long)image->memory.size_bytes);
+}
+
 static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
 {
     struct hg_gi_stats g;
     if (s->settings.gi == 0 || s->scene_gpu->gi == NULL)
         return;
     hg_gi_stats(s->scene_gpu->gi, &g);
-    const struct hg_path_stats *gathered = &s->gi.gather.stats;
-    const struct hg_path_time *p = gathered->pieces;
     hg_json_put(w, ",\"gi\":{\"probes\":%u,\"asleep\":%u,\"inside\":%u,\"moved\":%u,\"grids\":[",
         g.probes, g.asleep, g.inside, g.moved);
     for (uint32_t i = 0; i < g.grid_count; i++)
@@ -204,14 +216,9 @@ static void put_gi(struct hg_writer *w, const struct hg_view_state *s)
         (unsigned long long)g.updates, (unsigned long long)g.rays,
         (unsigned long long)g.shadow_rays, (unsigned long long)g.misses,
         (unsigned long long)g.shaded, ms(g.ns), (unsigned long long)g.bytes);
-    hg_json_put(w,
-        "\"gathered\":{\"paths\":%llu,\"rays\":%llu,\"shadow_rays\":%llu,\"misses\":%llu,"
-        "\"shaded\":%llu,\"bytes\":%llu},\"structure_bytes\":%llu,\"shadow_atlas_bytes\":%llu}",
-        (unsigned long long)gathered->paths, (unsigned long long)p[HG_PATH_PIECE_TRACE].items,
-        (unsigned long long)p[HG_PATH_PIECE_SHADOW].items,
-        (unsigned long long)p[HG_PATH_PIECE_MISS].items,
-        (unsigned long long)p[HG_PATH_PIECE_SHADE].items,
-        (unsigned long long)s->gi.gather.light.memory.size_bytes,
+    put_gathered(w, "gathered", &s->gi.gather.stats[0], &s->gi.gather.light);
+    put_gathered(w, "glass", &s->gi.gather.stats[1], &s->gi.gather.glass);
+    hg_json_put(w, "\"structure_bytes\":%llu,\"shadow_atlas_bytes\":%llu}",
         (unsigned long long)g.structure_bytes,
         (unsigned long long)hg_lighting_image_shadow(s->lighting)->memory.size_bytes);
 }
@@ -241,6 +248,19 @@ static void put_mirrors(struct hg_writer *w, const struct hg_view_state *s)
     if (s->motion.mirrors.texels > 0)
         hg_json_put(w, ",\"mirrors\":{\"planes\":%u,\"rays\":%u,\"ms\":%.3f,\"bytes\":%llu}",
             m->planes, m->rays, ms(m->ns), (unsigned long long)m->bytes);
+}
+
+static void put_glass(struct hg_writer *w, const struct hg_view_state *s)
+{
+    struct hg_glass_stats g;
+    if (s->motion.glass.glass == NULL)
+        return;
+    hg_glass_stats(s->motion.glass.glass, &g);
+    hg_json_put(w,
+        ",\"glass\":{\"texels\":%u,\"rays\":%u,\"shadow_rays\":%u,\"on_screen\":%u,\"sky\":%u,"
+        "\"lit\":%u,\"ms\":%.3f,\"cpu_ms\":%.3f,\"bytes\":%llu}",
+        g.texels, g.rays, g.shadow_rays, g.on_screen, g.sky, g.lit, ms(g.ns), ms(g.cpu_ns),
+        (unsigned long long)g.bytes);
 }
 
 static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
@@ -372,6 +392,7 @@ enum hg_status hg_renderer_stats_json(
         put_gi(&w, &view->state);
         put_reflections(&w, &view->state);
         put_mirrors(&w, &view->state);
+        put_glass(&w, &view->state);
         put_trace(&w, &view->state);
         put_motion(&w, &view->state);
         put_passes(&w, &view->state);

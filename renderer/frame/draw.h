@@ -21,6 +21,7 @@ struct hg_tiled_area;
 struct hg_temporal_view;
 struct hg_reflect_view;
 struct hg_mirror_view;
+struct hg_glass_view;
 struct hg_view_camera_state;
 struct hg_view_settings;
 
@@ -123,6 +124,7 @@ struct hg_draw {
     struct hg_temporal_view *temporal;
     struct hg_reflect_view *reflections;
     struct hg_mirror_view *mirrors;
+    struct hg_glass_view *clear_glass;
     struct hg_tiled_accumulation *accumulation;
     struct hg_draw_blend *blend;
     struct hg_draw_unlit *unlit;

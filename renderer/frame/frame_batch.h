@@ -28,7 +28,7 @@ struct hg_batch {
         } planes[HG_MIRROR_PLANES];
     } mirrors;
     struct {
-        uint32_t visibility, color, depth, lists, glass;
+        uint32_t visibility, color, depth, lists, glass, rays;
     } blend; // blended surfaces in front of the opaque scene
 };
 
@@ -75,6 +75,13 @@ enum hg_status hg_batch_look_into_mirrors(struct hg_batch *f, const uint32_t *li
     const uint32_t *surfaces, struct hg_error *err) HG_MUST_CHECK;
 // What shading samples; NULL: this picture has no mirrors. The pass declares it.
 struct hg_gpu_image *hg_batch_mirrored(const struct hg_graph_run *run);
+
+// --- glass_view.c --------------------------------------------------------------------------------
+
+// Memory of what is read back and of the result. HG_E_NOMEM, device errors.
+enum hg_status hg_batch_reserve_glass(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
+// After the opaque scene behind layers was shaded: blend.rays is what clear glass shows.
+void hg_batch_declare_glass(struct hg_batch *f);
 
 // --- temporal_view.c -----------------------------------------------------------------------------
 

@@ -33,7 +33,8 @@ static enum hg_status shade_nearest(
         .target = hg_graph_run_image(run, f->blend.color),
         .layer = true,
         .behind = f->behind > 0 ? hg_graph_run_image(run, f->behind) : NULL,
-        .glass = f->blend.glass > 0 ? hg_graph_run_image(run, f->blend.glass) : NULL};
+        .glass = f->blend.glass > 0 ? hg_graph_run_image(run, f->blend.glass) : NULL,
+        .glass_rays = f->blend.rays > 0 ? hg_graph_run_image(run, f->blend.rays) : NULL};
     return hg_shade_record(&f->pass, &shade, err);
 }
 
@@ -50,9 +51,9 @@ static void declare_nearest(struct hg_batch *f)
                .record = shade_nearest,
                .accesses = {{f->blend.visibility, HG_GRAPH_SAMPLE, 0},
                    {f->blend.depth, HG_GRAPH_DEPTH_TEST, 0}, {f->behind, HG_GRAPH_SAMPLE, 0},
-                   {f->blend.glass, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->blend.color, HG_GRAPH_COLOR, 0}}});
+                   {f->blend.glass, HG_GRAPH_SAMPLE, 0}, {f->blend.rays, HG_GRAPH_SAMPLE, 0},
+                   {f->atlas, HG_GRAPH_SAMPLE, 0}, {f->cache, HG_GRAPH_READ, 0},
+                   {f->progress, HG_GRAPH_READ_WRITE, 0}, {f->blend.color, HG_GRAPH_COLOR, 0}}});
 }
 
 // --- all of them ---------------------------------------------------------------------------------
@@ -127,7 +128,8 @@ static enum hg_status shade_lists(const struct hg_graph_run *run, void *user, st
         .layer = true,
         .lists = true,
         .behind = f->behind > 0 ? hg_graph_run_image(run, f->behind) : NULL,
-        .glass = f->blend.glass > 0 ? hg_graph_run_image(run, f->blend.glass) : NULL};
+        .glass = f->blend.glass > 0 ? hg_graph_run_image(run, f->blend.glass) : NULL,
+        .glass_rays = f->blend.rays > 0 ? hg_graph_run_image(run, f->blend.rays) : NULL};
     return is_empty(&pass) ? HG_OK : hg_shade_record(&pass, &shade, err);
 }
 
@@ -148,15 +150,15 @@ static void declare_strip(struct hg_batch *f, uintptr_t i)
                         .user = (void *)i,
                         .accesses = {{f->blend.lists, HG_GRAPH_READ_WRITE, 0},
                             {f->blend.depth, i == 0 ? HG_GRAPH_DEPTH : HG_GRAPH_DEPTH_KEEP, 0}}});
-    hg_batch_add(
-        f, &(struct hg_graph_pass){.name = "blend shading",
-               .record = shade_lists,
-               .user = (void *)i,
-               .accesses = {{f->blend.lists, HG_GRAPH_READ_WRITE, 0},
-                   {f->blend.depth, HG_GRAPH_DEPTH_TEST, 0}, {f->behind, HG_GRAPH_SAMPLE, 0},
-                   {f->blend.glass, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
-                   {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
-                   {f->blend.color, i == 0 ? HG_GRAPH_COLOR : HG_GRAPH_COLOR_KEEP, 0}}});
+    hg_batch_add(f, &(struct hg_graph_pass){.name = "blend shading",
+                        .record = shade_lists,
+                        .user = (void *)i,
+                        .accesses = {{f->blend.lists, HG_GRAPH_READ_WRITE, 0},
+                            {f->blend.depth, HG_GRAPH_DEPTH_TEST, 0},
+                            {f->behind, HG_GRAPH_SAMPLE, 0}, {f->blend.glass, HG_GRAPH_SAMPLE, 0},
+                            {f->blend.rays, HG_GRAPH_SAMPLE, 0}, {f->atlas, HG_GRAPH_SAMPLE, 0},
+                            {f->cache, HG_GRAPH_READ, 0}, {f->progress, HG_GRAPH_READ_WRITE, 0},
+                            {f->blend.color, i == 0 ? HG_GRAPH_COLOR : HG_GRAPH_COLOR_KEEP, 0}}});
 }
 
 static void declare_hiding(struct hg_batch *f, bool stochastic)

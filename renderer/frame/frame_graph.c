@@ -450,6 +450,8 @@ static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
     }
     if (seen_through && (only_behind || !draw->accumulation->behind.there))
         declare_behind(f);
+    if (seen_through)
+        hg_batch_declare_glass(f);
     if (only_behind)
         return HG_OK;
     if (blend)
@@ -525,6 +527,8 @@ enum hg_status hg_frame_record(
         status = hg_batch_reserve_motion(draw, err);
     if (status == HG_OK)
         status = hg_batch_reserve_reflections(draw, err);
+    if (status == HG_OK)
+        status = hg_batch_reserve_glass(draw, err);
     if (status != HG_OK)
         return status;
     hg_frame_fill(draw, first, true, 0);

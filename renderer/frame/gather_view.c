@@ -204,7 +204,7 @@ enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *
     g->done = false;
     if (status == HG_OK)
         status = hg_path_step(g->path, &request, begins, err);
-    hg_path_get_stats(g->path, &g->stats);
+    hg_path_get_stats(g->path, &g->stats[g->lit]);
     if (status == HG_OK && hg_path_done(g->path))
         status = take(view, err);
     g->begun &= status == HG_OK;

@@ -8,6 +8,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
+#include "renderer/gi/holes.h"
 #include "renderer/math/matrix.h"
 #include "renderer/math/vec.h"
 #include "renderer/passes/probe_light.h"
@@ -28,6 +29,7 @@ void hg_mirror_view_finish(struct hg_gpu *gpu, struct hg_mirror_view *m)
 {
     hg_gpu_buffer_destroy(gpu, &m->rays);
     hg_gpu_buffer_destroy(gpu, &m->hits);
+    hg_gpu_buffer_destroy(gpu, &m->again);
     hg_gpu_buffer_destroy(gpu, &m->pixels);
     hg_mirror_points_finish(&m->points);
     hg_free(m->of);
@@ -49,7 +51,7 @@ static uint32_t over(uint32_t px, uint32_t step)
     return (px + step - 1) / step;
 }
 
-static uint32_t step_of(VkExtent2D size)
+uint32_t hg_mirror_view_step(VkExtent2D size)
 {
     const uint64_t px = (uint64_t)size.width * size.height;
     return px <= SHARP_PX ? 1 : px <= HALF_PX ? 2 : 4;
@@ -95,6 +97,7 @@ static enum hg_status reserve(
         const char *name;
     } rows[] = {{&m->rays, HG_GPU_BUFFER_READBACK, WAVE * sizeof(struct hg_gpu_ray), "mirror rays"},
         {&m->hits, HG_GPU_BUFFER_READBACK, WAVE * sizeof(struct hg_gpu_hit), "mirror hits"},
+        {&m->again, HG_GPU_BUFFER_READBACK, WAVE * sizeof(uint32_t), "mirror rays through holes"},
         {&m->pixels, HG_GPU_BUFFER_UPLOAD, ids_at(m, HG_MIRROR_PLANES), "mirrored pixels"}};
     enum hg_status status = reserve_host(m, texels);
     if (status != HG_OK)
@@ -111,7 +114,7 @@ static uint64_t bytes_of(const struct hg_mirror_view *m)
                             (HG_MIRROR_PLANES * (ID_BYTES + DEPTH_BYTES + 1) + 16); // and light
     const uint64_t texel = 2 + HG_PROBE_LIGHT_PX * HG_PROBE_LIGHT_PX * sizeof *m->list;
     return images + m->texels * texel + m->rays.size_bytes + m->hits.size_bytes +
-           m->pixels.size_bytes + hg_mirror_points_bytes(&m->points);
+           m->again.size_bytes + m->pixels.size_bytes + hg_mirror_points_bytes(&m->points);
 }
 
 // --- rays ----------------------------------------------------------------------------------------
@@ -236,6 +239,11 @@ static enum hg_status trace(struct work *w, uint32_t count, struct hg_error *err
             .rays = &w->m->rays, .hits = &w->m->hits, .count = w->count, .coherent = true};
         hg_jobs_for(jobs, over(w->count, BLOCK), send_block, w);
         status = hg_trace_closest(trace, &wave, err);
+        uint32_t more = 0;
+        if (status == HG_OK)
+            status = hg_gi_pass_holes(
+                w->f->draw->reflections->world.surfaces, trace, &wave, &w->m->again, &more, err);
+        w->m->stats.rays += more;
         if (status == HG_OK)
             hg_jobs_for(jobs, over(w->count, BLOCK), receive_block, w);
     }
@@ -349,7 +357,7 @@ static enum hg_status look(
         .height = size.height,
         .light = light,
         .surfaces = surfaces};
-    const uint32_t side = HG_PROBE_LIGHT_PX / step_of(size);
+    const uint32_t side = HG_PROBE_LIGHT_PX / hg_mirror_view_step(size);
     enum hg_status status = reserve(m, f->draw->context->gpu, texels.columns * texels.rows, err);
     if (status == HG_OK)
         status = hg_mirror_planes_find(&texels, &m->points, m->of, m->planes, &m->count);
@@ -500,8 +508,8 @@ void hg_batch_declare_mirrors(struct hg_batch *f)
     const VkExtent2D size = hg_draw_size(f->draw->request);
     if (!hg_mirror_view_is_on(f->draw))
         return;
-    m->width = over(size.width, step_of(size));
-    m->height = over(size.height, step_of(size));
+    m->width = over(size.width, hg_mirror_view_step(size));
+    m->height = over(size.height, hg_mirror_view_step(size));
     f->mirrors.mirrored = image(f, "mirrored scene", HG_COLOR_FORMAT, 1);
     for (uintptr_t k = 0; k < HG_MIRROR_PLANES; k++)
         declare_plane(f, k);

@@ -32,11 +32,15 @@ struct hg_mirror_view {
     uint32_t *list;      // pixels of one plane, those of a texel together
     uint32_t texels;     // that there is memory for
     struct hg_gpu_buffer rays, hits; // of a part of the list
+    struct hg_gpu_buffer again;      // places of rays there that go on behind holes
     struct hg_gpu_buffer pixels;     // of each plane ids, depths
     struct hg_mirror_stats stats;
 };
 
 void hg_mirror_view_finish(struct hg_gpu *gpu, struct hg_mirror_view *mirrors);
+// Of a picture of that size one ray is sent for so many pixels along a row and a column, to see
+// what smooth surfaces show.
+uint32_t hg_mirror_view_step(VkExtent2D size);
 // The next picture looks for mirrors; it has reflections.
 bool hg_mirror_view_is_on(const struct hg_draw *draw);
 // After the picture, before its motion vectors are made: pixels of planes move as what they mirror.

@@ -23,6 +23,7 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .temporal = &view->motion.temporal,
         .reflections = &view->motion.reflections,
         .mirrors = &view->motion.mirrors,
+        .clear_glass = &view->motion.glass,
         .accumulation = &view->accumulation,
         .blend = &view->blend,
         .unlit = &view->unlit,

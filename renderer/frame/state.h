@@ -15,6 +15,7 @@
 #include "renderer/frame/draw.h"
 #include "renderer/frame/prefetch.h"
 #include "renderer/pathtrace/path.h"
+#include "renderer/frame/glass_view.h"
 #include "renderer/frame/history.h"
 #include "renderer/frame/mirror_view.h"
 #include "renderer/frame/quality.h"
@@ -110,7 +111,7 @@ struct hg_view_gather {
     // RGBA32F: what transmissive surfaces send to the eye, times the share of the pixel that they
     // cover, and that share. None: there are no such surfaces.
     struct hg_gpu_image glass;
-    struct hg_path_stats stats; // of what is gathered, or was last
+    struct hg_path_stats stats[2]; // of what is gathered, or was last: for `light`, for `glass`
 };
 
 // There was no memory for it: not tried again until the scene or the size is another one.
@@ -160,6 +161,7 @@ struct hg_view_state {
         struct hg_temporal_view temporal;
         struct hg_reflect_view reflections;
         struct hg_mirror_view mirrors;
+        struct hg_glass_view glass;
     } motion;
     struct hg_view_stats stats;
 

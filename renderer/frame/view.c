@@ -121,6 +121,7 @@ void hg_view_state_finish(struct hg_view_state *view)
     hg_temporal_view_finish(gpu, &view->motion.temporal);
     hg_reflect_view_finish(gpu, &view->motion.reflections);
     hg_mirror_view_finish(gpu, &view->motion.mirrors);
+    hg_glass_view_finish(gpu, &view->motion.glass);
     hg_gpu_image_destroy(gpu, &view->targets.visibility);
     hg_gpu_image_destroy(gpu, &view->targets.depth);
     hg_gpu_image_destroy(gpu, &view->targets.accumulated);
@@ -290,6 +291,7 @@ static void note_quality(struct hg_view_state *view)
         {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
         {"probe light", HG_QUALITY_PIXELS}, {"reflections", HG_QUALITY_PIXELS},
         {"reflection rays", HG_QUALITY_RAYS}, {"mirrors", HG_QUALITY_PIXELS},
+        {"glass", HG_QUALITY_PIXELS},
         {"shading", HG_QUALITY_SHADING}, {"blend visibility", HG_QUALITY_PIXELS},
         {"blend sort", HG_QUALITY_PIXELS}, {"blend shading", HG_QUALITY_PIXELS},
         {"unlit tiles", HG_QUALITY_PIXELS}, {"motion", HG_QUALITY_PIXELS},

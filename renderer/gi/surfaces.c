@@ -1,69 +1,39 @@
 #include "renderer/gi/surfaces.h"
 
 #include "base/alloc.h"
+#include "renderer/geometry/materials.h"
+#include "renderer/gi/tails.h"
 #include "renderer/math/vec.h"
-#include "renderer/texture/cache/page_cache.h"
-#include "renderer/texture/source/page_source.h"
 
 // Share of light from everywhere that dielectrics of index 1.5 mirror, smooth and rough ones.
 #define DIELECTRIC_SMOOTH 0.09f
 #define DIELECTRIC_ROUGH  0.02f
 
-// --- means of textures ---------------------------------------------------------------------------
-
-static float srgb_decode(float v)
-{
-    return v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
-}
-
-// The last mip, one texel of the tail page.
-static void read_mean(struct hg_page_source *source, float out[4])
-{
-    const struct hg_page_source_info *info = hg_page_source_info(source);
-    const uint32_t j = info->layout.mips - 1 - info->layout.tail;
-    const size_t at =
-        (size_t)(HG_TAIL_Y(j) + HG_PAGE_BORDER) * HG_PAGE_PITCH + HG_TAIL_X(j) + HG_PAGE_BORDER;
-    uint8_t *page = hg_calloc((size_t)HG_PAGE_PITCH * HG_PAGE_PITCH, info->texel_bytes);
-    struct hg_error err = {0};
-    if (page && info->udim_columns == 0 &&
-        hg_page_source_read(source, info->layout.tail, 0, 0, page, &err) == HG_OK) {
-        const uint8_t *texel = page + at * info->texel_bytes;
-        for (int c = 0; c < 4; c++) {
-            uint16_t half;
-            memcpy(&half, texel + 2 * (info->texel_bytes == 8 ? c : 0), sizeof half);
-            out[c] = info->texel_bytes == 8 ? hg_half_to_float(half) : (float)texel[c] / 255;
-            if (info->pool == HG_POOL_SRGB && c < 3)
-                out[c] = srgb_decode(out[c]);
-        }
-    }
-    hg_free(page);
-}
-
-// White where there is no texture, or none that can be read.
-static void texture_mean(struct hg_textures *textures, const struct hg_material *m,
-    enum hg_texture_slot slot, float out[4])
-{
-    const struct hg_texture *texture = m->slots[slot].texture;
-    struct hg_error err = {0};
-    struct hg_page_source *source;
-    for (int c = 0; c < 4; c++)
-        out[c] = 1;
-    if (!texture || !texture->image)
-        return;
-    const struct hg_page_source_params params = {.image = texture->image,
-        .use = hg_texture_slot_use(m, slot) == HG_TEXTURE_MASK ? HG_TEXTURE_BLEND
-                                                               : hg_texture_slot_use(m, slot),
-        .wrap_s = texture->wrap_s,
-        .wrap_t = texture->wrap_t};
-    if (hg_page_source_open(
-            hg_page_cache_sources(hg_textures_cache(textures)), &params, &source, &err) != HG_OK)
-        return;
-    if (hg_page_source_wait(source, &err) == HG_OK)
-        read_mean(source, out);
-    hg_page_source_close(source);
-}
+#define CLEAR_ROUGHNESS 0.3f  // from which on glass is not clear,
+#define CLEAR_SHARE     0.05f // nor where it lets through less than this
 
 // --- materials -----------------------------------------------------------------------------------
+
+static struct hg_gi_glass make_glass(struct hg_textures *textures, const struct hg_material *m,
+    float metallic, float roughness, const float base[4])
+{
+    struct hg_gi_glass out = {.clear = false};
+    struct hg_gpu_lobes lobes;
+    float share[4] = {1, 1, 1, 1};
+    if (m->unlit || !(m->transmission > 0))
+        return out;
+    hg_material_pack_lobes(m, textures, &lobes);
+    if (hg_material_uses_slot(m, HG_SLOT_TRANSMISSION))
+        hg_gi_texture_mean(textures, m, HG_SLOT_TRANSMISSION, share);
+    out.clear =
+        roughness < CLEAR_ROUGHNESS && m->transmission * share[0] * (1 - metallic) > CLEAR_SHARE;
+    out.thin = !(lobes.thickness > 0);
+    out.ior = lobes.ior;
+    for (int c = 0; c < 3; c++)
+        out.tint[c] = hg_clampf(m->base_color[c] * base[c], 0, 1);
+    memcpy(out.absorption, &lobes.attenuation, sizeof out.absorption);
+    return out;
+}
 
 static struct hg_gi_material make_material(
     struct hg_textures *textures, const struct hg_material *m)
@@ -72,14 +42,16 @@ static struct hg_gi_material make_material(
     float base[4], other[4], glow[4];
     if (!m)
         return out;
-    texture_mean(textures, m, HG_SLOT_BASE_COLOR, base);
-    texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
-    texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
+    hg_gi_texture_mean(textures, m, HG_SLOT_BASE_COLOR, base);
+    hg_gi_texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
+    hg_gi_texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
     const float metallic = m->metallic * other[2], roughness = m->roughness * other[1];
     const float mirrored = DIELECTRIC_SMOOTH + (DIELECTRIC_ROUGH - DIELECTRIC_SMOOTH) * roughness;
     out.id = m->head.id;
     out.revision = m->head.revision;
     out.double_sided = m->double_sided;
+    out.mask = hg_gi_mask_create(textures, m);
+    out.glass = make_glass(textures, m, metallic, roughness, base);
     for (int c = 0; c < 3; c++) {
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
         out.albedo[c] =
@@ -91,6 +63,14 @@ static struct hg_gi_material make_material(
     return out;
 }
 
+static void forget_materials(struct hg_gi_surfaces *s)
+{
+    for (size_t i = 0; i < s->material_count; i++)
+        hg_free(s->materials[i].mask);
+    s->material_count = 0;
+    s->has_masks = false;
+}
+
 static enum hg_status find_material(struct hg_gi_surfaces *s, struct hg_textures *textures,
     const struct hg_material *m, uint32_t *index)
 {
@@ -100,7 +80,8 @@ static enum hg_status find_material(struct hg_gi_surfaces *s, struct hg_textures
             return HG_OK;
     if (hg_grow(&s->materials, &s->material_capacity, s->material_count + 1, sizeof *s->materials))
         return HG_E_NOMEM;
-    s->materials[s->material_count++] = make_material(textures, m);
+    s->materials[s->material_count] = make_material(textures, m);
+    s->has_masks |= s->materials[s->material_count++].mask != NULL;
     return HG_OK;
 }
 
@@ -128,7 +109,7 @@ enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geo
         return HG_OK;
     s->rays_revision = s->geometry_revision = 0;
     if (s->material_count > 2 * (size_t)count + 64) // most are of revisions that are gone
-        s->material_count = 0;
+        forget_materials(s);
     hg_geometry_fill(geometry, &tables);
     uint32_t *materials = hg_calloc((size_t)count + 1, sizeof *materials);
     uint32_t *first = hg_calloc((size_t)tables.draw_count + 1, sizeof *first);
@@ -158,6 +139,7 @@ void hg_gi_surfaces_finish(struct hg_gi_surfaces *s)
 {
     hg_free(s->piece_materials);
     hg_free(s->first_pieces);
+    forget_materials(s);
     hg_free(s->materials);
     *s = (struct hg_gi_surfaces){0};
 }
@@ -203,8 +185,87 @@ void hg_gi_surface_at(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *h
     const float facing =
         hg_dot3(out->normal, direction) * ((p->flags & HG_DRAW_MIRRORED) ? -1.0f : 1.0f);
     out->material = &s->materials[s->piece_materials[i]];
+    out->inner = facing > 0;
     out->back = facing > 0 && !out->material->double_sided && !(p->flags & HG_DRAW_DOUBLE_SIDED);
+    out->layers = (p->flags & HG_DRAW_BLEND) != 0;
     if (hg_dot3(out->normal, direction) > 0)
         for (int k = 0; k < 3; k++)
             out->normal[k] = -out->normal[k];
+}
+
+// Of a vertex, in object space; false: only triangles have any.
+static bool vertex_normal(const struct hg_ray_geometry_piece *p, uint32_t vertex, float out[3])
+{
+    if (p->vertices != NULL) {
+        const uint32_t n = p->vertices[vertex].normal;
+        hg_octahedral3(
+            (float)(int16_t)(n & 0xffff) / 32767, (float)(int16_t)(n >> 16) / 32767, out);
+    } else if (p->normals != NULL) {
+        hg_copy3(p->normals + (size_t)vertex * 3, out);
+    }
+    return p->vertices != NULL || p->normals != NULL;
+}
+
+// By the cofactors of the matrix: its inverse transposed, but for the length.
+static void world_normal(const struct hg_ray_geometry_piece *p, const float n[3], float out[3])
+{
+    const float *m = p->world;
+    float cofactors[3][3];
+    for (int a = 0; a < 3; a++)
+        hg_cross3(m + (a + 1) % 3 * 3, m + (a + 2) % 3 * 3, cofactors[a]);
+    for (int a = 0; a < 3; a++)
+        out[a] = cofactors[0][a] * n[0] + cofactors[1][a] * n[1] + cofactors[2][a] * n[2];
+    hg_normalize3(out);
+}
+
+void hg_gi_surface_normal(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit,
+    const float direction[3], const struct hg_gi_surface *surface, float out[3])
+{
+    const struct hg_ray_geometry_piece *p = &s->pieces[find_piece(s, hit)];
+    const uint32_t *v = p->indices + (size_t)(hit->primitive - p->first_primitive) * 3;
+    const float weights[3] = {1 - hit->u - hit->v, hit->u, hit->v};
+    float n[3] = {0}, corner[3];
+    bool known = hit->primitive - p->first_primitive < p->triangle_count;
+    for (int k = 0; k < 3 && known; k++) {
+        known = vertex_normal(p, v[k], corner);
+        if (known)
+            hg_mad3(n, corner, weights[k], n);
+    }
+    world_normal(p, n, out);
+    if (hg_dot3(out, surface->normal) < 0)
+        for (int a = 0; a < 3; a++)
+            out[a] = -out[a];
+    if (!known || !(hg_dot3(out, direction) < -1e-3f))
+        hg_copy3(surface->normal, out);
+}
+
+// Of a vertex; false: there are none that the host reads.
+static bool vertex_uv(
+    const struct hg_ray_geometry_piece *p, uint32_t vertex, uint32_t set, float out[2])
+{
+    if (p->vertices != NULL && set == 0)
+        memcpy(out, &p->vertices[vertex].uv, 2 * sizeof *out);
+    else if (p->uv[set] != NULL)
+        memcpy(out, p->uv[set] + (size_t)vertex * 2, 2 * sizeof *out);
+    return (p->vertices != NULL && set == 0) || p->uv[set] != NULL;
+}
+
+bool hg_gi_surface_is_hole(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit)
+{
+    const uint32_t i = find_piece(s, hit);
+    const struct hg_ray_geometry_piece *p = &s->pieces[i];
+    const struct hg_gi_mask *mask = s->materials[s->piece_materials[i]].mask;
+    const uint32_t triangle = hit->primitive - p->first_primitive;
+    if (mask == NULL || (p->flags & HG_DRAW_MASK) == 0 || triangle >= p->triangle_count)
+        return false;
+    const uint32_t *v = p->indices + (size_t)triangle * 3;
+    const float weights[3] = {1 - hit->u - hit->v, hit->u, hit->v};
+    float uv[2] = {0}, corner[2];
+    for (int k = 0; k < 3; k++) {
+        if (!vertex_uv(p, v[k], mask->place.uv_set == 1, corner))
+            return false;
+        uv[0] += weights[k] * corner[0];
+        uv[1] += weights[k] * corner[1];
+    }
+    return hg_gi_mask_has_hole(mask, uv);
 }

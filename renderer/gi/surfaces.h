@@ -8,12 +8,23 @@
 #include "renderer/trace/ray_geometry.h"
 #include "shaders/shared/ray.h"
 
+// What lets light through as smooth surfaces do.
+struct hg_gi_glass {
+    bool clear; // else it does not, or is rough
+    bool thin;  // walls without a volume behind them
+    float ior;
+    float tint[3];       // of light that passes the surface
+    float absorption[3]; // of the volume, 1 / m
+};
+
 struct hg_gi_material {
     uint64_t id, revision;
     float albedo[3];   // of all light that comes back, mirrored or scattered
     float emission[3]; // radiance
     float emitted[3];  // of that what rays to lights find: colours of unlit surfaces are no light
     bool double_sided;
+    struct hg_gi_glass glass;
+    struct hg_gi_mask *mask; // tails.h; NULL: no holes
 };
 
 struct hg_gi_surfaces { // zeroed: none
@@ -24,6 +35,7 @@ struct hg_gi_surfaces { // zeroed: none
     uint32_t draw_count;
     struct hg_gi_material *materials;
     size_t material_count, material_capacity;
+    bool has_masks;
     uint64_t rays_revision, geometry_revision; // that it is in line with; 0: none
 };
 
@@ -37,10 +49,18 @@ void hg_gi_surfaces_finish(struct hg_gi_surfaces *surfaces);
 struct hg_gi_surface {
     float normal[3]; // geometric, unit, on the ray's side
     const struct hg_gi_material *material;
-    bool back; // what has one side was met from behind
+    bool back;   // what has one side was met from behind
+    bool inner;  // met from behind, whether it has one side or two: from inside of closed surfaces
+    bool layers; // blends or transmits
 };
 // Of a hit; direction: of the ray.
 void hg_gi_surface_at(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,
     const float direction[3], struct hg_gi_surface *out);
+// The alpha of its mask is that of a hole there.
+bool hg_gi_surface_is_hole(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit);
+// The interpolated normal there, unit, on the ray's side: the geometric one of deformed parts, and
+// where the ray comes from behind it.
+void hg_gi_surface_normal(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,
+    const float direction[3], const struct hg_gi_surface *surface, float out[3]);
 
 #endif

@@ -53,7 +53,7 @@ static struct hg_gpu_pipeline_params pipeline_of(
     if (style->variant == LAYER || style->variant == LAYERS)
         features2 &= ~OPAQUE_FEATURES;
     else
-        features2 &= ~HG_FEATURE2_GLASS;
+        features2 &= ~(HG_FEATURE2_GLASS | HG_FEATURE2_GLASS_RAYS);
     return (struct hg_gpu_pipeline_params){
         .vertex = style->flat ? "shade_flat.vert" : "fullscreen.vert",
         .fragment = style->flat ? (lobes ? "shade_lobes_flat.frag" : "shade_flat.frag")
@@ -134,7 +134,9 @@ enum hg_status hg_shade_record(
 {
     const struct shade_inputs inputs = {.visibility = {.image = shade->visibility},
         .front = {.image = shade->layer ? shade->behind : shade->front},
-        .gathered = {.image = shade->gathered != NULL ? shade->gathered : shade->probe_light},
+        .gathered = {.image = shade->layer              ? shade->glass_rays
+                              : shade->gathered != NULL ? shade->gathered
+                                                        : shade->probe_light},
         .mirrored = {.image = shade->layer ? shade->glass : shade->mirrored}};
     const bool picture = shade->picture != NULL, unlit = shade->unlit;
     struct hg_gpu_image *target = picture ? shade->picture : shade->target;
@@ -155,6 +157,8 @@ enum hg_status hg_shade_record(
         pass->features2 |= HG_FEATURE2_PROBE_LIGHT;
     if (shade->layer && shade->glass != NULL)
         pass->features2 |= HG_FEATURE2_GLASS;
+    if (shade->layer && shade->glass_rays != NULL)
+        pass->features2 |= HG_FEATURE2_GLASS_RAYS;
     if (shade->mirrored != NULL)
         pass->features2 |= HG_FEATURE2_MIRRORS;
     pass->features2 |= shade->checkerboard ? HG_FEATURE2_CHECKERBOARD : 0;

@@ -34,6 +34,8 @@ struct hg_shade {
     struct hg_gpu_image *gathered, *probe_light;
     struct hg_gpu_image *mirrored; // with probe light: of planar mirrors (shaders/shared/mirror.h)
     struct hg_gpu_image *glass;    // with layer: light by way of transmissive surfaces; NULL = none
+    struct hg_gpu_image *glass_rays; // with layer: what rays brought to clear glass
+                                     // (shaders/shared/glass.h); NULL = none
     // Pixels whose depth is HG_UNLIT_TILES_DEPTH are left out: with `clear` they are zero, else the
     // target keeps what it has.
     bool masked;

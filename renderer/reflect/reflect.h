@@ -13,6 +13,7 @@
 //   lobe
 //   texel cache
 //   light filter picture
+//   glass
 //   work
 //   rays hits
 //   spread

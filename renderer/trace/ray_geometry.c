@@ -374,6 +374,9 @@ static void fill_whole(const struct hg_ray_geometry *c, const struct hg_draw_ent
     piece->positions_address = part->buffer.address + part->layout.positions;
     piece->positions = mapped ? (const float *)part->buffer.mapped + part->layout.positions / 4
                               : source->positions;
+    piece->normals = d->deform == NULL ? source->normals : NULL;
+    piece->uv[0] = source->uv[0];
+    piece->uv[1] = source->uv[1];
     if (d->deform == NULL)
         return;
     piece->deforms = true;

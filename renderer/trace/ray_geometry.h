@@ -29,6 +29,8 @@ struct hg_ray_geometry_piece {
     // [vertex_count] of parts with levels of detail, whose vertices are not those of the mesh; else
     // NULL.
     const struct hg_gpu_vertex *vertices;
+    const float *normals; // [vertex_count * 3] of others that are not deformed; else NULL
+    const float *uv[2];   // [vertex_count * 2] of others; NULL: none
     VkDeviceAddress positions_address, indices_address; // the same on the device
     float world[12];                                    // object to world: 4 columns of 3
     float previous[12];                                 // at the opening of the shutter, or `world`

@@ -43,6 +43,9 @@ HG_SHADE_IO(HG_IO_DECLARE)
 #include "lib/gathered.glsl"
 #include "lib/probe_light.glsl"
 #include "lib/mirrors.glsl"
+#ifndef HG_NO_LOBES
+#include "lib/glass.glsl"
+#endif
 
 layout(early_fragment_tests) in; // also where samples are counted
 layout(location = 0) out vec4 out_color;
@@ -199,8 +202,10 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
     vec3 mean = hg_bsdf_mean_reflectance(
         b, hg_bsdf_cosine(b, b.v_ts), b.base.dfg_v, b.eta, b.inside).dielectric;
     vec3 e = hg_bsdf_dielectric_albedo(b, mean, b.base.dfg_v, 1.0);
-    return b.tint * hg_bsdf_attenuation(b.attenuation, thickness) * sum *
-        max(1.0 - e - b.glass_v * b.glass_front, 0.0) *
+    vec3 tinted = b.tint * hg_bsdf_attenuation(b.attenuation, thickness) * sum;
+    if (HG_HAS2(HG_FEATURE2_GLASS_RAYS))
+        tinted = mix(tinted, b.tint * hg_glass_behind * float(taps), hg_glass_share);
+    return tinted * max(1.0 - e - b.glass_v * b.glass_front, 0.0) *
         (b.transmission * b.through_v / float(taps));
 }
 
@@ -236,6 +241,11 @@ vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
             return glass.rgb +
                 hg_light_brdf(b.base, v.position_ws, s.geometric_normal, gl_FragCoord.xy, v.depth);
         hg_light_gathered = false;
+    }
+    if (HG_HAS2(HG_FEATURE2_GLASS_RAYS) && b.transmission > 0.0) {
+        hg_glass_look(hg_at, b.base.roughness);
+        hg_probes_sky = mix(hg_probes_sky, hg_glass_sky, hg_glass_share);
+        hg_probes_surfaces = mix(hg_probes_surfaces, hg_glass_mirrored, hg_glass_share);
     }
     vec3 radiance = hg_bsdf_emission(b, s.emissive);
     radiance += hg_environment_bsdf(b, s.occlusion, hg_random3(uvec2(hg_at), 2u).xy);

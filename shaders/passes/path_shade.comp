@@ -349,7 +349,12 @@ bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, boo
 bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float survive, float width,
     float spread, out uint lobe)
 {
+    float turn = 0.0;
+    if (HG_PATH_CAN(HG_PATH_GLASS))
+        turn = hg_gather_take_turn(p, b, u);
     hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
+    if (turn > 0.0)
+        r.weight *= r.pdf / turn;
     lobe = r.lobe;
     float side = dot(s.geometric_normal, r.direction);
     bool through = (r.lobe & HG_LOBE_TRANSMISSION) != 0u;

@@ -53,6 +53,7 @@
 #define HG_FEATURE2_MIRRORS        0x200u // of opaque surfaces: planes mirror the scene
 #define HG_FEATURE2_SHADOW_PAGES   0x2000u // the sun has pages (a picture in motion)
 #define HG_FEATURE2_GLASS          0x400u // of layers: light by way of transmissive ones was gathered
+#define HG_FEATURE2_GLASS_RAYS     0x10000u // of layers: rays of the host saw what clear glass shows
 #define HG_FEATURE2_ALL           0xffffffffu
 #define HG_MIX_ANISOTROPIC_GLASS  0x1u
 #define HG_MIX_LAYERED_GLASS      0x2u // below coats or sheens

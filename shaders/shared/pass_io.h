@@ -6,7 +6,7 @@
 #include "shared/io.h"
 
 // shade*.frag; front: of layers the opaque scene, else the layers in front of it (lib/shade.glsl);
-// gathered: gathered light or probe light, shared/gi.h; mirrored: shared/mirror.h;
+// gathered: gathered light or probe light, shared/gi.h, of layers what rays brought to glass, shared/glass.h; mirrored: shared/mirror.h;
 // of layers light by way of glass: radiance of transmissive surfaces, premultiplied by their share of the pixel.
 #define HG_SHADE_IO(X)                                                                             \
     X(0, NEAREST_U2D, visibility)                                                                  \

@@ -314,7 +314,7 @@ static void test_gathered(void **state)
     for (int i = 0; i < 4000 && !info.settled; i++)
         test_ok(hg_view_step(view, 8, &info, &err), &err);
     assert_true(info.settled);
-    const struct hg_path_stats *g = &view->state.gi.gather.stats;
+    const struct hg_path_stats *g = &view->state.gi.gather.stats[0];
     const uint64_t rays = g->pieces[HG_PATH_PIECE_TRACE].items,
                    misses = g->pieces[HG_PATH_PIECE_MISS].items,
                    shaded = g->pieces[HG_PATH_PIECE_SHADE].items;

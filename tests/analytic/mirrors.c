@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/alloc.h"
 #include "renderer/internal.h"
 #include "tests/analytic/gi_rig.h"
 
@@ -50,6 +51,37 @@ static void hall(struct rig *rig, float turn, float tilt)
         corners[i][2] = -2 - x * sinf(turn) + deep * cosf(turn);
     }
     rig_quad(rig, mirror(rig), corners);
+}
+
+// Bars, every second of eight columns; the others are holes.
+static struct hg_texture *bars(struct rig *rig)
+{
+    enum { SIDE = 256 }; // finer than what rays see of it
+    struct hg_texture *t = rig_object(rig, HG_OBJECT_TEXTURE);
+    t->image = hg_calloc(1, sizeof *t->image);
+    assert_non_null(t->image);
+    t->image->refs = 1;
+    t->image->label = hg_strdup("bars");
+    t->image->pixels_srgb = true;
+    test_ok(hg_image_create(SIDE, SIDE, HG_PIXEL_RGBA8, NULL, &t->image->pixels), NULL);
+    uint8_t *texels = t->image->pixels.pixels;
+    memset(texels, 255, 4 * SIDE * SIDE);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        texels[4 * i + 3] = i % SIDE * 8 / SIDE % 2 ? 255 : 0;
+    return t;
+}
+
+// A dark fence before the patches.
+static void fence(struct rig *rig)
+{
+    static const float corners[4][3] = {
+        {2, 0, 2.4f}, {-2, 0, 2.4f}, {-2, 2.8f, 2.4f}, {2, 2.8f, 2.4f}};
+    struct hg_material *m = gi_grey(rig, 0.02f, 0);
+    m->alpha_mode = HG_ALPHA_MASK;
+    m->alpha_cutoff = 0.5f;
+    m->double_sided = true;
+    m->slots[HG_SLOT_BASE_COLOR].texture = bars(rig);
+    rig_quad(rig, m, corners);
 }
 
 // --- pictures ------------------------------------------------------------------------------------
@@ -215,6 +247,18 @@ static void test_two(void **state)
     assert_true(stats.bytes > WIDTH * HEIGHT * 16 && stats.bytes < 4 << 20);
 }
 
+// Through the holes of an alpha mask a mirror shows what is behind it: half of the wall.
+static void test_holes(void **state)
+{
+    struct rig *rig = *state;
+    hall(rig, 0, 0);
+    fence(rig);
+    struct hg_refbuf *truth = path_traced(rig);
+    const struct error e = error_of(rig, truth, "fence", HG_MIRRORS_AUTO, HG_TEMPORAL_NONE);
+    assert_true(e.worst < 0.15 && e.pixels < 0.45); // solid: 0.6 and more
+    hg_refbuf_unref(truth);
+}
+
 // Normal maps, rough surfaces and small ones are no planes, and what is settled does not depend on
 // mirrors.
 static void test_none_and_rest(void **state)
@@ -247,6 +291,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_hall),
         cmocka_unit_test(test_two),
+        cmocka_unit_test(test_holes),
         cmocka_unit_test(test_none_and_rest),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);

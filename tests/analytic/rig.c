@@ -43,7 +43,7 @@ void rig_scene(struct rig *rig)
     rig->next_id = 1;
 }
 
-static void *add(struct rig *rig, enum hg_object_kind kind)
+void *rig_object(struct rig *rig, enum hg_object_kind kind)
 {
     struct hg_object *object;
     struct hg_error err = {0};
@@ -53,7 +53,7 @@ static void *add(struct rig *rig, enum hg_object_kind kind)
 
 struct hg_material *rig_material(struct rig *rig)
 {
-    struct hg_material *material = add(rig, HG_OBJECT_MATERIAL);
+    struct hg_material *material = rig_object(rig, HG_OBJECT_MATERIAL);
     material->metallic = 0;
     material->roughness = 1;
     return material;
@@ -70,8 +70,8 @@ struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material,
     const struct rig_vertices *vertices, uint32_t indices, const uint32_t *index)
 {
     const float *positions = vertices->positions;
-    struct hg_mesh *mesh = add(rig, HG_OBJECT_MESH);
-    struct hg_node *node = add(rig, HG_OBJECT_NODE);
+    struct hg_mesh *mesh = rig_object(rig, HG_OBJECT_MESH);
+    struct hg_node *node = rig_object(rig, HG_OBJECT_NODE);
     struct hg_mesh_part *part = hg_calloc(1, sizeof *part);
     assert_non_null(part);
     mesh->parts = part;
@@ -185,8 +185,8 @@ static void aim(struct hg_node *node, const double direction[3])
 struct hg_light *rig_light(
     struct rig *rig, unsigned kind, const double at[3], const double direction[3])
 {
-    struct hg_light *light = add(rig, HG_OBJECT_LIGHT);
-    struct hg_node *node = add(rig, HG_OBJECT_NODE);
+    struct hg_light *light = rig_object(rig, HG_OBJECT_LIGHT);
+    struct hg_node *node = rig_object(rig, HG_OBJECT_NODE);
     light->kind = kind;
     light->intensity = 1;
     light->casts_shadow = false;

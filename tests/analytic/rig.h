@@ -29,6 +29,8 @@ int rig_set_up(void **state);
 int rig_tear_down(void **state);
 void rig_scene(struct rig *rig); // a new, empty scene in place of the one before
 
+// A new object of the scene.
+void *rig_object(struct rig *rig, enum hg_object_kind kind);
 // White, rough and not metallic.
 struct hg_material *rig_material(struct rig *rig);
 // A node with a mesh of one part: copies of all arrays.
