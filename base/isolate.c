@@ -1,6 +1,7 @@
 #include "base/isolate.h"
 
 static const struct hg_isolate_ops *current;
+static _Thread_local const _Atomic bool *watched;
 
 void hg_isolate_set(const struct hg_isolate_ops *ops)
 {
@@ -10,6 +11,16 @@ void hg_isolate_set(const struct hg_isolate_ops *ops)
 const struct hg_isolate_ops *hg_isolate_get(void)
 {
     return current;
+}
+
+void hg_isolate_watch(const _Atomic bool *stop)
+{
+    watched = stop;
+}
+
+bool hg_isolate_is_stopped(void)
+{
+    return watched && atomic_load(watched);
 }
 
 enum hg_status hg_isolate_once(const char *name, const struct hg_isolate_call *call,

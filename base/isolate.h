@@ -8,6 +8,8 @@
 #ifndef HG_BASE_ISOLATE_H
 #define HG_BASE_ISOLATE_H
 
+#include <stdatomic.h>
+
 #include "base/bytes.h"
 #include "base/status.h"
 
@@ -63,6 +65,11 @@ struct hg_isolate_ops {
 // Borrowed for the life of the process; before there are other threads. NULL: none.
 void hg_isolate_set(const struct hg_isolate_ops *ops);
 const struct hg_isolate_ops *hg_isolate_get(void);
+
+// Calls of this thread end with HG_E_CANCELLED once *stop is set, for those who cannot be asked in
+// between. Borrowed; NULL: none.
+void hg_isolate_watch(const _Atomic bool *stop);
+bool hg_isolate_is_stopped(void);
 
 // One call of a process that is made for it. As open and call.
 enum hg_status hg_isolate_once(const char *name, const struct hg_isolate_call *call,

@@ -45,3 +45,20 @@ void hg_sha256_hex(const uint8_t digest[HG_SHA256_BYTES], char hex[HG_SHA256_HEX
     }
     hex[64] = 0;
 }
+
+static int hex_digit(char c)
+{
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+}
+
+bool hg_sha256_parse(const char *text, size_t bytes, uint8_t digest[HG_SHA256_BYTES])
+{
+    memset(digest, 0, HG_SHA256_BYTES);
+    for (size_t i = 0; i < bytes; i++) {
+        int high = hex_digit(text[2 * i]), low = high < 0 ? -1 : hex_digit(text[2 * i + 1]);
+        if (low < 0)
+            return false;
+        digest[i] = (uint8_t)(high << 4 | low);
+    }
+    return !text[2 * bytes];
+}

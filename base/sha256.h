@@ -3,6 +3,7 @@
 #ifndef HG_BASE_SHA256_H
 #define HG_BASE_SHA256_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,5 +23,8 @@ enum hg_status hg_sha256(const void *data, size_t size, uint8_t digest[HG_SHA256
     HG_MUST_CHECK;
 // 64 lower-case hexadecimal digits, terminated.
 void hg_sha256_hex(const uint8_t digest[HG_SHA256_BYTES], char hex[HG_SHA256_HEX]);
+// Of lower-case digits: the first `bytes` bytes of a digest; those behind them are 0. False: `text`
+// is anything else.
+bool hg_sha256_parse(const char *text, size_t bytes, uint8_t digest[HG_SHA256_BYTES]);
 
 #endif

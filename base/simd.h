@@ -12,4 +12,12 @@
 #define HG_SIMD_LOOP
 #endif
 
+// Before a loop: what it writes is apart from what it reads. Without it loops over many arrays are
+// not compiled so, as restrict is only seen of parameters.
+#ifdef __clang__
+#define HG_SIMD_APART _Pragma("clang loop vectorize(assume_safety)")
+#else
+#define HG_SIMD_APART _Pragma("GCC ivdep")
+#endif
+
 #endif

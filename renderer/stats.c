@@ -280,8 +280,9 @@ static void put_motion(struct hg_writer *w, const struct hg_view_state *s)
     const struct hg_temporal *history = s->motion.temporal.history;
     hg_json_put(w,
         ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f,"
-        "\"bytes\":%llu}",
+        "\"checkerboard\":%s,\"bytes\":%llu}",
         drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor,
+        c.checkerboard ? "true" : "false",
         (unsigned long long)(history != NULL ? hg_temporal_bytes(history) : 0));
 }
 

@@ -18,6 +18,7 @@
 #include "base/file.h"
 #include "base/program.h"
 #include "client/cli/cli.h"
+#include "client/cli/siege.h"
 
 extern char **environ;
 
@@ -286,11 +287,16 @@ static enum hg_status run(struct bench *b, struct hg_error *err)
     enum hg_status status = read_options(b->cli->options, &options, err);
     if (status)
         return status;
+    hg_cli_progress_stage(&b->cli->progress, "measuring");
+    if (strcmp(b->cli->options->args[0], "siege") == 0) {
+        status = hg_cli_siege(b->cli, options, &b->report, err);
+        json_decref(options);
+        return status;
+    }
     status = start_with(b, options, err);
     json_decref(options);
     if (status)
         return status;
-    hg_cli_progress_stage(&b->cli->progress, "measuring");
     return follow(b, err);
 }
 

@@ -226,6 +226,8 @@ static void man_environment(FILE *out)
         {"HELIO_TOKEN", "token for the daemon, when neither --token nor --token-file is given."},
         {"HELIO_WORKER",
             "program of the private worker, instead of ../libexec/helio-worker beside helio."},
+        {"HELIO_LOADER", "program in which the private worker reads foreign formats, instead of "
+                         "../libexec/helio-loader beside it."},
         {"HELIO_BENCH",
             "program of the benchmarks, instead of ../libexec/helio-bench beside helio."},
         {"XDG_CACHE_HOME", "folder of caches; default ~/.cache."},

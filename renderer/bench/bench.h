@@ -41,8 +41,8 @@ struct hg_bench_settings {  // zero of each field = default
 // (of virtual shadow maps, means of the frames: asked, hits, drawn, held), frame_ms (median),
 // p95_over_median, at_rest (nothing was streamed or baked meanwhile), motion (means over the
 // measured frames of what target_ms chose: scale of the sides, rays: share of the probes', error:
-// factor), passes[] (name, ms: medians over the frames in which they ran, frames), triangles_total,
-// triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
+// factor, checkerboard: share of the frames), passes[] (name, ms: medians over the frames in which
+// they ran, frames), triangles_total, triangles_drawn, memory. HG_E_INVAL; errors of hg_view_step.
 enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
@@ -66,8 +66,9 @@ enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_sce
 // (the field of rest): {flip, region_error: mean relative error of luminance in 8 x 6 regions,
 // worst_region_error: of the worst, flicker, cpu_ms}}; leaks[]: {wall_m, light behind the wall over
 // that before it with probes, rays, in motion at most and at last}; responses[]: {change,
-// pictures_to_90, pictures_to_99: until the mean stays that near to the settled one, 0 more than
-// 90; after_15, after_60: share of the way; regions_left_60: share of the difference in regions}.
+// pictures_to_90, pictures_to_99: until the mean stays that near to the one in motion with the
+// field of rest, 0 more than 90; after_15, after_60: share of the way; regions_left_60: share of
+// the difference in regions; settled_over_motion: mean of the settled picture over that}.
 enum hg_status hg_bench_gi_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 

@@ -337,8 +337,9 @@ static void put_rooms(struct hg_writer *w, const struct hg_bench_gi_rooms *rooms
         const struct hg_bench_response *r = &rooms->responses[i];
         hg_json_put(w,
             "%s{\"change\":\"%s\",\"pictures_to_90\":%u,\"pictures_to_99\":%u,\"after_15\":%.4f,"
-            "\"after_60\":%.4f,\"regions_left_60\":%.4f}",
-            i > 0 ? "," : "", r->name, r->to_90, r->to_99, r->after_15, r->after_60, r->regions_60);
+            "\"after_60\":%.4f,\"regions_left_60\":%.4f,\"settled_over_motion\":%.4f}",
+            i > 0 ? "," : "", r->name, r->to_90, r->to_99, r->after_15, r->after_60, r->regions_60,
+            r->settled);
     }
     hg_json_put(w, "]");
 }

@@ -15,12 +15,14 @@ struct hg_bench_leak {
     double motion, newest; // of pictures in motion: the brightest, and the last
 };
 
-// How far the mean of a picture in motion is on its way from before a change to the settled one.
+// How far the mean of a picture in motion is on its way from before a change to one with the field
+// of rest.
 struct hg_bench_response {
     const char *name;
     uint32_t to_90, to_99;     // pictures until it stays within 10 %, 1 %; 0: later than measured
     double after_15, after_60; // share of the way, 1 = there
     double regions_60;         // what is left of the mean difference of regions
+    double settled; // mean of the settled picture over that of one in motion with the same field
 };
 
 struct hg_bench_gi_rooms {

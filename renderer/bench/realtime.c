@@ -34,6 +34,7 @@ struct run {
     float *cpu_ms; // [path_count] least of the frames of a pose
     struct hg_quality_choice chosen; // summed over the measured frames
     uint32_t measured;
+    uint32_t checkered; // of the measured frames, by choice
     bool busy; // in the newest walk something was missing, or baked in the background
     struct pass_times passes[MAX_PASSES];
     uint32_t pass_count;
@@ -113,6 +114,7 @@ static bool note_frame(struct run *run, const struct hg_quality_choice *now,
     run->chosen.scale += drawn.width > 0 ? (float)drawn.width / (float)state->settings.width : 1.0f;
     run->chosen.rays += now->rays;
     run->chosen.factor += now->factor;
+    run->checkered += now->checkerboard;
     run->frame_ms[run->measured++] = (float)((double)ns * 1e-6);
     run->triangles_drawn = info->triangles_drawn;
     run->triangles_total = info->triangles_total;
@@ -213,9 +215,11 @@ static enum hg_status write_report(struct run *run, char **text)
     hg_json_put(&w, ",\"frame_ms\":%.3f,\"p95_over_median\":%.3f,\"cpu_ms\":%.3f,\"at_rest\":%s",
         frame_ms, p95(run->frame_ms, run->measured) / frame_ms, cpu_ms,
         run->busy ? "false" : "true");
-    hg_json_put(&w, ",\"motion\":{\"scale\":%.4f,\"rays\":%.4f,\"error\":%.4f},\"passes\":[",
+    hg_json_put(&w,
+        ",\"motion\":{\"scale\":%.4f,\"rays\":%.4f,\"error\":%.4f,\"checkerboard\":%.4f},"
+        "\"passes\":[",
         (double)run->chosen.scale / frames, (double)run->chosen.rays / frames,
-        (double)run->chosen.factor / frames);
+        (double)run->chosen.factor / frames, run->checkered / frames);
     for (uint32_t i = 0; i < run->pass_count; i++) {
         struct pass_times *pass = &run->passes[i];
         hg_json_put(&w, "%s{\"name\":\"%s\",\"ms\":%.3f,\"frames\":%u}", i > 0 ? "," : "",

@@ -85,7 +85,7 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
            scale = 0, time_s = 0; // 0: the benchmark's defaults
     const struct hg_bench_number numbers[] = {{"width", 1, 16384, &width},
         {"height", 1, 16384, &height}, {"vfov_deg", 1, 170, &vfov_deg},
-        {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}, {"temporal", 0, 1, &temporal},
+        {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}, {"temporal", 0, 2, &temporal},
         {"samples", 1, 65536, &samples}, {"lamps", 0, 1000000, &lamps}, {"truth", 0, 1, &truth},
         {"reflections", 0, 3, &reflections}, {"shadow_maps", 0, 2, &shadow_maps},
         {"target_ms", 0, 100000, &target_ms}, {"scale", 50, 100, &scale},

@@ -41,13 +41,6 @@ struct work {
     atomic_bool failed;
 };
 
-// Restrict pointers: outputs do not alias inputs.
-#ifdef __clang__
-#define APART _Pragma("clang loop vectorize(assume_safety)")
-#else
-#define APART _Pragma("GCC ivdep")
-#endif
-
 // Approximates exp(-x); 0 from x = 8 on.
 static inline float falloff(float x)
 {
@@ -103,7 +96,7 @@ HG_SIMD_LOOP static void patch_distances(const struct work *w, struct tile *t, i
             for (int x = 0; x < TILE_X; x++)
                 out[x] += t->rows[y + i][x];
         }
-        APART
+        HG_SIMD_APART
         for (int x = 0; x < TILE_X; x++)
             out[x] = falloff(out[x] * scale);
     }
@@ -138,7 +131,7 @@ HG_SIMD_LOOP static void feature_weights(
         const float *tone = face->tone + row, *tv = face->tone_var + row;
         const float *rough = p->roughness + row, *seen = p->seen + row;
         float *restrict out = t->lobe[lobe][y];
-        APART
+        HG_SIMD_APART
         for (int x = 0; x < TILE_X; x++) {
             const ptrdiff_t q = x + to;
             const float a = n0[x] - n0[q], b = n1[x] - n1[q], c = n2[x] - n2[q];

@@ -13,10 +13,10 @@
 #include "shaders/shared/path.h"
 
 #define FILTER_BOX   1u       // enum hg_filter of renderer.h
-#define FULL_PX      921600.0 // pictures of so many pixels, or more, have 2 samples for each,
+#define FULL_PX      921600.0 // pictures of so many pixels, or more, have 1 sample for each,
 #define FULL_SAMPLES 32.0     // where so many are asked for
-#define LEAST_BITS   1        // log2 of samples
-#define MOST_BITS    6
+#define MOST_BITS    6        // log2 of samples
+#define SUN_SAMPLES  2u       // at least, of directional lights: their shadows have edges
 #define MOST_BOUNCE  6    // of paths that do not find the field,
 #define GLASS_BOUNCE 16   // and of those by way of glass, which pass both its sides
 #define COLOR        0u   // enum hg_plane of renderer.h
@@ -45,15 +45,21 @@ void hg_gather_view_finish(struct hg_view_state *view)
     view->gi.gather = (struct hg_view_gather){0};
 }
 
-// Small pictures have more samples, as there is less room for the filter in them: a power of two
-// that grows as their number of pixels shrinks to the power of 3/4, in proportion to the samples
-// that the settled picture is to have.
+// About as many for a picture of any size, as the filter is as wide as a part of it: a power of two
+// for each pixel, in proportion to the samples that the settled picture is to have.
 static uint32_t samples_of(const struct hg_view_settings *s)
 {
     const double smaller = log2(FULL_PX / ((double)s->width * s->height));
     const double asked = log2(s->samples / FULL_SAMPLES);
-    const double bits = round(LEAST_BITS + 0.75 * smaller + fmin(asked, 0));
-    return 1u << (uint32_t)fmin(fmax(bits, LEAST_BITS), MOST_BITS);
+    const double bits = round(smaller + fmin(asked, 0));
+    return 1u << (uint32_t)fmin(fmax(bits, 0), MOST_BITS);
+}
+
+// Together with those of directional lights alone.
+static uint32_t all_samples_of(const struct hg_view_settings *s)
+{
+    const uint32_t samples = samples_of(s);
+    return samples > SUN_SAMPLES ? samples : SUN_SAMPLES;
 }
 
 static struct hg_path_request request_of(const struct hg_view_state *view, bool glass)
@@ -63,10 +69,10 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
         .width = s->width,
         .height = s->height,
         .region = {0, 0, s->width, s->height}, // the filter looks around
-        .samples = samples_of(s),
+        .samples = glass ? samples_of(s) : all_samples_of(s),
         .seed = s->seed,
         .error_px = s->error_px,
-        .gather = {.on = true, .glass = glass, .reach = REACH},
+        .gather = {.on = true, .glass = glass, .reach = REACH, .full = samples_of(s)},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     request.settings = (struct hg_path_settings){.trace = s->path.trace,

@@ -145,11 +145,13 @@ static VkRect2D find_posed(const struct hg_view_state *view, const struct hg_dra
     return cover(&camera, size, min, max);
 }
 
-static float wanted_scale(const struct hg_view_state *view)
+static struct hg_quality_choice choose(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    return s->scale > 0.0f ? s->scale
-                           : hg_quality_choose(&view->motion.quality, s->target_ms).scale;
+    struct hg_quality_choice choice = hg_quality_choose(&view->motion.quality, s->target_ms);
+    choice.checkerboard |= s->temporal == HG_VIEW_TEMPORAL_CHECKERBOARD;
+    choice.scale = choice.checkerboard ? 1.0f : s->scale > 0.0f ? s->scale : choice.scale;
+    return choice;
 }
 
 // At least half of a side, and none where that is all.
@@ -170,10 +172,10 @@ void hg_temporal_view_begin(struct hg_view_state *view, struct hg_draw_request *
         return; // a picture without history
     if (!continues(view))
         t->moment = 0; // the next picture is the first of its own motion
-    const bool halves = request->settings->temporal == HG_VIEW_TEMPORAL_CHECKERBOARD;
-    if (!halves)
-        request->drawn = drawn_size(request->settings, wanted_scale(view));
-    request->flags |= halves && !hg_geometry_blends(geometry) ? HG_DRAW_CHECKERBOARD : 0;
+    const struct hg_quality_choice choice = choose(view);
+    const bool checkered = choice.checkerboard && !hg_geometry_blends(geometry);
+    request->drawn = drawn_size(request->settings, choice.scale);
+    request->flags |= checkered ? HG_DRAW_CHECKERBOARD : 0;
     t->posed = find_posed(view, request);
     request->moment = t->moment % (1u << 20) + 1;
     // Both halves of a checkerboard have the same places, else thin features are seen in one of

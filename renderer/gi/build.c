@@ -129,6 +129,7 @@ static struct hg_gi_wave wave_of(struct hg_gi_build *b, const struct hg_gi_build
         .round = b->round};
     if (b->round < PLACE_ROUNDS) {
         w.places = true;
+        w.last = b->round == PLACE_ROUNDS - 1;
         w.rays = PLACE_RAYS;
     } else if (b->end == 0) {
         w.rays = WARM_RAYS;

@@ -127,13 +127,15 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     next.moments = hg_calloc(next.count, sizeof *next.moments);
     next.means = hg_calloc(next.count, sizeof *next.means);
     next.words = hg_calloc((size_t)next.count * PROBE_WORDS, sizeof *next.words);
+    next.stale = hg_calloc(next.count, sizeof *next.stale);
     *f = next;
     if (!f->offsets || !f->inside || !f->needed || !f->updates || !f->irradiance || !f->moments ||
-        !f->means || !f->words) {
+        !f->means || !f->words || !f->stale) {
         hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
     }
     memset(f->needed, f->coarser == NULL, f->count * sizeof *f->needed);
+    memset(f->stale, true, f->count * sizeof *f->stale);
     set_lobes(&f->lobes);
     return HG_OK;
 }
@@ -157,15 +159,16 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
     hg_free(f->moments);
     hg_free(f->means);
     hg_free(f->words);
+    hg_free(f->stale);
     *f = (struct hg_gi_field){.buffer = f->buffer};
 }
 
 static uint64_t host_bytes(uint32_t probes)
 {
     const struct hg_gi_field *f = NULL;
-    return probes *
-           (sizeof *f->offsets + sizeof *f->inside + sizeof *f->needed + sizeof *f->updates +
-               sizeof *f->irradiance + sizeof *f->moments + sizeof *f->means + PROBE_WORDS * 4ull);
+    return probes * (sizeof *f->offsets + sizeof *f->inside + sizeof *f->needed +
+                        sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments +
+                        sizeof *f->means + sizeof *f->stale + PROBE_WORDS * 4ull);
 }
 
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
@@ -244,10 +247,14 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
         }
 }
 
+#define STAYS 0.02f // spacings that a probe may have moved by for what its rays met to be as far
+
 void hg_gi_probe_relocate(
-    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count)
+    struct hg_gi_field *f, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count, bool last)
 {
     const struct hg_gi_ray *back = NULL, *front = NULL;
+    float was[3];
+    hg_copy3(f->offsets[probe], was);
     uint32_t backs = 0;
     for (uint32_t i = 0; i < count; i++) {
         const struct hg_gi_ray **nearest = rays[i].back ? &back : &front;
@@ -271,6 +278,11 @@ void hg_gi_probe_relocate(
             rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) / HG_PROBE_OFFSET_STEPS -
             0.5f;
     f->inside[probe] = inside;
+    float moved[3];
+    hg_sub3(f->offsets[probe], was, moved);
+    if (last && hg_length3(moved) < STAYS)
+        for (uint32_t i = 0; i < count; i++)
+            add_distance(&f->moments[probe], &rays[i], f->spacing, &f->lobes);
     if (!f->coarser)
         return;
     f->needed[probe] |= (front && front->distance < NEAR * f->spacing) ||
@@ -309,6 +321,7 @@ static void set_means(struct hg_gi_field *f, uint32_t probe)
             to->light[t][c] = from->weight[t] > 0 ? from->light[c][t] / from->weight[t] : 0;
     for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
         moments_at(&f->moments[probe], t, &to->reach[t][0], &to->reach[t][1]);
+    f->stale[probe] = true;
 }
 
 // Light that comes in one direction, as sums over `count` rays from all around have it.
@@ -470,6 +483,7 @@ void hg_gi_probe_copy(
     f->irradiance[probe] = from->irradiance[k];
     f->moments[probe] = from->moments[k];
     f->means[probe] = from->means[k];
+    f->stale[probe] = true;
 }
 
 void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
@@ -485,6 +499,7 @@ void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
             point.normal[a] = point.view[a] = f->lobes.irradiance[a][t];
         if (hg_gi_field_irradiance(f->coarser, &point, middle, light) < 0.5f) {
             *to = (struct hg_gi_irradiance){0};
+            f->stale[probe] = true;
             return;
         }
         for (int c = 0; c < 3; c++)
@@ -519,6 +534,8 @@ static void pack_probe(void *user, size_t probe)
                         probe * IRRADIANCE_TEXELS;
     const struct hg_gi_irradiance *from = &f->irradiance[probe];
     f->words[probe] = place_word(f, (uint32_t)probe);
+    if (!f->stale[probe])
+        return;
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
@@ -537,14 +554,42 @@ static void pack_probe(void *user, size_t probe)
     }
 }
 
+// Of one table, the words of probes first .. end - 1.
+static enum hg_status upload_words(const struct hg_gi_field *f, struct hg_gpu *gpu, size_t table,
+    uint32_t texels, const uint32_t range[2], struct hg_error *err)
+{
+    const size_t first = f->count * table + (size_t)range[0] * texels;
+    const uint64_t count = (uint64_t)(range[1] - range[0]) * texels;
+    return hg_gpu_buffer_upload(
+        gpu, &f->buffer, first * sizeof *f->words, f->words + first, count * sizeof *f->words, err);
+}
+
+// A picture in motion updates a few probes that follow each other: packing and copying all of them
+// takes longer than what their rays cost.
 enum hg_status hg_gi_field_upload(
     struct hg_gi_field *f, struct hg_gpu *gpu, struct hg_jobs *jobs, struct hg_error *err)
 {
+    static const struct {
+        uint32_t before, texels; // words of the tables before it, and its own, of a probe
+    } tables[] = {{1, IRRADIANCE_TEXELS}, {1 + IRRADIANCE_TEXELS, MOMENT_TEXELS},
+        {1 + IRRADIANCE_TEXELS + MOMENT_TEXELS, 2 * IRRADIANCE_TEXELS},
+        {1 + 3 * IRRADIANCE_TEXELS + MOMENT_TEXELS, IRRADIANCE_TEXELS}};
     const uint64_t bytes = (uint64_t)f->count * PROBE_WORDS * sizeof *f->words;
     enum hg_status status =
         hg_gpu_buffer_reserve(gpu, HG_GPU_BUFFER_DEVICE, bytes, "probes", &f->buffer, err);
     if (status != HG_OK)
         return status;
     hg_jobs_for(jobs, f->count, pack_probe, f);
-    return hg_gpu_buffer_upload(gpu, &f->buffer, 0, f->words, bytes, err);
+    uint32_t range[2] = {0, f->count};
+    status = upload_words(f, gpu, 0, 1, range, err);
+    while (range[0] < range[1] && !f->stale[range[0]])
+        range[0]++;
+    while (range[0] < range[1] && !f->stale[range[1] - 1])
+        range[1]--;
+    for (size_t i = 0; i < sizeof tables / sizeof *tables && range[0] < range[1]; i++)
+        if (status == HG_OK)
+            status = upload_words(f, gpu, tables[i].before, tables[i].texels, range, err);
+    if (status == HG_OK)
+        memset(f->stale, false, f->count * sizeof *f->stale);
+    return status;
 }

@@ -51,6 +51,7 @@ struct hg_gi_field { // zeroed: none
     struct hg_gi_means *means;
     struct hg_gi_lobes lobes;
     uint32_t *words; // as the device reads them
+    bool *stale;     // [count] the probe's tables have changed since they were uploaded
     struct hg_gpu_buffer buffer;
 };
 
@@ -91,10 +92,11 @@ static inline bool hg_gi_probe_is_awake(const struct hg_gi_field *field, uint32_
 }
 void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float out[3]);
 // Moves a probe out of and away from what its rays met, and says whether it is inside of something.
-// Of a grid with a coarser one: needed where surfaces are so near that lookups read it. The
-// distances count as seen.
-void hg_gi_probe_relocate(
-    struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays, uint32_t count);
+// Of a grid with a coarser one: needed where surfaces are so near that lookups read it. last: the
+// distances go to the moments of a probe that stays, so that light does not leak before it has
+// been updated a few times.
+void hg_gi_probe_relocate(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
+    uint32_t count, bool last);
 // What a ray to a peak of the environment brought: illuminance across the direction.
 struct hg_gi_peak {
     float direction[3], light[3];
@@ -127,7 +129,7 @@ struct hg_gi_point {
 float hg_gi_field_irradiance(const struct hg_gi_field *field, const struct hg_gi_point *point,
     const float xi[3], float out[3]);
 
-// Packs and uploads all of it. HG_E_NOMEM, device errors.
+// Packs and uploads what has changed. HG_E_NOMEM, device errors.
 enum hg_status hg_gi_field_upload(struct hg_gi_field *field, struct hg_gpu *gpu,
     struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
 

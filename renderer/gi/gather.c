@@ -24,6 +24,8 @@
 #define NORMAL_SQUARINGS 3     // the cosine between normals to the power of 8
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
+#define ALIKE_COSINE     0.9f  // of pixels that tell each other's variance,
+#define ALIKE_DEPTH      0.05f // as a share of the depth
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
 #define SUNLIT_REACH     1.5f  // those of shares of directional lights: their edges are sharp
 #define SHARP            0.1f  // roughness below which neighbours see other things
@@ -130,6 +132,31 @@ static void set_light(struct hg_gi_gather *w, int kind, size_t at)
     w->from[kind][VARIANCE][at] = 0.25f * d * d;
 }
 
+// Of pixels with one sample: half the mean squared difference from the pixels next to it that show
+// much the same surface.
+static float variance_beside(const struct hg_gi_gather *w, int kind, size_t x, size_t y)
+{
+    const size_t width = w->in.width, at = y * width + x;
+    const size_t beside[4] = {x > 0 ? at - 1 : at, x + 1 < width ? at + 1 : at,
+        y > 0 ? at - width : at, y + 1 < w->in.height ? at + width : at};
+    float *const *g = w->guides, *const *light = w->from[kind];
+    const float own[3] = {light[RED][at], light[GREEN][at], light[BLUE][at]};
+    float sum = 0, count = 1e-6f;
+    for (int i = 0; i < 4; i++) {
+        const size_t q = beside[i];
+        const float cosine = g[NORMAL_X][at] * g[NORMAL_X][q] + g[NORMAL_Y][at] * g[NORMAL_Y][q] +
+                             g[NORMAL_Z][at] * g[NORMAL_Z][q];
+        const float c[3] = {light[RED][q], light[GREEN][q], light[BLUE][q]};
+        if (q == at || cosine < ALIKE_COSINE ||
+            fabsf(g[DEPTH][q] - g[DEPTH][at]) > ALIKE_DEPTH * g[DEPTH][at])
+            continue;
+        const float d = luminance(c) - luminance(own);
+        sum += d * d;
+        count += 1;
+    }
+    return 0.5f * sum / count;
+}
+
 // Share of directional lights that is seen. Nothing is known where none is faced: such pixels count
 // for no other.
 static void set_sun(struct hg_gi_gather *w, size_t at)
@@ -164,6 +191,14 @@ static void load_row(void *user, size_t y)
     }
 }
 
+static void set_variances_row(void *user, size_t y)
+{
+    struct hg_gi_gather *w = user;
+    for (size_t x = 0; x < w->in.width; x++)
+        for (int kind = SCATTERED; kind <= MIRRORED; kind++)
+            w->from[kind][VARIANCE][y * w->in.width + x] = variance_beside(w, kind, x, y);
+}
+
 // The smaller of the two one-sided differences; 0 next to nothing.
 static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool after)
 {
@@ -175,19 +210,33 @@ static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool af
     return here > 0 && isfinite(least) ? least : 0;
 }
 
-// Mean of the variances around a pixel.
-static float variance_about(
-    const struct hg_gi_gather *w, int kind, size_t x, size_t y, size_t reach)
+#define ABOUT 3 // px around a pixel whose variances are averaged, at most
+
+// Of each pixel of a row the mean of the variances around it, by sums of columns.
+static void set_variance_about(struct hg_gi_gather *w, int kind, size_t y, size_t reach)
 {
-    const size_t width = w->in.width, height = w->in.height;
-    const size_t y0 = y > reach ? y - reach : 0, x0 = x > reach ? x - reach : 0;
-    float sum = 0, count = 1e-6f;
-    for (size_t v = y0; v < height && v <= y + reach; v++)
-        for (size_t u = x0; u < width && u <= x + reach; u++) {
-            sum += w->from[kind][VARIANCE][v * width + u];
+    const size_t width = w->in.width, side = 2 * reach + 1;
+    const size_t y0 = y > reach ? y - reach : 0;
+    const size_t y1 = y + reach < w->in.height ? y + reach + 1 : w->in.height;
+    float sums[2 * ABOUT + 1] = {0}, counts[2 * ABOUT + 1] = {0}; // of the newest columns
+    for (size_t u = 0; u < width + reach; u++) {
+        float column = 0, count = 0;
+        for (size_t v = y0; u < width && v < y1; v++) {
+            column += w->from[kind][VARIANCE][v * width + u];
             count += w->guides[DEPTH][v * width + u] > 0 ? 1.0f : 0.0f;
         }
-    return sum / count;
+        sums[u % side] = column;
+        counts[u % side] = count;
+        if (u < reach)
+            continue;
+        column = 0;
+        count = 1e-6f;
+        for (size_t i = 0; i < side; i++) {
+            column += sums[i];
+            count += counts[i];
+        }
+        w->to[kind][VARIANCE][y * width + u - reach] = column / count;
+    }
 }
 
 // Slopes, and variances that are means over 7 x 7 px, as those of single pixels are noise
@@ -201,9 +250,9 @@ static void prepare_row(void *user, size_t y)
         w->guides[SLOPE_X][at] = slope(w->guides[DEPTH], at, 1, x > 0, x + 1 < width);
         w->guides[SLOPE_Y][at] =
             slope(w->guides[DEPTH], at, (ptrdiff_t)width, y > 0, y + 1 < height);
-        for (int kind = 0; kind < KINDS; kind++)
-            w->to[kind][VARIANCE][at] = variance_about(w, kind, x, y, kind == SUNLIT ? 1 : 3);
     }
+    for (int kind = 0; kind < KINDS; kind++)
+        set_variance_about(w, kind, y, kind == SUNLIT ? 1 : ABOUT);
 }
 
 // --- one iteration -------------------------------------------------------------------------------
@@ -227,9 +276,10 @@ static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
 }
 
 // What one neighbour of each pixel [begin, end) is worth to it; indices begin at the first pixel of
-// a row.
-HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, size_t begin,
-    size_t end, const struct tap *tap, const struct row *out)
+// a row. mirrored, looks (at light): constants of the caller, which a loop without them is for.
+__attribute__((always_inline)) static inline void weigh(const struct hg_gi_gather *w, size_t row,
+    size_t begin, size_t end, const struct tap *tap, const struct row *out, bool mirrored,
+    bool looks)
 {
     float *const *light = w->from[w->kind];
     const float *restrict nx = w->guides[NORMAL_X] + row, *restrict ny = w->guides[NORMAL_Y] + row;
@@ -244,9 +294,8 @@ HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, siz
     float *restrict weights = out->weights;
     const ptrdiff_t to = tap->to;
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
-    const float mirrored = w->kind == MIRRORED ? 1.0f : 0.0f;
-    const float looks = w->kind == SUNLIT || w->step >> BLIND > 0 ? 1.0f : 0.0f;
     const float deviations = w->kind == SUNLIT ? SUNLIT_REACH : LIGHT_REACH;
+    HG_SIMD_APART
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
         const float cosine = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
@@ -257,23 +306,47 @@ HG_SIMD_LOOP static void weigh_tap(const struct hg_gi_gather *w, size_t row, siz
         const float apart = fabsf(z[q] - plane);
         const float may = SLOPE_REACH * (fabsf(zx[x] * dx) + fabsf(zy[x] * dy)) * 0.25f +
                           DEPTH_REACH * px * z[x] + 1e-6f;
-        const float lx = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
-        const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
-        const float deviation = deviations * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
-        const float like = approach_zero(looks * fabsf(lx - lq) / deviation);
         const float same = 1 - fabsf(cloth[x] - cloth[q]);
-        float weight = kernel * n * approach_zero(apart / may) * like * same * worth[q];
-        const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
-        const float other = fabsf(rough[x] - rough[q]) * (1 / ROUGH_REACH);
-        const float width = rough[x] * rough[x] + LOBE_LEAST;
-        const float bend = (1 - cosine) / (LOBE_SHARE * width * width);
-        const float lobe =
-            approach_zero(2 * reach) * approach_zero(2 * other) * approach_zero(bend);
-        weight *= 1 - mirrored * (1 - lobe);
+        float weight = kernel * n * approach_zero(apart / may) * same * worth[q];
+        if (looks) {
+            const float lx = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
+            const float lq = 0.2126f * r[q] + 0.7152f * g[q] + 0.0722f * b[q];
+            const float deviation =
+                deviations * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
+            weight *= approach_zero(fabsf(lx - lq) / deviation);
+        }
+        if (mirrored) {
+            const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
+            const float other = fabsf(rough[x] - rough[q]) * (1 / ROUGH_REACH);
+            const float width = rough[x] * rough[x] + LOBE_LEAST;
+            const float bend = (1 - cosine) / (LOBE_SHARE * width * width);
+            weight *= approach_zero(2 * reach) * approach_zero(2 * other) * approach_zero(bend);
+        }
         weights[x] = weight;
         sw[x] += weight;
         sv[x] += weight * weight * variance[q];
     }
+}
+
+#define WEIGH(name, mirrored, looks)                                                               \
+    HG_SIMD_LOOP static void name(const struct hg_gi_gather *w, size_t row, size_t begin,          \
+        size_t end, const struct tap *tap, const struct row *out)                                  \
+    {                                                                                              \
+        weigh(w, row, begin, end, tap, out, mirrored, looks);                                      \
+    }
+WEIGH(weigh_scattered, false, false)
+WEIGH(weigh_scattered_light, false, true)
+WEIGH(weigh_mirrored, true, false)
+WEIGH(weigh_mirrored_light, true, true)
+
+static void weigh_tap(const struct hg_gi_gather *w, size_t row, size_t begin, size_t end,
+    const struct tap *tap, const struct row *out)
+{
+    const bool looks = w->kind == SUNLIT || w->step >> BLIND > 0;
+    if (w->kind == MIRRORED)
+        (looks ? weigh_mirrored_light : weigh_mirrored)(w, row, begin, end, tap, out);
+    else
+        (looks ? weigh_scattered_light : weigh_scattered)(w, row, begin, end, tap, out);
 }
 
 HG_SIMD_LOOP static void add_weighted(float *restrict sums, const float *restrict weights,
@@ -503,6 +576,8 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
         w->guides[i] = w->loaded + i * pixels;
     lay_out(w, w->loaded + GUIDES * pixels, w->from);
     hg_jobs_for(jobs, input->height, load_row, w);
+    if (input->samples == 1)
+        hg_jobs_for(jobs, input->height, set_variances_row, w);
     w->in.sums = w->in.halves = NULL;
     return HG_OK;
 }

@@ -275,7 +275,7 @@ static void gather_probe(void *user, size_t index)
     const uint32_t *blocked = w->waves->blocked.mapped;
     struct hg_gi_ray *rays = w->waves->brought + index * w->wave.rays;
     if (w->wave.places) {
-        hg_gi_probe_relocate(w->wave.field, probe, rays, w->wave.rays);
+        hg_gi_probe_relocate(w->wave.field, probe, rays, w->wave.rays, w->wave.last);
         return;
     }
     for (uint32_t i = 0; i < w->wave.rays; i++) {

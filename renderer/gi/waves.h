@@ -47,6 +47,7 @@ struct hg_gi_wave {
     uint32_t round;                  // another one: other directions
     float keep;  // of what probes hold; < 0: by what each has seen since the last change
     bool places; // finds out where probes stand; no light
+    bool last;   // for the last time
 };
 // Device errors.
 enum hg_status hg_gi_waves_run(

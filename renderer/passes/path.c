@@ -9,6 +9,7 @@ static const struct {
     uint32_t variant;
 } kernels[] = {{"path_begin.comp", "path begin", 0}, {"path_shade.comp", "path shade", 0},
     {"path_shade.comp", "path miss", 1}, {"path_shade.comp", "path shade", 2},
+    {"path_shade.comp", "path end", 3}, {"path_shade.comp", "path sunlit", 4},
     {"path_shadow.comp", "path light", 0}, {"path_shadow.comp", "path holes", 1},
     {"path_shadow.comp", "path light", 2}, {"path_add.comp", "path film", 0},
     {"path_add.comp", "path film", 1}};

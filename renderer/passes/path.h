@@ -11,6 +11,8 @@ enum hg_path_kernel {
     HG_PATH_SHADE,      // shades the hits
     HG_PATH_MISS,       // the same of rays that left the scene,
     HG_PATH_SURFACE,    // and of those that did not
+    HG_PATH_END,        // of those where gathering paths end: the others are marked HG_PATH_FINE
+    HG_PATH_SUNLIT,     // of first surfaces, for what directional lights bring alone
     HG_PATH_ARRIVE,     // adds light whose shadow rays passed all opaque surfaces
     HG_PATH_ALPHA_MASK, // the next masked or blended surface along its shadow ray
     HG_PATH_CLEAR,      // there is none

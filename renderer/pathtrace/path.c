@@ -235,12 +235,18 @@ static enum hg_status judge(struct hg_path *p, float noise, struct hg_error *err
     return hg_path_progress_judge(&p->progress, p->context->gpu, &p->film, noise, least, err);
 }
 
+static uint32_t last_pass(const struct hg_path *p)
+{
+    const bool suns = p->wave.block.emitters.directional_count > 0;
+    return p->request.gather.on && !suns ? p->request.gather.full : p->request.samples;
+}
+
 static enum hg_status end_pass(struct hg_path *p, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     p->progress.pass++;
     p->progress.next_tile = p->progress.next_row = 0;
-    const bool last = p->progress.pass >= p->request.samples;
+    const bool last = p->progress.pass >= last_pass(p);
     if (p->progress.pass >= 2 && (last || p->progress.pass % HG_PATH_NOISE_EVERY == 0))
         status = judge(p, p->request.settings.noise, err);
     p->progress.finished = last || !hg_path_progress_any_left(&p->progress, &p->film);

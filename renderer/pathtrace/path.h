@@ -49,6 +49,8 @@ struct hg_path_gather {
     bool on;
     bool glass;  // to transmissive surfaces, of which the colour is read; else to opaque ones
     float reach; // from which on a hit is shaded by the field, in spacings of its probes there
+    uint32_t full; // samples, the first ones: others bring the light of directional lights alone,
+                   // if there are any
 };
 
 #define HG_PATH_DENOISE_SERIES 2u // flag of `denoise`: temporal, with the previous pictures

@@ -213,27 +213,104 @@ static enum hg_path_phase after_light(struct hg_path *p)
     return more ? HG_PATH_PHASE_BRANCH : HG_PATH_PHASE_FILM;
 }
 
+static void add_demand(struct hg_page_demand *demand, const struct hg_page_demand *more)
+{
+    demand->missing += more->missing;
+    demand->fits = demand->fits && more->fits;
+}
+
+// Of slots from a list, to `ends` those whose paths may end at what they met, to `rest` the others.
+static void split_ends(const struct hg_path *p, const uint32_t *slots, uint32_t count,
+    struct hg_path_list *ends, struct hg_path_list *rest)
+{
+    uint32_t *end = ends->buffer.mapped, *other = rest->buffer.mapped;
+    ends->count = rest->count = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t slot = slots[i];
+        if (p->wave.bounce >= HG_PATH_ENDS_FROM(p->progress.pass, slot, slot >> 1))
+            end[ends->count++] = slot;
+        else
+            other[rest->count++] = slot;
+    }
+}
+
+// Hits of gathering paths: where they end there is little to do, in a kernel of its own.
+static enum hg_status shade_ends(struct hg_path *p, uint32_t first, uint32_t count,
+    struct hg_page_demand *demand, struct hg_error *err)
+{
+    // These are free until shadow rays are listed.
+    struct hg_path_list *ends = &p->wave.lists.shadows, *rest = &p->wave.lists.suns;
+    const uint32_t *status_of = p->wave.buffers.status.mapped;
+    struct hg_page_demand other = {.fits = true};
+    split_ends(p, (const uint32_t *)p->wave.lists.waiting.buffer.mapped + first, count, ends, rest);
+    enum hg_status status = HG_OK;
+    if (ends->count > 0)
+        status = hg_path_wave_run(
+            p, &(struct hg_path_run){HG_PATH_END, ends, 0, ends->count}, &other, err);
+    add_demand(demand, &other);
+    const uint32_t *end = ends->buffer.mapped;
+    uint32_t *slots = rest->buffer.mapped;
+    for (uint32_t i = 0; i < ends->count; i++) {
+        slots[rest->count] = end[i];
+        rest->count += (status_of[end[i]] & HG_PATH_STATUS_MASK) == HG_PATH_FINE;
+    }
+    if (rest->count == 0 || status != HG_OK)
+        return status;
+    status = hg_path_wave_run(p,
+        &(struct hg_path_run){
+            p->wave.host_hits ? HG_PATH_SURFACE : HG_PATH_SHADE, rest, 0, rest->count},
+        &other, err);
+    add_demand(demand, &other);
+    return status;
+}
+
+// Samples that look for directional lights alone: paths that left the scene are over.
+static enum hg_status shade_sunlit(struct hg_path *p, uint32_t missed, uint32_t count,
+    struct hg_page_demand *demand, struct hg_error *err)
+{
+    const uint32_t *slots = p->wave.lists.waiting.buffer.mapped;
+    uint32_t *status_of = p->wave.buffers.status.mapped;
+    for (uint32_t i = 0; i < missed; i++)
+        status_of[slots[i]] = HG_PATH_DONE;
+    if (count == 0)
+        return HG_OK;
+    return hg_path_wave_run(p,
+        &(struct hg_path_run){HG_PATH_SUNLIT, &p->wave.lists.waiting, missed, count}, demand, err);
+}
+
+static enum hg_status shade_hits(struct hg_path *p, uint32_t first, uint32_t count,
+    struct hg_page_demand *demand, struct hg_error *err)
+{
+    const bool gathers = (p->options & (HG_PATH_GATHERS | HG_PATH_GLASS)) == HG_PATH_GATHERS;
+    struct hg_page_demand other = {.fits = true};
+    if (gathers && p->wave.bounce > 0)
+        return shade_ends(p, first, count, demand, err);
+    const enum hg_status status = hg_path_wave_run(p,
+        &(struct hg_path_run){p->wave.host_hits ? HG_PATH_SURFACE : HG_PATH_SHADE,
+            &p->wave.lists.waiting, first, count},
+        &other, err);
+    add_demand(demand, &other);
+    return status;
+}
+
 // Shades the first `count` suspended slots, misses and hits in separate kernels where known.
 static enum hg_status shade_some(
     struct hg_path *p, uint32_t count, struct hg_page_demand *demand, struct hg_error *err)
 {
     struct lap lap = lap_start();
-    struct hg_page_demand other = {.fits = true};
     const uint32_t missed = p->wave.missed < count ? p->wave.missed : count, rest = count - missed;
     enum hg_status status = HG_OK;
-    *demand = other;
-    if (missed > 0)
+    *demand = (struct hg_page_demand){.fits = true};
+    const bool full = !p->request.gather.on || p->progress.pass < p->request.gather.full;
+    if (full && missed > 0)
         status = hg_path_wave_run(
             p, &(struct hg_path_run){HG_PATH_MISS, &p->wave.lists.waiting, 0, missed}, demand, err);
     lap_stop(&lap, p, HG_PATH_PIECE_MISS, missed);
-    if (rest > 0 && status == HG_OK)
-        status = hg_path_wave_run(p,
-            &(struct hg_path_run){p->wave.host_hits ? HG_PATH_SURFACE : HG_PATH_SHADE,
-                &p->wave.lists.waiting, missed, rest},
-            &other, err);
+    if (!full)
+        status = shade_sunlit(p, missed, rest, demand, err);
+    else if (rest > 0 && status == HG_OK)
+        status = shade_hits(p, missed, rest, demand, err);
     lap_stop(&lap, p, HG_PATH_PIECE_SHADE, rest);
-    demand->missing += other.missing;
-    demand->fits = demand->fits && other.fits;
     p->wave.missing = demand->missing;
     return status;
 }

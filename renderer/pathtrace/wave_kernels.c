@@ -179,7 +179,7 @@ static enum hg_status record(
     const struct hg_gpu_path_push push = {r->list->buffer.address + (uint64_t)r->first * 4,
         r->count, 0, p->wave.second, p->wave.branch};
     const bool shades =
-        r->kernel == HG_PATH_SHADE || r->kernel == HG_PATH_MISS || r->kernel == HG_PATH_SURFACE;
+        r->kernel >= HG_PATH_SHADE && r->kernel <= HG_PATH_SUNLIT; // END is never first
     const uint32_t first = shades && p->wave.bounce == 0 ? HG_PATH_FIRST : 0;
     return hg_path_record(pass, r->kernel, p->options | p->wave.may | first, &block, &push, err);
 }

@@ -68,28 +68,14 @@ static bool parse_scope(char *word, struct hg_token *out)
         return parse_date(value, &scope->expires_s);
     if (strcmp(word, "scenes") == 0)
         return parse_pattern(value, scope->scenes, sizeof scope->scenes);
+    if (strcmp(word, "weight") == 0)
+        return parse_count(value, &scope->weight) && scope->weight <= HG_TOKEN_WEIGHT_MAX;
     if (strcmp(word, "sessions") == 0)
         return parse_count(value, &scope->max_sessions);
     return strcmp(word, "rate") == 0 && parse_count(value, &scope->max_rate);
 }
 
 // ---- lines --------------------------------------------------------------------------------------
-
-static int hex_digit(char c)
-{
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-static bool parse_hash(const char *hex, uint8_t out[32])
-{
-    for (int i = 0; i < 32; i++) {
-        int high = hex_digit(hex[2 * i]), low = high < 0 ? -1 : hex_digit(hex[2 * i + 1]);
-        if (low < 0)
-            return false;
-        out[i] = (uint8_t)(high << 4 | low);
-    }
-    return !hex[64];
-}
 
 enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32])
 {
@@ -103,7 +89,7 @@ static enum hg_status parse_token(
     size_t length = strlen(word);
     *plain = strncmp(word, prefix, sizeof prefix - 1) != 0;
     if (!*plain)
-        return parse_hash(word + sizeof prefix - 1, out->hash)
+        return hg_sha256_parse(word + sizeof prefix - 1, sizeof out->hash, out->hash)
                    ? HG_OK
                    : hg_error_set(
                          err, HG_E_INVAL, NULL, NULL, "expected 64 digits 0-9 a-f after 'sha256:'");
@@ -154,8 +140,7 @@ static enum hg_status parse_line(
         else if (!parse_scope(word, out))
             return hg_error_set(err, HG_E_INVAL, NULL, NULL,
                 "'%s' is none of tenant=NAME, expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, "
-                "sessions=COUNT, "
-                "rate=COUNT",
+                "sessions=COUNT, rate=COUNT, weight=1...10000",
                 word);
     }
     out->role = (enum hgp_role)value;

@@ -7,11 +7,13 @@
 #include "protocol/hgp.h"
 
 enum { HG_TOKEN_MIN = 8, HG_TOKEN_MAX = 256 }; // characters
+enum { HG_TOKEN_WEIGHT = 100, HG_TOKEN_WEIGHT_MAX = 10000 }; // usual, largest
 
 // What a token allows besides its role.
 struct hg_token_scope {
     int64_t expires_s;     // seconds since 1970 (UTC); 0 = never
     uint32_t max_sessions; // open at a time; 0 = as max-sessions-per-token says
+    uint32_t weight;       // of its tenant's worker, 1 to 10000; 0 = 100
     uint32_t max_rate;     // messages per second of a session; 0 = as max-rate says
     char scenes[129];      // pattern (fnmatch) of the names of scenes that may be opened; "" = all
 };
@@ -33,6 +35,7 @@ struct hg_tokens {
 
 // Reads lines of
 //   TOKEN ROLE [NAME] [tenant=NAME] [expires=DATE] [scenes=PATTERN] [sessions=COUNT] [rate=COUNT]
+//   [weight=COUNT]
 // where TOKEN is `sha256:` and 64 hexadecimal digits, or the token itself; DATE is YYYY-MM-DD or
 // YYYY-MM-DDThh:mm:ssZ. HG_E_INVAL: err->what = the file, err->where = "line N".
 // HG_E_NOTFOUND, HG_E_PERM, HG_E_IO, HG_E_LIMIT, HG_E_NOMEM. *out is empty on failure.

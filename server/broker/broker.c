@@ -9,12 +9,16 @@
 #include <sys/epoll.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "server/broker/call_filter.h"
+#include "server/broker/confine.h"
 #include "server/broker/notify.h"
+#include "server/broker/privileges.h"
 #include "server/broker/recovery.h"
 #include "server/broker/session.h"
 #include "server/broker/session_park.h"
@@ -101,10 +105,12 @@ static enum hg_status choose_audit(struct hg_options *o, struct hg_error *err)
 
 static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
 {
-    enum hg_status status = choose_cache_dir(&b->options, err);
-    char *folder = status ? NULL : join(b->options.cache_dir, "uploads");
-    if (!status && !folder)
+    enum hg_status status = HG_OK;
+    char *folder = join(b->options.cache_dir, "uploads");
+    if (!folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
+    if (!status)
+        status = hg_homes_recover(b->options.cache_dir, b->takeover.inherited_fd >= 0, err);
     if (!status)
         status = hg_upload_store_create(folder, b->options.upload_store_bytes, &b->store, err);
     hg_free(folder);
@@ -126,6 +132,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
 {
     struct hg_link like = {.loop = &b->loop,
         .options = &b->options,
+        .whose = {.launcher = &b->launcher},
         .events = &hg_recovery_events,
         .owner = &b->sessions};
     b->admission = (struct hg_admission){
@@ -143,7 +150,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .audit = &b->audit,
         .quarantine = &b->quarantine,
         .scenes = {.pool = &b->pool, .store = b->store}};
-    if (hg_worker_pool_init(&b->pool, &like, b->takeover.inherited_links))
+    if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine, b->takeover.inherited_links))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
     return HG_OK;
 }
@@ -487,27 +494,66 @@ static uint64_t round_end(void *user)
 
 // ---- life ---------------------------------------------------------------------------------------
 
+// Sockets may need root; nothing else does, but that folders become the user's.
+static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *err)
+{
+    struct hg_user user;
+    enum hg_status status = hg_user_find(&user, b->options.user, err);
+    if (!status)
+        status = open_listeners(b, err);
+    if (status || !user.change)
+        return status;
+    for (const struct hg_listener *it = b->listeners; it; it = it->next)
+        hg_user_own(&user, it->unix_path);
+    if (mkdir(b->options.cache_dir, 0700) != 0 && errno != EEXIST)
+        hg_warn(MAIN, "%s: %s", b->options.cache_dir, strerror(errno));
+    hg_user_own(&user, b->options.cache_dir);
+    hg_user_own(&user, b->options.audit);
+    hg_user_own(&user, b->options.state_dir);
+    status = hg_user_become(&user, err);
+    if (!status && b->options.tokens && access(b->options.tokens, R_OK) != 0)
+        hg_warn(AUTH, "%s cannot read %s: SIGHUP will keep the tokens of now", user.name,
+            b->options.tokens);
+    return status;
+}
+
 static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
-    enum hg_status status = hg_loop_init(&b->loop, err);
+    const bool is_inherited = b->takeover.inherited_fd >= 0;
+    enum hg_status status = choose_cache_dir(&b->options, err);
+    if (!status)
+        status = hg_loop_init(&b->loop, err);
+    if (!status && !is_inherited)
+        status = listen_and_become(b, err);
+    if (!status)
+        status = hg_launcher_start(&b->launcher, &b->options, err);
+    // Before there are threads, each of which has a set of its own.
+    if (!status && hg_confine_drop_capabilities())
+        status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
+    if (!status && !hg_call_filter_enter())
+        hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
     if (!status)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
     if (!status)
+        status = hg_machine_init(&b->machine, &b->options, err);
+    if (!status)
         status = wire_up(b, err);
     if (!status)
         status = hg_takeover_inherit(&b->takeover, err); // before there is a log
+    if (!status && is_inherited)
+        hg_worker_pool_take_homes(&b->pool);
+    if (!status && is_inherited)
+        status = open_listeners(b, err); // those that are open already
     if (!status)
         status = open_state(b, err);
     if (!status)
         status = open_audit(b, err);
-    if (!status && !hg_link_find_program(&b->options, path, sizeof path))
+    if (!status && !hg_worker_process_find(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
-    if (!status)
-        status = open_listeners(b, err);
     return status;
 }
 
@@ -526,6 +572,7 @@ static void stop(struct hg_broker *b)
     hg_listeners_destroy(&b->loop, &b->listeners);
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
+    hg_launcher_stop(&b->launcher);
     hg_upload_store_destroy(b->store);
     hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);
     hg_audit_close(&b->audit);
@@ -551,7 +598,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     struct hg_error err = {0};
     *b = (struct hg_broker){.options = *options, .argc = argc, .argv = argv};
     *options = (struct hg_options){0};
-    b->signals.fd = b->state_news.fd = b->loop.epoll_fd = -1;
+    b->signals.fd = b->state_news.fd = b->loop.epoll_fd = b->launcher.fd = -1;
     b->takeover = (struct hg_takeover){.all = {&b->sessions, &b->conns, &b->listeners},
         .loop = &b->loop,
         .audit = &b->audit,

@@ -7,12 +7,17 @@
 // Layers, lowest first:
 //   json
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
-//   transport state_file                         bytes of a peer; of the state log
+//   transport state_file upload                  bytes of a peer; of the state log; of a content
 //   packet listener peer_table state_folder      whole messages; where clients come in, and from
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record
 //   quarantine                                   files that ended workers
 //   slots                                        who gets a connection
+//   cgroup privileges call_filter                control groups; the daemon's user, its calls
+//   worker_share                                 what of the machine a worker gets
+//   worker_home                                  the folders of a worker
+//   worker_process confine                       its arguments; what its process may do
+//   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
@@ -24,7 +29,7 @@
 //   session_park
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
-//   recovery client_dispatch state               a new worker; what a client may say; restarts
+//   recovery client_dispatch state               a new worker; a client's messages; restarts
 //   handover                                     all of it, for the next program
 //   takeover                                     SIGUSR2
 //   broker                                       start, signals, reload, the janitor, drain
@@ -51,6 +56,8 @@ struct hg_broker {
     struct hg_admission admission;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
+    struct hg_launcher launcher;
+    struct hg_machine machine;
     struct hg_worker_pool pool;
     struct hg_takeover takeover;
     uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;

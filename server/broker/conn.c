@@ -4,6 +4,7 @@
 #include <sys/epoll.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 #include "server/broker/list.h"
 
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
@@ -11,7 +12,7 @@ enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT =
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
 enum { RESTED_BEFORE_TRIM = 64 };
 // Of a connection in one round of the loop: the others wait for it.
-enum { MESSAGES_PER_ROUND = 32 };
+enum { MESSAGES_PER_ROUND = 32, ROUND_NS = 250000 };
 static const uint64_t rest_ns = 2000000000;
 
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
@@ -220,8 +221,10 @@ static bool take_message(struct hg_conn *conn)
 // Handles queued messages until the connection has to wait.
 static void process(struct hg_conn *conn)
 {
+    const uint64_t begin_ns = hg_clock_now_ns();
     for (int i = 0; conn->state < HG_CONN_CLOSING && !must_pause(conn); i++) {
-        if (i == MESSAGES_PER_ROUND && conn->state == HG_CONN_OPEN) {
+        const bool had_turn = i == MESSAGES_PER_ROUND || hg_clock_now_ns() - begin_ns > ROUND_NS;
+        if (had_turn && i > 0 && conn->state == HG_CONN_OPEN) {
             conn->deferred = conn->table->deferred = true;
             return;
         }

@@ -16,6 +16,7 @@
 #include "server/broker/session_view.h"
 #include "server/broker/state.h"
 #include "server/broker/state_file.h"
+#include "server/broker/upload.h"
 
 // Kinds of records, beside those of enum hg_state_kind.
 enum { LINK = 0x100, SCENE, SESSION, VIEW, CONN, LISTENER };
@@ -123,6 +124,7 @@ static void save_link(const struct hg_handover *h, uint32_t index)
     hg_write_u32(&w, link->deaths);
     hg_write_u32(&w, link->last_id);
     hg_write_u8(&w, link->no_spill);
+    hg_write_u32(&w, link->whose.weight);
     put_text(&w, link->whose.tenant);
     hg_packet_save_input(&link->in, &w);
     append(h, &w);
@@ -281,6 +283,7 @@ static enum hg_status load_link(const struct hg_handover *h, struct hg_reader *r
     link->deaths = hg_read_u32(r);
     link->last_id = hg_read_u32(r);
     link->no_spill = hg_read_u8(r);
+    link->whose.weight = hg_read_u32(r);
     take_text(r, link->whose.tenant, sizeof link->whose.tenant);
     link->whose.wanted = true;
     link->whose.idle_ns = link->loop->now_ns;

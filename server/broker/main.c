@@ -30,7 +30,7 @@ static int check(const struct hg_options *options)
 static int device_info(const struct hg_options *options)
 {
     char path[4096];
-    if (!hg_link_find_program(options, path, sizeof path)) {
+    if (!hg_worker_process_find(options, path, sizeof path)) {
         fprintf(stderr, "heliod: %s: the worker's program is not there\n", path);
         return EXIT_START;
     }

@@ -554,6 +554,8 @@ static const char token_text[] =
     "|\n"
     "| `scenes=PATTERN` | It opens scenes whose names match only (`*`, `?`, `[...]`), and scenes "
     "without a name, which are a session's own. |\n"
+    "| `weight=COUNT` | 1 to 10000, usually 100: its tenant's part of cores and memory, beside "
+    "other tenants that have workers. |\n"
     "| `sessions=COUNT` | Open at a time, in place of `max-sessions-per-token`. |\n"
     "| `rate=COUNT` | Messages per second of a session, in place of `max-rate`. |\n\n"
     "On SIGHUP the sessions of tokens that are no longer there, or have another role, end. Clients "
@@ -563,7 +565,9 @@ static const char token_text[] =
 // Read by renderer/debug_environment.c.
 static const char environment_text[] =
     "\n## Environment of workers\n\n"
-    "`HELIO_WORKER` is the worker's program, see above. For people who look into a frame, workers "
+    "`HELIO_WORKER` is the worker's program, see above; `HELIO_LOADER` what workers read foreign "
+    "formats with, else ../libexec/helio-loader beside the worker. For people who look into a "
+    "frame, workers "
     "of "
     "a daemon, private workers and `helio-bench` take these; pictures stay the same:\n\n"
     "| variable | |\n|---|---|\n"

@@ -9,6 +9,7 @@
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
+#include "server/broker/worker_pool.h"
 
 enum { SECRET_BYTES = 32 };
 
@@ -86,6 +87,8 @@ void hg_resume(struct hg_conn *conn, uint32_t request, const struct hgp_resume *
         return;
     }
     s->scope = asker->scope;
+    if (s->scene)
+        hg_worker_pool_weigh(s->table->pool, s->scene->link, s->scope.weight);
     hg_session_unpark(s, conn);
     hg_session_destroy(asker);
     hg_session_record(s);

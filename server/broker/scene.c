@@ -72,9 +72,10 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct h
     *out = scene;
     if (scene) {
         scene->sessions++;
+        hg_worker_pool_weigh(table->pool, scene->link, wish->weight);
         return HG_OK;
     }
-    struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant);
+    struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant, wish->weight);
     if (!link)
         return hg_error_set(err, HG_E_LIMIT, "scene_open", NULL,
             "as many tenants have scenes open as may (max-workers); try again later");
@@ -183,7 +184,7 @@ void hg_shared_scene_settle(struct hg_shared_scene *scene, const struct hg_scene
 bool hg_shared_scene_place(
     struct hg_scene_table *table, struct hg_shared_scene *scene, uint64_t until_ns)
 {
-    struct hg_link *link = hg_worker_pool_route(table->pool, scene->tenant);
+    struct hg_link *link = hg_worker_pool_route(table->pool, scene->tenant, 0);
     if (!link)
         return false;
     give_worker(scene, link);

@@ -48,6 +48,7 @@ struct hg_scene_wish {
     const char *tenant;
     struct hgp_str name; // empty: one of its own
     uint64_t session;
+    uint32_t weight; // of the tenant; 0 = the usual one
 };
 
 // Finds or makes a scene of the tenant (of all tenants, where they share workers); *existed.

@@ -52,7 +52,8 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     else if (hg_session_rules_may_change(table, "scene_open", &err))
         ; // err says why
     else if (hg_shared_scene_join(&table->scenes,
-                 &(struct hg_scene_wish){s->tenant, m->name, s->number}, &scene, &existed, &err))
+                 &(struct hg_scene_wish){s->tenant, m->name, s->number, s->scope.weight}, &scene,
+                 &existed, &err))
         ; // err says why
     else if (!(first_id = hg_shared_scene_claim_ids(scene))) {
         hg_shared_scene_leave(&table->scenes, scene);

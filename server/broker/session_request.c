@@ -7,7 +7,7 @@
 #include "server/broker/trial.h"
 
 // Of one session before the next; what each may have waiting however much waits in all.
-enum { TURN_BYTES = 128 << 10, LEAST_SHARE = 4 << 10 };
+enum { TURN_BYTES = 32 << 10, LEAST_SHARE = 4 << 10 };
 
 static size_t packet_bytes(const struct hg_packet *packet)
 {
@@ -50,6 +50,8 @@ static struct hg_request *add_request(
     s->load.frames += is_frame_request(packet);
     s->load.bytes += packet_bytes(packet);
     note_unsent(s, (int64_t)packet_bytes(packet));
+    if (!s->load.unsent)
+        s->load.unsent = request;
     return request;
 }
 
@@ -96,6 +98,7 @@ void hg_session_request_lost(struct hg_session *s, struct hg_request *request)
     if (request->sent)
         note_unsent(s, (int64_t)packet_bytes(request->packet));
     request->sent = false;
+    s->load.unsent = s->first;
     request->link_id = 0;
     give_back(s, request);
 }
@@ -109,6 +112,8 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
     s->load.bytes -= packet_bytes(request->packet);
     if (!request->sent)
         note_unsent(s, -(int64_t)packet_bytes(request->packet));
+    if (s->load.unsent == request)
+        s->load.unsent = request->next;
     give_back(s, request);
     hg_trial_clear(s, request);
     hg_trial_leave(s, request);
@@ -183,6 +188,7 @@ static void send_request(struct hg_session *s, struct hg_request *request)
     uint16_t type = request->packet->header.type;
     request->link_id = is_answered(request) ? hg_link_next_id(link) : 0;
     request->sent = true;
+    s->load.unsent = request->next;
     note_unsent(s, -(int64_t)packet_bytes(request->packet));
     charge(s, request);
     struct hg_packet *packet = type == HGP_T_subscribe ? windowed_subscribe(s, request->packet)
@@ -206,10 +212,8 @@ static bool send_some(struct hg_session *s, uint64_t most)
     struct hg_link *link = s->scene->link;
     struct hg_request *next;
     uint64_t bytes = 0;
-    for (struct hg_request *it = s->first; it && s->attached; it = next) {
+    for (struct hg_request *it = s->load.unsent; it && s->attached; it = next) {
         next = it->next;
-        if (it->sent)
-            continue;
         if (hg_trial_must_wait(s, it) || !has_room(s, it))
             return false;
         if (!hg_link_has_room(link) || bytes >= most) {

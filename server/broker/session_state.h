@@ -60,7 +60,8 @@ struct hg_session_failed {
 
 // Requests under way.
 struct hg_session_load {
-    uint32_t count, frames;       // frames: those that render
+    uint32_t count, frames;    // frames: those that render
+    struct hg_request *unsent; // the first that the worker has not, and all behind it; NULL: none
     uint64_t bytes, unsent_bytes; // unsent: of those that the worker has no room for yet
 };
 

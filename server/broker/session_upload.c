@@ -1,5 +1,6 @@
 #include "server/broker/session_upload.h"
 
+#include "server/broker/upload.h"
 #include <stdio.h>
 #include <string.h>
 

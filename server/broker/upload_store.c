@@ -3,19 +3,23 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
-#include "base/checked.h"
-#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/sha256.h"
 
-enum { BUCKETS = 65536, BLOCK_BYTES = 4096, MARK_DIGITS = 32 };
+enum {
+    BUCKETS = 65536,
+    BLOCK_BYTES = 4096,
+    KEY_DIGITS = 32,
+    LINK_BYTES = PATH_MAX + HG_SHA256_HEX
+};
 
 struct content {
     struct content *chain;           // of its bucket
@@ -31,6 +35,7 @@ struct content {
 struct hg_upload_owner {
     struct hg_upload_owner *next;
     uint8_t key[32];
+    char *moved; // where its folder is; NULL = in that of the store
     struct hg_upload_usage usage, quota;
 };
 
@@ -41,18 +46,6 @@ struct hg_upload_store {
     struct content *oldest, *newest;
     struct hg_upload_owner *owners;
     uint32_t next_name;
-};
-
-struct hg_upload {
-    struct hg_upload_store *store;
-    struct hg_upload_owner *owner;
-    struct hg_sha256 *hasher;
-    uint8_t hash[32];
-    uint64_t total, offset;
-    uint64_t charged;     // bytes that there is room for
-    uint64_t progress_ns; // when it began, or the last piece came
-    int fd;
-    char *path;
 };
 
 // On the disk: whole blocks, and one for the file itself.
@@ -149,18 +142,25 @@ static void remove_if_unused(struct hg_upload_store *store, struct content *cont
     hg_free(content);
 }
 
-// An empty file beside the content says that it is this owner's, so that later runs know it.
-// Caller frees. NULL: no memory.
-static char *marker_path(const struct hg_upload_store *store, const struct content *content,
-    const struct hg_upload_owner *owner)
+// An owner has a folder with a link to each of its contents, so that later runs know whose they are
+// and a worker may be shown those of its tenant and no others.
+static const char *owner_folder(const struct hg_upload_store *store,
+    const struct hg_upload_owner *owner, char *path, size_t size)
 {
-    char hex[HG_SHA256_HEX], mark[HG_SHA256_HEX];
+    char hex[HG_SHA256_HEX];
+    if (owner->moved)
+        return owner->moved;
+    hg_sha256_hex(owner->key, hex);
+    snprintf(path, size, "%s/%.*s", store->folder, KEY_DIGITS, hex);
+    return path;
+}
+
+static const char *link_path(const struct hg_upload_store *store, const struct content *content,
+    const struct hg_upload_owner *owner, char path[LINK_BYTES])
+{
+    char hex[HG_SHA256_HEX], folder[PATH_MAX];
     hg_sha256_hex(content->hash, hex);
-    hg_sha256_hex(owner->key, mark);
-    size_t size = strlen(store->folder) + 2 * sizeof hex;
-    char *path = hg_calloc(size, 1);
-    if (path)
-        snprintf(path, size, "%s/%s.%.*s", store->folder, hex, MARK_DIGITS, mark);
+    snprintf(path, LINK_BYTES, "%s/%s", owner_folder(store, owner, folder, sizeof folder), hex);
     return path;
 }
 
@@ -188,22 +188,23 @@ static enum hg_status take_owner(
 {
     if (is_owned_by(content, owner))
         return HG_OK;
-    enum hg_status status = add_owner(content, owner);
-    char *path = status ? NULL : marker_path(store, content, owner);
-    int fd = path ? open(path, O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600) : -1;
-    if (fd >= 0)
-        close(fd); // without it a later run asks for the content again
-    hg_free(path);
-    return status;
+    char folder[PATH_MAX], to[LINK_BYTES];
+    char *from = content_path(store, content->hash);
+    enum hg_status status = from ? HG_OK : HG_E_NOMEM;
+    if (!status && mkdir(owner_folder(store, owner, folder, sizeof folder), 0700) != 0 &&
+        errno != EEXIST)
+        status = hg_status_from_errno(errno);
+    if (!status && link(from, link_path(store, content, owner, to)) != 0 && errno != EEXIST)
+        status = hg_status_from_errno(errno);
+    hg_free(from);
+    return status ? status : add_owner(content, owner);
 }
 
 static void disown(struct hg_upload_store *store, struct content *content, size_t i)
 {
     struct hg_upload_owner *owner = content->owners[i];
-    char *path = marker_path(store, content, owner);
-    if (path)
-        unlink(path);
-    hg_free(path);
+    char path[LINK_BYTES];
+    unlink(link_path(store, content, owner, path));
     owner->usage.bytes -= disk_bytes(content->size);
     owner->usage.files--;
     content->owners[i] = content->owners[--content->owner_count];
@@ -242,7 +243,7 @@ static bool make_room(struct hg_upload_store *store, uint64_t need)
 struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, const uint8_t key[32])
 {
     struct hg_upload_owner *owner = store->owners;
-    while (owner && memcmp(owner->key, key, MARK_DIGITS / 2) != 0)
+    while (owner && memcmp(owner->key, key, KEY_DIGITS / 2) != 0)
         owner = owner->next;
     if (owner)
         return owner;
@@ -253,6 +254,26 @@ struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, con
     owner->next = store->owners;
     store->owners = owner;
     return owner;
+}
+
+enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const char *folder, struct hg_error *err)
+{
+    char here[PATH_MAX], there[PATH_MAX];
+    struct hg_upload_owner next = *owner;
+    next.moved = folder ? hg_strdup(folder) : NULL;
+    if (folder && !next.moved)
+        return hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
+    const char *from = owner_folder(store, owner, here, sizeof here);
+    const char *to = owner_folder(store, &next, there, sizeof there);
+    // What it has not sent anything to has no folder.
+    if (rename(from, to) != 0 && errno != ENOENT) {
+        hg_free(next.moved);
+        return fail_errno(err, from, "move the folder");
+    }
+    hg_free(owner->moved);
+    owner->moved = next.moved;
+    return HG_OK;
 }
 
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner)
@@ -331,40 +352,34 @@ static enum hg_status make_folders(const char *folder, struct hg_error *err)
     return status;
 }
 
-static int hex_digit(char c)
+// A link in the folder of an owner, below that of all contents. One without its content is removed.
+static enum hg_status index_link(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    int above, int folder, const char *name)
 {
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-static bool parse_hash(const char *name, uint8_t hash[32])
-{
-    for (int i = 0; i < 64; i++) {
-        int digit = hex_digit(name[i]);
-        if (digit < 0)
-            return false;
-        hash[i / 2] = (uint8_t)(i % 2 ? hash[i / 2] | digit : digit << 4);
-    }
-    return !name[64];
-}
-
-// `<hash>.<owner>`. One without its content is removed.
-static enum hg_status index_marker(struct hg_upload_store *store, DIR *dir, const char *name)
-{
-    char text[64 + 1], mark[64 + 1];
-    uint8_t hash[32], key[32];
+    uint8_t hash[32];
     struct stat st;
-    snprintf(text, sizeof text, "%.64s", name);
-    snprintf(mark, sizeof mark, "%.*s%032d", MARK_DIGITS, name + 65, 0);
-    if (!parse_hash(text, hash) || !parse_hash(mark, key))
+    if (!hg_sha256_parse(name, 32, hash))
         return HG_OK;
-    if (fstatat(dirfd(dir), text, &st, AT_SYMLINK_NOFOLLOW) != 0)
-        return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
-    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
-    struct content *content = owner ? find_or_add(store, hash) : NULL;
+    if (fstatat(above, name, &st, AT_SYMLINK_NOFOLLOW) != 0)
+        return unlinkat(folder, name, 0) == 0 ? HG_OK : HG_E_IO;
+    struct content *content = find_or_add(store, hash);
     if (!content)
         return HG_E_NOMEM;
     content->size = (uint64_t)st.st_size;
     return is_owned_by(content, owner) ? HG_OK : add_owner(content, owner);
+}
+
+static enum hg_status index_owner(struct hg_upload_store *store, int above, const uint8_t key[32])
+{
+    char folder[PATH_MAX];
+    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
+    DIR *dir = owner ? opendir(owner_folder(store, owner, folder, sizeof folder)) : NULL;
+    enum hg_status status = dir ? HG_OK : HG_E_NOMEM;
+    for (struct dirent *it; !status && (it = readdir(dir));)
+        status = index_link(store, owner, above, dirfd(dir), it->d_name);
+    if (dir)
+        closedir(dir);
+    return status;
 }
 
 static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const char *name)
@@ -373,10 +388,10 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
     uint8_t hash[32];
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
-    if (strlen(name) == 64 + 1 + MARK_DIGITS && name[64] == '.')
-        return index_marker(store, dir, name);
-    if (!parse_hash(name, hash) || fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 ||
-        !S_ISREG(st.st_mode))
+    if (hg_sha256_parse(name, KEY_DIGITS / 2, hash))
+        return index_owner(store, dirfd(dir), hash);
+    if (!hg_sha256_parse(name, 32, hash) ||
+        fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(st.st_mode))
         return HG_OK;
     struct content *content = find_or_add(store, hash);
     if (!content)
@@ -437,6 +452,7 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
     while (store->owners) {
         struct hg_upload_owner *owner = store->owners;
         store->owners = owner->next;
+        hg_free(owner->moved);
         hg_free(owner);
     }
     hg_free(store->folder);
@@ -491,37 +507,35 @@ void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32
         drop(store, content);
 }
 
-// ---- uploads ------------------------------------------------------------------------------------
+// ---- files that arrive --------------------------------------------------------------------------
 
-static void give_back(
-    struct hg_upload_store *store, struct hg_upload_owner *owner, uint64_t charged)
+static void give_back(struct hg_upload_store *store, const struct hg_upload_file *file)
 {
-    store->bytes -= disk_bytes(charged);
-    owner->usage.bytes -= disk_bytes(charged);
-    owner->usage.files--;
+    store->bytes -= disk_bytes(file->size);
+    file->owner->usage.bytes -= disk_bytes(file->size);
+    file->owner->usage.files--;
 }
 
-static enum hg_status open_temporary(struct hg_upload *upload, struct hg_error *err)
+static enum hg_status open_temporary(
+    struct hg_upload_store *store, struct hg_upload_file *file, struct hg_error *err)
 {
-    struct hg_upload_store *store = upload->store;
     size_t size = strlen(store->folder) + 32;
-    upload->path = hg_calloc(size, 1);
-    upload->hasher = hg_sha256_create();
-    if (!upload->path || !upload->hasher)
+    file->path = hg_calloc(size, 1);
+    if (!file->path)
         return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
-    snprintf(upload->path, size, "%s/.incoming.%u", store->folder, ++store->next_name);
-    upload->fd = open(upload->path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (upload->fd < 0) {
-        upload->path[0] = 0;
+    snprintf(file->path, size, "%s/.incoming.%u", store->folder, ++store->next_name);
+    file->fd = open(file->path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (file->fd < 0) {
+        file->path[0] = 0;
         return fail_errno(err, "upload", "create the file");
     }
     return HG_OK;
 }
 
-enum hg_status hg_upload_begin(struct hg_upload_store *store, struct hg_upload_owner *owner,
-    const uint8_t hash[32], uint64_t total_bytes, struct hg_upload **out, struct hg_error *err)
+enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    uint64_t total_bytes, struct hg_upload_file *file, struct hg_error *err)
 {
-    *out = NULL;
+    *file = (struct hg_upload_file){.owner = owner, .fd = -1};
     if (total_bytes > store->limit_bytes)
         return hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "%llu bytes do not fit into the upload store of %llu MiB (upload-store)",
@@ -529,135 +543,63 @@ enum hg_status hg_upload_begin(struct hg_upload_store *store, struct hg_upload_o
     enum hg_status status = reserve(store, owner, disk_bytes(0), 1, err);
     if (status)
         return status;
-    struct hg_upload *upload = hg_calloc(1, sizeof *upload);
-    if (!upload) {
-        give_back(store, owner, 0);
-        return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
-    }
-    upload->store = store;
-    upload->owner = owner;
-    upload->total = total_bytes;
-    upload->fd = -1;
-    upload->progress_ns = hg_clock_now_ns();
-    memcpy(upload->hash, hash, 32);
-    status = open_temporary(upload, err);
-    if (status) {
-        hg_upload_abort(upload);
-        return status;
-    }
-    *out = upload;
-    return HG_OK;
-}
-
-uint64_t hg_upload_progress_ns(const struct hg_upload *upload)
-{
-    return upload->progress_ns;
-}
-
-const uint8_t *hg_upload_hash(const struct hg_upload *upload)
-{
-    return upload->hash;
-}
-
-uint64_t hg_upload_offset(const struct hg_upload *upload)
-{
-    return upload->offset;
-}
-
-uint64_t hg_upload_total(const struct hg_upload *upload)
-{
-    return upload->total;
-}
-
-enum hg_status hg_upload_append(
-    struct hg_upload *upload, const void *data, size_t size, struct hg_error *err)
-{
-    if (!hg_range_ok(upload->offset, size, upload->total))
-        return hg_error_set(
-            err, HG_E_LIMIT, "upload", "data", "more bytes than the announced total");
-    uint64_t more = disk_bytes(upload->offset + size) - disk_bytes(upload->offset);
-    enum hg_status status = reserve(upload->store, upload->owner, more, 0, err);
+    status = open_temporary(store, file, err);
     if (status)
-        return status;
-    upload->charged += size;
-    upload->progress_ns = hg_clock_now_ns();
-    for (size_t done = 0; done < size;) {
-        ssize_t n = write(upload->fd, (const uint8_t *)data + done, size - done);
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n < 0)
-            return fail_errno(err, "upload", "store the content");
-        done += (size_t)n;
-    }
-    hg_sha256_update(upload->hasher, data, size);
-    upload->offset += size;
-    return HG_OK;
+        hg_upload_store_close(store, file);
+    return status;
 }
 
-static enum hg_status take_in(struct hg_upload *upload, struct hg_error *err)
+enum hg_status hg_upload_store_grow(struct hg_upload_store *store, struct hg_upload_file *file,
+    uint64_t bytes, struct hg_error *err)
 {
-    uint8_t digest[32];
-    hg_sha256_end(upload->hasher, digest);
-    upload->hasher = NULL;
-    if (memcmp(digest, upload->hash, 32) != 0) {
-        char hex[HG_SHA256_HEX];
-        hg_sha256_hex(digest, hex);
-        return hg_error_set(
-            err, HG_E_HASH, "upload", "hash", "the bytes that came have the hash %s", hex);
-    }
-    struct content *content = find_or_add(upload->store, upload->hash);
-    char *path = content_path(upload->store, upload->hash);
+    uint64_t more = disk_bytes(file->size + bytes) - disk_bytes(file->size);
+    enum hg_status status = reserve(store, file->owner, more, 0, err);
+    if (!status)
+        file->size += bytes;
+    return status;
+}
+
+enum hg_status hg_upload_store_adopt(struct hg_upload_store *store, struct hg_upload_file *file,
+    const uint8_t hash[32], struct hg_error *err)
+{
+    struct content *content = find_or_add(store, hash);
+    char *path = content_path(store, hash);
     enum hg_status status = HG_OK;
     if (!content || !path)
         status = hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
     else if (content->present) { // another owner's, or another session was faster
-        status = take_owner(upload->store, content, upload->owner);
-        touch(upload->store, content);
-    } else if (rename(upload->path, path) != 0)
+        status = take_owner(store, content, file->owner);
+        touch(store, content);
+    } else if (fchmod(file->fd, 0400) != 0 || rename(file->path, path) != 0)
         status = fail_errno(err, "upload", "name the content");
     else {
-        upload->path[0] = 0;
+        file->path[0] = 0;
         content->present = true;
-        content->size = upload->total;
-        status = take_owner(upload->store, content, upload->owner); // abort gives back the upload's
-        upload->store->bytes += disk_bytes(content->size);
-        touch(upload->store, content);
+        content->size = file->size;
+        status = take_owner(store, content, file->owner); // closing gives back the file's
+        store->bytes += disk_bytes(content->size);
+        touch(store, content);
     }
     if (status && content)
-        remove_if_unused(upload->store, content);
+        remove_if_unused(store, content);
+    if (status && err && !err->status)
+        hg_error_set(err, status, "upload", NULL, "the content cannot be kept for its tenant");
     hg_free(path);
     return status;
 }
 
-int hg_upload_dup(const struct hg_upload *upload)
+void hg_upload_store_close(struct hg_upload_store *store, struct hg_upload_file *file)
 {
-    return fcntl(upload->fd, F_DUPFD_CLOEXEC, 0);
+    if (file->fd >= 0)
+        close(file->fd);
+    if (file->path && file->path[0])
+        unlink(file->path);
+    give_back(store, file);
+    hg_free(file->path);
+    *file = (struct hg_upload_file){.fd = -1};
 }
 
 int hg_upload_store_open_folder(const struct hg_upload_store *store)
 {
     return open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-}
-
-enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err)
-{
-    enum hg_status status = take_in(upload, err);
-    hg_upload_abort(upload);
-    return status;
-}
-
-void hg_upload_abort(struct hg_upload *upload)
-{
-    if (!upload)
-        return;
-    uint8_t digest[32];
-    if (upload->hasher)
-        hg_sha256_end(upload->hasher, digest);
-    if (upload->fd >= 0)
-        close(upload->fd);
-    if (upload->path && upload->path[0])
-        unlink(upload->path);
-    give_back(upload->store, upload->owner, upload->charged);
-    hg_free(upload->path);
-    hg_free(upload);
 }

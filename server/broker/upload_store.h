@@ -10,7 +10,6 @@
 #include "base/status.h"
 
 struct hg_upload_store;
-struct hg_upload;       // a content that is still arriving, of one session
 struct hg_upload_owner; // whom contents are counted for; lives as long as the store
 
 // On the disk, in whole blocks: what an owner has sent and is still there, and what arrives of it.
@@ -32,6 +31,10 @@ uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 // memory.
 struct hg_upload_owner *hg_upload_store_owner(
     struct hg_upload_store *store, const uint8_t key[32]) HG_MUST_CHECK;
+// Moves the folder with links to all that the owner has sent (and will send) to where its tenant's
+// worker may read it; NULL: back. HG_E_NOMEM, HG_E_PERM, HG_E_IO.
+enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const char *folder, struct hg_error *err) HG_MUST_CHECK;
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner);
 // Above it what the owner sent and used longest ago goes, and what is in use is refused.
 void hg_upload_owner_set_quota(struct hg_upload_owner *owner, const struct hg_upload_usage *quota);
@@ -47,27 +50,29 @@ void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32]
 // Drops a content that turned out to be damaged.
 void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32]);
 
-// Begins a content of total_bytes. Room is made as they arrive: an announcement costs nothing and
-// evicts nothing. HG_E_LIMIT, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
-enum hg_status hg_upload_begin(struct hg_upload_store *store, struct hg_upload_owner *owner,
-    const uint8_t hash[32], uint64_t total_bytes, struct hg_upload **out,
-    struct hg_error *err) HG_MUST_CHECK;
-const uint8_t *hg_upload_hash(const struct hg_upload *upload);
-uint64_t hg_upload_offset(const struct hg_upload *upload); // bytes that came so far
-uint64_t hg_upload_total(const struct hg_upload *upload);
-uint64_t hg_upload_progress_ns(
-    const struct hg_upload *upload); // when it began, or the last piece came
-// Appends the next piece. HG_E_LIMIT (more than announced, or than there is room for),
-// HG_E_NOSPACE, HG_E_IO.
-enum hg_status hg_upload_append(
-    struct hg_upload *upload, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
-// Descriptors of the caller's, to be synced: of what has come, and of the folder that names it.
-// -1: none could be made.
-int hg_upload_dup(const struct hg_upload *upload);
+// A file for a content that is still arriving (upload.h).
+struct hg_upload_file {
+    struct hg_upload_owner *owner;
+    char *path;    // owned; "" = it has become the content
+    int fd;        // -1: closed
+    uint64_t size; // bytes that there is room for
+};
+
+// A new file for a content of total_bytes; it takes room as it grows. HG_E_LIMIT, HG_E_NOSPACE,
+// HG_E_IO, HG_E_NOMEM.
+enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    uint64_t total_bytes, struct hg_upload_file *file, struct hg_error *err) HG_MUST_CHECK;
+// Makes room for so many bytes more. HG_E_LIMIT.
+enum hg_status hg_upload_store_grow(struct hg_upload_store *store, struct hg_upload_file *file,
+    uint64_t bytes, struct hg_error *err) HG_MUST_CHECK;
+// What is in the file is the content of this hash (the caller has verified it). HG_E_IO,
+// HG_E_NOMEM.
+enum hg_status hg_upload_store_adopt(struct hg_upload_store *store, struct hg_upload_file *file,
+    const uint8_t hash[32], struct hg_error *err) HG_MUST_CHECK;
+// Gives back its room, and removes it unless it was adopted.
+void hg_upload_store_close(struct hg_upload_store *store, struct hg_upload_file *file);
+// A descriptor of the caller's of the folder that names contents, to be synced. -1: none could be
+// made.
 int hg_upload_store_open_folder(const struct hg_upload_store *store);
-// All bytes came: verifies the hash and takes the content into the store. Destroys the upload
-// either way. HG_E_HASH, HG_E_IO, HG_E_NOMEM.
-enum hg_status hg_upload_commit(struct hg_upload *upload, struct hg_error *err) HG_MUST_CHECK;
-void hg_upload_abort(struct hg_upload *upload); // accepts NULL
 
 #endif

@@ -1,8 +1,6 @@
 #include "server/broker/worker_link.h"
 
 #include <errno.h>
-#include <fcntl.h>
-#include <spawn.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,162 +11,14 @@
 #include <unistd.h>
 
 #include "base/log.h"
-#include "base/program.h"
 
 enum {
-    WORKER_FD = 3,
     PAYLOAD_LIMIT = 640 << 20, // above every message of the table
-    MAX_ARGS = 1024,
     CRASH_WINDOW_S = 60,
 };
 static const uint64_t longest_restart_ns = 10000000000u;
 
-extern char **environ;
-
-bool hg_link_find_program(const struct hg_options *options, char *path, size_t size)
-{
-    if (options->worker && *options->worker)
-        snprintf(path, size, "%s", options->worker);
-    else
-        hg_program_path("HELIO_WORKER", "helio-worker", path, size);
-    return access(path, X_OK) == 0;
-}
-
 // ---- starting -----------------------------------------------------------------------------------
-
-struct arguments {
-    char *items[MAX_ARGS];
-    char text[16][32]; // numbers in words
-    int count, texts;
-};
-
-static void add(struct arguments *a, const char *text)
-{
-    if (a->count + 1 < MAX_ARGS)
-        a->items[a->count++] = (char *)text;
-}
-
-static void add_mib(struct arguments *a, const char *flag, uint64_t bytes)
-{
-    if (!bytes)
-        return;
-    char *text = a->text[a->texts++];
-    snprintf(text, sizeof a->text[0], "%llu", (unsigned long long)(bytes >> 20));
-    add(a, flag);
-    add(a, text);
-}
-
-static void add_number(struct arguments *a, const char *flag, double value)
-{
-    char *text = a->text[a->texts++];
-    snprintf(text, sizeof a->text[0], "%g", value);
-    add(a, flag);
-    add(a, text);
-}
-
-static void add_text(struct arguments *a, const char *flag, const char *text)
-{
-    if (!text)
-        return;
-    add(a, flag);
-    add(a, text);
-}
-
-static void make_arguments(struct arguments *a, const struct hg_link *link, const char *path)
-{
-    const struct hg_options *o = link->options;
-    *a = (struct arguments){0};
-    add(a, path);
-    add_text(a, "--fd", "3");
-    for (size_t i = 0; i < o->asset_root.count; i++)
-        add_text(a, "--asset-root", o->asset_root.items[i]);
-    add_text(a, "--cache-dir", o->cache_dir);
-    add_mib(a, "--memory-limit", o->memory_limit_bytes);
-    add_mib(a, "--texture-budget", o->texture_budget_bytes);
-    add_mib(a, "--geometry-budget", o->geometry_budget_bytes);
-    add_mib(a, "--host-budget", o->host_budget_bytes);
-    add_mib(a, "--cache-limit", o->cache_limit_bytes);
-    add_text(a, "--device", o->device);
-    add_text(a, "--log", o->log);
-    add_text(a, "--shader-dir", o->shader_dir);
-    if (o->validation)
-        add(a, "--validation");
-    if (o->warm_up && !link->deaths)
-        add(a, "--warm-up");
-    add_text(a, "--sandbox", o->sandbox);
-    add_number(a, "--loader-cpu", (double)o->loader_cpu);
-    add_mib(a, "--loader-memory", o->loader_memory_bytes);
-    add_number(a, "--loader-timeout", (double)o->loader_timeout_ns / 1e9);
-    if (link->no_spill)
-        add(a, "--no-spill");
-}
-
-// What a worker needs of the environment: where the driver and the C library find things, and what
-// tests and sanitizers set. Secrets that the daemon was started with are none of its business.
-static bool is_for_worker(const char *variable)
-{
-    static const char *const prefixes[] = {"HELIO_", "VK_", "MESA_", "LP_", "GALLIUM_", "LIBGL_",
-        "EGL_", "__GL", "__VK", "__EGL", "NVIDIA_", "CUDA_", "AMD_", "RADV_", "ANV_", "INTEL_",
-        "DRI_", "DISABLE_", "ENABLE_", "XDG_", "LC_", "ASAN_", "UBSAN_", "TSAN_", "LSAN_", "OIIO_",
-        "OPENIMAGEIO_", "LD_LIBRARY_PATH=", "LD_PRELOAD=", "PATH=", "HOME=", "LANG=", "TZ=",
-        "TMPDIR=", "LLVM_PROFILE_FILE="};
-    for (size_t i = 0; i < sizeof prefixes / sizeof *prefixes; i++)
-        if (strncmp(variable, prefixes[i], strlen(prefixes[i])) == 0)
-            return true;
-    return false;
-}
-
-static void choose_environment(char **out, size_t capacity)
-{
-    size_t count = 0;
-    for (char **it = environ; *it && count + 1 < capacity; it++)
-        if (is_for_worker(*it))
-            out[count++] = *it;
-    out[count] = NULL;
-}
-
-// The child gets the socket as 3, nothing to read, our stderr, no other descriptor, and no
-// blocked signals.
-static int spawn_worker(struct hg_link *link, const char *path, int fd)
-{
-    struct arguments arguments;
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    sigset_t none, standard;
-    char *variables[MAX_ARGS];
-    choose_environment(variables, MAX_ARGS);
-    make_arguments(&arguments, link, path);
-    sigemptyset(&none);
-    sigfillset(&standard);
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_adddup2(&actions, fd, WORKER_FD);
-    posix_spawn_file_actions_addclosefrom_np(&actions, WORKER_FD + 1);
-    posix_spawnattr_init(&attributes);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &standard);
-    posix_spawnattr_setpgroup(&attributes, 0); // a ^C is for the broker, which drains
-    posix_spawnattr_setflags(
-        &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-    int rc = posix_spawn(&link->pid, path, &actions, &attributes, arguments.items, variables);
-    posix_spawn_file_actions_destroy(&actions);
-    posix_spawnattr_destroy(&attributes);
-    if (rc)
-        link->pid = 0;
-    return rc;
-}
-
-// Where memory is short the kernel ends a worker, whose scenes come back, not the daemon.
-static void make_first_victim(pid_t pid)
-{
-    char path[64];
-    snprintf(path, sizeof path, "/proc/%d/oom_score_adj", (int)pid);
-    int fd = open(path, O_WRONLY | O_CLOEXEC);
-    if (fd < 0 || write(fd, "500", 3) != 3)
-        hg_debug(WORKER, "%s: %s", path, strerror(errno));
-    if (fd >= 0)
-        close(fd);
-}
 
 static void ready(struct hg_source *source, uint32_t events);
 
@@ -199,28 +49,38 @@ static enum hg_status open_link(struct hg_link *link, int fd)
 
 void hg_link_start(struct hg_link *link)
 {
-    char path[4096];
     int pair[2];
-    if (!hg_link_find_program(link->options, path, sizeof path)) {
-        postpone(link, "find the worker's program", ENOENT);
+    struct hg_error err = {0};
+    if (link->whose.home.homes && hg_home_make(&link->whose.home, &err)) {
+        count_death(link);
+        hg_fault(WORKER, err.status, "no home for a worker: %s: %s", err.what, err.reason);
         return;
     }
     if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) {
         postpone(link, "make a socketpair", errno);
         return;
     }
-    int rc = spawn_worker(link, path, pair[1]);
+    const struct hg_worker_start start = {.options = link->options,
+        .home = &link->whose.home,
+        .fd = pair[1],
+        .no_spill = link->no_spill,
+        .memory_bytes =
+            link->whose.machine ? hg_machine_most_bytes(link->whose.machine, link->options) : 0,
+        .warm_up = link->options->warm_up && !link->deaths};
+    int rc = hg_launcher_run(link->whose.launcher, &start, &link->pid);
     close(pair[1]);
     if (rc) {
         close(pair[0]);
         postpone(link, "start the worker", rc);
         return;
     }
+    link->whose.share = (struct hg_worker_share){0};
+    if (link->whose.machine)
+        hg_cgroup_enter(&link->whose.machine->group, link->whose.home.number, link->pid);
     if (open_link(link, pair[0])) {
         hg_link_fail(link, "cannot watch the link");
         return;
     }
-    make_first_victim(link->pid);
     link->state = HG_LINK_STARTING;
     hg_info(WORKER, "worker %d started", (int)link->pid);
 }

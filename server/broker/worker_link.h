@@ -10,10 +10,13 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/quarantine.h"
+#include "server/broker/launcher.h"
+#include "server/broker/worker_share.h"
 
 enum {
     HG_LINK_DEATHS_KEPT = 64,
-    HG_LINK_AHEAD = 2 << 20, // bytes that may wait in its queue before sessions wait for their turn
+    HG_LINK_AHEAD =
+        256 << 10, // bytes that may wait in its queue before sessions wait for their turn
 };
 
 struct hg_link;
@@ -84,6 +87,11 @@ struct hg_link_owner {
     bool wanted;      // a process is kept running
     uint32_t scene_count;
     uint64_t idle_ns; // since when there is no scene in it
+    struct hg_home home;
+    struct hg_launcher *launcher;
+    const struct hg_machine *machine; // of which it has a share; NULL: no limits
+    uint32_t weight;                  // its tenant's
+    struct hg_worker_share share;     // as it was put into effect
 };
 
 struct hg_link {
@@ -110,9 +118,6 @@ struct hg_link {
     struct hg_link_replay replay;
     struct hg_link_trial trial;
 };
-
-// Path of the worker's program; false when there is none.
-bool hg_link_find_program(const struct hg_options *options, char *path, size_t size);
 
 void hg_link_start(struct hg_link *link);
 // A process that runs already, at the other end of `fd`; `input`: what has come of its stream.

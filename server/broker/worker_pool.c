@@ -1,5 +1,6 @@
 #include "server/broker/worker_pool.h"
 
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/wait.h>
@@ -7,8 +8,10 @@
 #include "base/alloc.h"
 #include "base/log.h"
 
-enum hg_status hg_worker_pool_init(
-    struct hg_worker_pool *pool, const struct hg_link *like, uint32_t least)
+static const uint64_t seed_delay_ns = 2000000000; // spares first
+
+enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
+    struct hg_upload_store *store, const struct hg_machine *machine, uint32_t least)
 {
     const struct hg_options *o = like->options;
     bool is_shared = strcmp(o->isolation, "shared") == 0;
@@ -19,8 +22,15 @@ enum hg_status hg_worker_pool_init(
     if (!pool->links)
         return HG_E_NOMEM;
     pool->count = count;
+    pool->machine = machine;
+    pool->homes = (struct hg_homes){
+        .cache_dir = o->cache_dir, .store = store, .rest_bytes = o->cache_limit_bytes / 2};
     for (uint32_t i = 0; i < count; i++) {
         pool->links[i] = *like;
+        pool->links[i].whose.home =
+            (struct hg_home){.homes = is_shared ? NULL : &pool->homes, .number = i};
+        pool->links[i].whose.machine = machine;
+        pool->links[i].whose.weight = HG_TOKEN_WEIGHT;
         pool->links[i].whose.wanted = is_shared ? i < o->shared_workers : i == 0;
         pool->links[i].source.fd = pool->links[i].transport.fd = -1;
     }
@@ -32,12 +42,20 @@ void hg_worker_pool_start(struct hg_worker_pool *pool)
     for (uint32_t i = 0; i < pool->count; i++)
         if (pool->links[i].whose.wanted && pool->links[i].state == HG_LINK_DOWN)
             hg_link_start(&pool->links[i]);
+    if (!pool->is_shared && pool->links[0].options->seed_shaders)
+        pool->seeder.due_ns = pool->links[0].loop->now_ns + seed_delay_ns;
 }
 
 void hg_worker_pool_finish(struct hg_worker_pool *pool)
 {
-    for (uint32_t i = 0; i < pool->count; i++)
+    if (pool->seeder.pid)
+        kill(pool->seeder.pid, SIGKILL);
+    for (uint32_t i = 0; i < pool->count; i++) {
         hg_link_stop(&pool->links[i]);
+        if (pool->machine)
+            hg_cgroup_remove(&pool->machine->group, i);
+        hg_home_leave(&pool->links[i].whose.home);
+    }
     hg_free(pool->links);
     *pool = (struct hg_worker_pool){0};
 }
@@ -91,8 +109,10 @@ static void release(struct hg_link *link, const char *reason)
 {
     hg_info(WORKER, "worker %d of %s is stopped: %s", (int)link->pid, link->whose.tenant, reason);
     hg_link_end(link);
+    hg_home_leave(&link->whose.home);
     link->whose.wanted = false;
     link->whose.tenant[0] = 0;
+    link->whose.weight = HG_TOKEN_WEIGHT;
     link->deaths = 0;
     link->restart_ns = 0;
 }
@@ -112,21 +132,82 @@ static void keep_spare(struct hg_worker_pool *pool)
         want(place);
 }
 
-struct hg_link *hg_worker_pool_route(struct hg_worker_pool *pool, const char *tenant)
+static void take(struct hg_link *spare, const char *tenant)
+{
+    struct hg_error err = {0};
+    snprintf(spare->whose.tenant, sizeof spare->whose.tenant, "%s", tenant);
+    if (hg_home_give(&spare->whose.home, tenant, &err))
+        hg_warn(WORKER, "%s begins without what it had: %s: %s", tenant, err.what, err.reason);
+}
+
+void hg_worker_pool_take_homes(struct hg_worker_pool *pool)
+{
+    for (uint32_t i = 0; i < pool->count && !pool->is_shared; i++) {
+        struct hg_link_owner *whose = &pool->links[i].whose;
+        struct hg_error err = {0};
+        if (whose->tenant[0] && hg_home_give(&whose->home, whose->tenant, &err))
+            hg_warn(WORKER, "%s goes on without its uploads: %s: %s", whose->tenant, err.what,
+                err.reason);
+    }
+}
+
+void hg_worker_pool_weigh(struct hg_worker_pool *pool, struct hg_link *link, uint32_t weight)
+{
+    if (!pool->is_shared)
+        link->whose.weight = weight ? weight : HG_TOKEN_WEIGHT;
+}
+
+struct hg_link *hg_worker_pool_route(
+    struct hg_worker_pool *pool, const char *tenant, uint32_t weight)
 {
     if (pool->is_shared)
         return least_loaded(pool);
     struct hg_link *link = find(pool, tenant);
-    if (link)
+    if (link) {
+        hg_worker_pool_weigh(pool, link, weight);
         return link;
+    }
     struct hg_link *spare = find(pool, ""), *idle = longest_idle(pool);
     if (!find_free(pool) && idle)
         release(idle, "another tenant needs its place");
     if (!find_free(pool) || !spare) // the last place is the spare's
         return NULL;
-    snprintf(spare->whose.tenant, sizeof spare->whose.tenant, "%s", tenant);
+    take(spare, tenant);
+    hg_worker_pool_weigh(pool, spare, weight);
     keep_spare(pool);
     return spare;
+}
+
+// ---- compiled shaders ---------------------------------------------------------------------------
+
+static void check_seeder(struct hg_worker_pool *pool)
+{
+    const struct hg_link *any = &pool->links[0];
+    if (!pool->seeder.due_ns || any->loop->now_ns < pool->seeder.due_ns)
+        return;
+    pool->seeder.due_ns = 0;
+    const struct hg_worker_start start = {.options = any->options, .fd = -1, .seed = true};
+    int rc = hg_launcher_run(any->whose.launcher, &start, &pool->seeder.pid);
+    if (rc)
+        hg_warn(WORKER, "shaders are not compiled in advance: %s", strerror(rc));
+}
+
+// A spare that was there before has met nobody: its place is for one that begins with all of them.
+static void end_seeder(struct hg_worker_pool *pool, int status)
+{
+    struct hg_link *spare = find(pool, "");
+    pool->seeder.pid = 0;
+    if (!WIFEXITED(status) || WEXITSTATUS(status)) {
+        hg_warn(WORKER, "shaders are not compiled in advance: the process ended with %d",
+            WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status));
+        return;
+    }
+    hg_info(WORKER, "shaders are compiled in advance");
+    if (!spare)
+        return;
+    hg_link_end(spare);
+    hg_home_leave(&spare->whose.home);
+    want(spare);
 }
 
 // ---- time ---------------------------------------------------------------------------------------
@@ -145,15 +226,45 @@ bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *other_st
     int status;
     bool found = false;
     for (pid_t pid; (pid = waitpid(-1, &status, WNOHANG)) > 0;) {
+        const struct hg_link *any = &pool->links[0];
         if (pid == other) {
             *other_status = status;
             found = true;
+        }
+        if (pid == pool->seeder.pid)
+            end_seeder(pool, status);
+        if (any->whose.launcher && pid == any->whose.launcher->pid) {
+            hg_fault(WORKER, HG_E_WORKER, "the process that starts workers has ended");
+            any->whose.launcher->pid = 0;
+            any->loop->stop = true; // a service manager starts all anew
         }
         for (uint32_t i = 0; i < pool->count; i++)
             if (pool->links[i].pid == pid)
                 hg_link_exited(&pool->links[i], status);
     }
     return found;
+}
+
+// Shares follow who is there. A worker limits itself when it starts, so it must have started.
+static void share_out(struct hg_worker_pool *pool)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < pool->count; i++)
+        if (pool->links[i].whose.tenant[0] || (pool->is_shared && pool->links[i].whose.wanted))
+            sum += pool->links[i].whose.weight;
+    for (uint32_t i = 0; i < pool->count; i++) {
+        struct hg_link *link = &pool->links[i];
+        const struct hg_link_owner *whose = &link->whose;
+        if (link->state != HG_LINK_UP || !link->pid)
+            continue;
+        const bool counted = whose->tenant[0] || pool->is_shared;
+        const struct hg_worker_share share = hg_machine_share(
+            pool->machine, link->options, whose->weight, sum - (counted ? whose->weight : 0));
+        if (share.weight == whose->share.weight && share.memory_bytes == whose->share.memory_bytes)
+            continue;
+        hg_worker_share_apply(pool->machine, link->options, whose->home.number, link->pid, &share);
+        link->whose.share = share;
+    }
 }
 
 void hg_worker_pool_check_times(struct hg_worker_pool *pool)
@@ -167,6 +278,9 @@ void hg_worker_pool_check_times(struct hg_worker_pool *pool)
         link->feed.pump |= link->trial.session != NULL; // its patience may be over
     }
     keep_spare(pool);
+    if (pool->machine)
+        share_out(pool);
+    check_seeder(pool);
 }
 
 void hg_worker_pool_end_round(struct hg_worker_pool *pool, uint64_t now_ns)

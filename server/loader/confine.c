@@ -39,11 +39,6 @@ static bool close_files(void)
 bool hg_confine_spawner(const struct confinement *c)
 {
     const struct rlimit no_core = {0, 0};
-    int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
-    if (fd >= 0) {
-        (void)!write(fd, "1000", 4);
-        close(fd);
-    }
     setrlimit(RLIMIT_CORE, &no_core);
     if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0)
         return false;

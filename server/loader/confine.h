@@ -13,8 +13,8 @@ struct confinement {
     bool required, off; // without what the kernel lacks; without anything but the limits
 };
 
-// Of the spawner, and so of all its loaders: no file can be opened by path, no TCP, no new
-// privileges; the kernel's first victim when memory is short. False: required, and not to be had.
+// Of the spawner, and so of all its loaders: no file can be opened by path, no new privileges.
+// False: required, and not to be had.
 bool hg_confine_spawner(const struct confinement *c);
 // Of one loader: the limits, and no system calls but those on memory and open descriptors. False:
 // required, and not to be had, or what must fail does not.

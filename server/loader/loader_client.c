@@ -19,6 +19,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/isolate.h"
+#include "base/log.h"
 #include "base/program.h"
 #include "server/loader/wire.h"
 
@@ -243,7 +244,8 @@ static enum hg_status describe_end(int how, const char *name, struct hg_error *e
         return hg_error_set(err, HG_E_UNSUPPORTED, name, NULL,
             "its reader cannot be confined on this machine; --sandbox best-effort goes without");
     default:
-        return hg_error_set(err, HG_E_FORMAT, name, NULL, "the reader of its format gave up");
+        return hg_error_set(err, HG_E_FORMAT, name, NULL,
+            "the reader of its format crashed on it (exit code %d)", WEXITSTATUS(how));
     }
 }
 
@@ -299,7 +301,7 @@ static enum hg_status await_reply(struct hg_isolated *p, const struct hg_isolate
     const uint64_t deadline_ns = hg_clock_now_ns() + (uint64_t)(seconds * 1e9);
     struct pollfd link = {.fd = p->fd, .events = POLLIN};
     while (poll(&link, 1, TICK_MS) <= 0) {
-        if (call->go_on && !call->go_on(call->user))
+        if (hg_isolate_is_stopped() || (call->go_on && !call->go_on(call->user)))
             return hg_error_set(err, HG_E_CANCELLED, p->name, NULL, "cancelled");
         if (hg_clock_now_ns() > deadline_ns)
             return hg_error_set(err, HG_E_LIMIT, p->name, NULL,
@@ -331,8 +333,11 @@ static enum hg_status call_process(struct hg_isolated *p, const struct hg_isolat
         status = take_result(p, result, reply.size, out, err);
     if (result >= 0)
         close(result);
-    if (!lives)
+    if (!lives) {
         end_process(p);
+        if (err)
+            hg_warn(SCENE, "loader ended: %s: %s", err->what, err->reason);
+    }
     return status;
 }
 

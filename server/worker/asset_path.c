@@ -29,7 +29,8 @@ enum hg_status hg_asset_path_upload(
     hg_sha256_hex(hash, hex);
     if (!options->cache_dir)
         return hg_error_set(err, HG_E_STATE, hex, NULL, "this worker has no cache folder");
-    snprintf(path, sizeof path, "%s/uploads/%s", options->cache_dir, hex);
+    snprintf(path, sizeof path, "%s/uploads/%s",
+        options->upload_dir ? options->upload_dir : options->cache_dir, hex);
     *out = hg_strdup(path);
     return *out ? HG_OK : hg_error_set(err, HG_E_NOMEM, hex, NULL, "no memory for a path");
 }

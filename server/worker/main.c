@@ -22,6 +22,7 @@
 #include "server/worker/io_thread.h"
 #include "server/worker/reply.h"
 #include "server/worker/sandbox.h"
+#include "server/worker/shader_seed.h"
 
 enum { EXIT_USAGE = 2, EXIT_DEVICE = 7, EXIT_DISK = WORKER_EXIT_DISK };
 
@@ -29,6 +30,9 @@ static const struct option long_options[] = {
     {"fd", required_argument, NULL, 'f'},
     {"asset-root", required_argument, NULL, 'a'},
     {"cache-dir", required_argument, NULL, 'c'},
+    {"upload-dir", required_argument, NULL, 'U'},
+    {"shader-seed", required_argument, NULL, 'S'},
+    {"compile-shaders", no_argument, NULL, 'k'},
     {"shader-dir", required_argument, NULL, 's'},
     {"memory-limit", required_argument, NULL, 'm'},
     {"texture-budget", required_argument, NULL, 't'},
@@ -41,7 +45,7 @@ static const struct option long_options[] = {
     {"validation", no_argument, NULL, 'v'},
     {"warm-up", no_argument, NULL, 'w'},
     {"sandbox", required_argument, NULL, 'n'},
-    {"loader-cpu", required_argument, NULL, 'u'},
+    {"loader-cpu", required_argument, NULL, 'x'},
     {"loader-memory", required_argument, NULL, 'M'},
     {"loader-timeout", required_argument, NULL, 'o'},
     {"no-spill", no_argument, NULL, 'p'},
@@ -87,6 +91,14 @@ static bool apply_option(struct worker_options *o, int option)
     case 'c':
         o->cache_dir = optarg;
         return true;
+    case 'U':
+        o->upload_dir = optarg;
+        return true;
+    case 'S':
+        o->shader_seed = optarg;
+        return true;
+    case 'k':
+        return o->compile_shaders = true;
     case 's':
         o->shader_dir = optarg;
         return true;
@@ -116,7 +128,7 @@ static bool apply_option(struct worker_options *o, int option)
     case 'n':
         o->loader.sandbox = optarg;
         return hg_sandbox_parse(optarg, &o->sandbox);
-    case 'u':
+    case 'x':
         o->loader.cpu_s = (uint32_t)strtoul(optarg, NULL, 10);
         return o->loader.cpu_s > 0;
     case 'M':
@@ -190,6 +202,19 @@ static int print_device_info(const struct worker_options *o)
     return status ? EXIT_DEVICE : 0;
 }
 
+// Ends with 0 when all of them are in the cache folder.
+static int compile_shaders(const struct worker_options *o)
+{
+    struct hg_error err = {0};
+    const struct hg_renderer_params params = renderer_params(o);
+    enum hg_status status = hg_sandbox_enter(o, &err);
+    if (!status)
+        status = hg_shader_seed_compile(&params, &err);
+    if (status)
+        hg_fault(WORKER, status, "shaders: %s: %s", err.what, err.reason);
+    return status ? EXIT_DEVICE : 0;
+}
+
 // ---- threads ------------------------------------------------------------------------------------
 
 static void stop_threads(struct worker *w, pthread_t render)
@@ -232,6 +257,11 @@ int main(int argc, char **argv)
         return EXIT_USAGE;
     if (w.options.device_info)
         return print_device_info(&w.options);
+    if (w.options.shader_seed && w.options.cache_dir)
+        hg_shader_seed_copy(w.options.shader_seed, w.options.cache_dir);
+    hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);
+    if (w.options.compile_shaders)
+        return compile_shaders(&w.options);
     struct stat st;
     if (fstat(w.options.fd, &st) != 0 || !S_ISSOCK(st.st_mode)) {
         fprintf(stderr,
@@ -248,7 +278,6 @@ int main(int argc, char **argv)
     limit_threads(w.options.threads);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
-    hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);
     hg_io_thread_watch_disk(&w);
     struct hg_error err = {0};
     enum hg_status status = hg_loader_start(&w.options.loader, &err);

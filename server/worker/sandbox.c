@@ -9,6 +9,7 @@
 #include <seccomp.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -70,7 +71,7 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         "/etc/ld.so.cache", "/etc/alternatives", "/etc/vulkan", "/etc/glvnd", "/etc/xdg",
         "/etc/drirc", "/etc/nvidia", "/etc/localtime"};
     static const char *const devices[] = {"/dev/dri", "/dev/null", "/dev/zero", "/dev/urandom",
-        "/dev/shm", "/dev/nvidia0", "/dev/nvidiactl", "/dev/nvidia-modeset", "/dev/nvidia-uvm",
+        "/dev/nvidia0", "/dev/nvidiactl", "/dev/nvidia-modeset", "/dev/nvidia-uvm",
         "/dev/nvidia-uvm-tools", "/dev/kfd"};
     for (size_t i = 0; i < sizeof libraries / sizeof *libraries; i++)
         allow(ruleset, libraries[i], library_access);
@@ -80,6 +81,8 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         allow(ruleset, devices[i], device_access);
     for (uint32_t i = 0; i < o->asset_root_count; i++)
         allow(ruleset, o->asset_roots[i], read_access);
+    if (o->upload_dir)
+        allow(ruleset, o->upload_dir, read_access);
     if (o->shader_dir)
         allow(ruleset, o->shader_dir, read_access);
     if (o->cache_dir)
@@ -114,195 +117,37 @@ static long enter_landlock(const struct worker_options *o)
 
 // ---- seccomp ------------------------------------------------------------------------------------
 
-// All that workers, Vulkan drivers and the C library need; what is not here is refused with EPERM
+// All that workers, Vulkan drivers and the C library need; what is not there is refused with EPERM
 // rather than killed, because drivers probe, and a refused probe is a fallback. Names that an
 // architecture lacks are skipped. Paths are Landlock's, so calls that take one may be here.
 static const int allowed_calls[] = {
-    // bytes of what is open
-    SCMP_SYS(read),
-    SCMP_SYS(write),
-    SCMP_SYS(readv),
-    SCMP_SYS(writev),
-    SCMP_SYS(pread64),
-    SCMP_SYS(pwrite64),
-    SCMP_SYS(preadv),
-    SCMP_SYS(pwritev),
-    SCMP_SYS(preadv2),
-    SCMP_SYS(pwritev2),
-    SCMP_SYS(lseek),
-    SCMP_SYS(close),
-    SCMP_SYS(close_range),
-    SCMP_SYS(dup),
-    SCMP_SYS(dup2),
-    SCMP_SYS(dup3),
-    SCMP_SYS(fcntl),
-    SCMP_SYS(flock),
-    SCMP_SYS(ioctl),
-    SCMP_SYS(ftruncate),
-    SCMP_SYS(fallocate),
-    SCMP_SYS(fadvise64),
-    SCMP_SYS(readahead),
-    SCMP_SYS(fsync),
-    SCMP_SYS(fdatasync),
-    SCMP_SYS(sync_file_range),
-    SCMP_SYS(copy_file_range),
-    SCMP_SYS(sendfile),
-    SCMP_SYS(pipe),
-    SCMP_SYS(pipe2),
-    SCMP_SYS(memfd_create),
-    SCMP_SYS(fchmod),
-    SCMP_SYS(fchdir),
-    // files by path
-    SCMP_SYS(open),
-    SCMP_SYS(openat),
-    SCMP_SYS(creat),
-    SCMP_SYS(stat),
-    SCMP_SYS(fstat),
-    SCMP_SYS(lstat),
-    SCMP_SYS(newfstatat),
-    SCMP_SYS(statx),
-    SCMP_SYS(statfs),
-    SCMP_SYS(fstatfs),
-    SCMP_SYS(access),
-    SCMP_SYS(faccessat),
-    SCMP_SYS(faccessat2),
-    SCMP_SYS(readlink),
-    SCMP_SYS(readlinkat),
-    SCMP_SYS(getdents),
-    SCMP_SYS(getdents64),
-    SCMP_SYS(getcwd),
-    SCMP_SYS(mkdir),
-    SCMP_SYS(mkdirat),
-    SCMP_SYS(rmdir),
-    SCMP_SYS(unlink),
-    SCMP_SYS(unlinkat),
-    SCMP_SYS(rename),
-    SCMP_SYS(renameat),
-    SCMP_SYS(renameat2),
-    SCMP_SYS(truncate),
-    SCMP_SYS(umask),
-    SCMP_SYS(utimensat),
-    SCMP_SYS(futimesat),
-    SCMP_SYS(utimes),
-    SCMP_SYS(utime),
-    // memory; mmap and mprotect have rules of their own
-    SCMP_SYS(munmap),
-    SCMP_SYS(mremap),
-    SCMP_SYS(madvise),
-    SCMP_SYS(brk),
-    SCMP_SYS(mlock),
-    SCMP_SYS(mlock2),
-    SCMP_SYS(munlock),
-    SCMP_SYS(mincore),
-    SCMP_SYS(msync),
-    SCMP_SYS(membarrier),
-    SCMP_SYS(mbind),
-    SCMP_SYS(get_mempolicy),
-    SCMP_SYS(set_mempolicy),
-    // threads of this process; clone has a rule of its own
-    SCMP_SYS(futex),
-    SCMP_SYS(futex_waitv),
-    SCMP_SYS(set_robust_list),
-    SCMP_SYS(get_robust_list),
-    SCMP_SYS(rseq),
-    SCMP_SYS(set_tid_address),
-    SCMP_SYS(exit),
-    SCMP_SYS(exit_group),
-    SCMP_SYS(gettid),
-    SCMP_SYS(sched_yield),
-    SCMP_SYS(sched_getaffinity),
-    SCMP_SYS(sched_setaffinity),
-    SCMP_SYS(sched_getparam),
-    SCMP_SYS(sched_setparam),
-    SCMP_SYS(sched_getscheduler),
-    SCMP_SYS(sched_setscheduler),
-    SCMP_SYS(sched_get_priority_max),
-    SCMP_SYS(sched_get_priority_min),
-    SCMP_SYS(sched_getattr),
-    SCMP_SYS(getpriority),
-    SCMP_SYS(setpriority),
-    SCMP_SYS(arch_prctl),
-    SCMP_SYS(restart_syscall),
-    SCMP_SYS(prctl),
-    // signals to itself; kill and its like have rules of their own
-    SCMP_SYS(rt_sigaction),
-    SCMP_SYS(rt_sigprocmask),
-    SCMP_SYS(rt_sigreturn),
-    SCMP_SYS(rt_sigpending),
-    SCMP_SYS(rt_sigtimedwait),
-    SCMP_SYS(rt_sigsuspend),
-    SCMP_SYS(sigaltstack),
-    SCMP_SYS(signalfd4),
-    SCMP_SYS(pause),
-    // time
-    SCMP_SYS(clock_gettime),
-    SCMP_SYS(clock_getres),
-    SCMP_SYS(clock_nanosleep),
-    SCMP_SYS(nanosleep),
-    SCMP_SYS(gettimeofday),
-    SCMP_SYS(time),
-    SCMP_SYS(times),
-    SCMP_SYS(getrusage),
-    SCMP_SYS(timer_create),
-    SCMP_SYS(timer_settime),
-    SCMP_SYS(timer_gettime),
-    SCMP_SYS(timer_delete),
-    SCMP_SYS(timerfd_create),
-    SCMP_SYS(timerfd_settime),
-    SCMP_SYS(timerfd_gettime),
-    SCMP_SYS(getitimer),
-    SCMP_SYS(setitimer),
-    SCMP_SYS(alarm),
-    // waiting
-    SCMP_SYS(poll),
-    SCMP_SYS(ppoll),
-    SCMP_SYS(select),
-    SCMP_SYS(pselect6),
-    SCMP_SYS(epoll_create),
-    SCMP_SYS(epoll_create1),
-    SCMP_SYS(epoll_ctl),
-    SCMP_SYS(epoll_wait),
-    SCMP_SYS(epoll_pwait),
-    SCMP_SYS(epoll_pwait2),
-    SCMP_SYS(eventfd),
-    SCMP_SYS(eventfd2),
-    // the link to the broker, which is open
-    SCMP_SYS(sendto),
-    SCMP_SYS(recvfrom),
-    SCMP_SYS(sendmsg),
-    SCMP_SYS(recvmsg),
-    SCMP_SYS(getsockopt),
-    SCMP_SYS(setsockopt),
-    SCMP_SYS(getsockname),
-    SCMP_SYS(getpeername),
-    SCMP_SYS(shutdown),
-    // what it is, and where it runs
-    SCMP_SYS(getpid),
-    SCMP_SYS(getppid),
-    SCMP_SYS(getuid),
-    SCMP_SYS(geteuid),
-    SCMP_SYS(getgid),
-    SCMP_SYS(getegid),
-    SCMP_SYS(getresuid),
-    SCMP_SYS(getresgid),
-    SCMP_SYS(getgroups),
-    SCMP_SYS(getpgrp),
-    SCMP_SYS(getpgid),
-    SCMP_SYS(getsid),
-    SCMP_SYS(uname),
-    SCMP_SYS(sysinfo),
-    SCMP_SYS(getrandom),
-    SCMP_SYS(getcpu),
-    SCMP_SYS(getrlimit),
-    SCMP_SYS(setrlimit),
-    SCMP_SYS(capget),
-    SCMP_SYS(wait4),
-    SCMP_SYS(waitid),
+#define HG_CALL(name) SCMP_SYS(name),
+#include "server/calls.def"
 };
 
 static bool allow_call(scmp_filter_ctx filter, int call)
 {
     return call < 0 || seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 0) == 0;
+}
+
+// What could be done to a terminal whose descriptor the worker has: stderr. A filter of its own, as
+// a call that is allowed whatever its arguments are cannot be refused for some of them.
+static bool refuse_terminals(void)
+{
+    static const int commands[] = {TIOCSTI, TIOCLINUX, TIOCSCTTY, TIOCSETD};
+    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
+    bool ok = filter != NULL;
+    for (size_t i = 0; ok && i < sizeof commands / sizeof *commands; i++) {
+        const struct scmp_arg_cmp is_it = {.arg = 1,
+            .op = SCMP_CMP_MASKED_EQ,
+            .datum_a = UINT32_MAX,
+            .datum_b = (scmp_datum_t)commands[i]};
+        ok = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EPERM), SCMP_SYS(ioctl), 1, is_it) == 0;
+    }
+    ok = ok && seccomp_load(filter) == 0;
+    if (filter)
+        seccomp_release(filter);
+    return ok;
 }
 
 // Threads, no processes and no namespaces; signals and limits of this process only; memory is never
@@ -315,12 +160,17 @@ static bool allow_some(scmp_filter_ctx filter)
     const struct scmp_arg_cmp is_zero = {.arg = 0, .op = SCMP_CMP_EQ, .datum_a = 0};
     const struct scmp_arg_cmp is_own = {
         .arg = 0, .op = SCMP_CMP_EQ, .datum_a = (scmp_datum_t)getpid()};
+    const struct scmp_arg_cmp who_is_caller = {.arg = 1, .op = SCMP_CMP_EQ, .datum_a = 0};
     const scmp_datum_t both = PROT_WRITE | PROT_EXEC;
     const scmp_datum_t protections[] = {0, PROT_WRITE, PROT_EXEC};
     bool ok = true;
     for (size_t i = 0; i < sizeof own / sizeof *own; i++)
         ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, own[i], 1, is_own) == 0;
-    ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 1, is_zero) == 0;
+    const int of_caller[] = {SCMP_SYS(prlimit64), SCMP_SYS(sched_setaffinity),
+        SCMP_SYS(sched_setparam), SCMP_SYS(sched_setscheduler)};
+    for (size_t i = 0; i < sizeof of_caller / sizeof *of_caller; i++)
+        ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, of_caller[i], 1, is_zero) == 0;
+    ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(setpriority), 1, who_is_caller) == 0;
     for (size_t i = 0; i < sizeof mappings / sizeof *mappings; i++)
         for (size_t k = 0; k < sizeof protections / sizeof *protections; k++)
             ok &= seccomp_rule_add(filter, SCMP_ACT_ALLOW, mappings[i], 1,
@@ -334,7 +184,7 @@ static bool allow_some(scmp_filter_ctx filter)
 
 static bool enter_seccomp(void)
 {
-    scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
+    scmp_filter_ctx filter = refuse_terminals() ? seccomp_init(SCMP_ACT_ERRNO(EPERM)) : NULL;
     if (!filter)
         return false;
     bool ok = allow_some(filter);
@@ -366,7 +216,7 @@ static bool makes_socket(void)
 static bool limits_parent(void)
 {
     struct rlimit limit;
-    return prlimit(getppid(), RLIMIT_NOFILE, NULL, &limit) == 0;
+    return getppid() && prlimit(getppid(), RLIMIT_NOFILE, NULL, &limit) == 0; // 0: it sees none
 }
 
 static bool maps_code(void)

@@ -10,6 +10,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/isolate.h"
 #include "base/spill.h"
 #include "base/log.h"
 #include "base/sha256.h"
@@ -332,6 +333,7 @@ static void *task_main(void *arg)
     struct watch_list *list = &task->to.w->watch;
     hg_watch_add(list, &task->watch);
     hg_watch_begin(&task->watch, (struct watch_work){task->to.channel, task->to.request, 0});
+    hg_isolate_watch(&task->cancel);
     switch (task->kind) {
     case TASK_ASSET:
         task->status = load_asset(task);

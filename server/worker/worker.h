@@ -12,6 +12,7 @@
 //   turn watch                              whose turn it is; what threads are at
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
+//   shader_seed                             compiled shaders in advance
 //   view_params frame_planes picture_extremes    parameters, planes and pixels, of protocol and
 //   renderer encode_request                          a frame to be encoded, and what its file says
 //   encode_exr
@@ -62,7 +63,9 @@ struct worker_options {
     int fd;             // the socketpair's end; default 3
     char **asset_roots; // [asset_root_count] real paths
     uint32_t asset_root_count;
-    const char *cache_dir;  // NULL: none
+    const char *cache_dir;   // NULL: none
+    const char *upload_dir;  // has `uploads`, contents by hash; NULL: the cache folder
+    const char *shader_seed; // compiled shaders to begin with; NULL: none
     const char *shader_dir; // NULL: embedded shaders
     const char *device;     // NULL: best
     uint64_t memory_limit_bytes, texture_budget_bytes, geometry_budget_bytes; // 0 = unlimited
@@ -70,7 +73,7 @@ struct worker_options {
     uint32_t threads; // at most, for one thing at a time; 0 = one per core
     enum hg_sandbox_mode sandbox;
     struct loader_options loader;
-    bool no_spill, device_info, validation, warm_up;
+    bool no_spill, device_info, compile_shaders, validation, warm_up;
     struct hg_debug_overrides overrides; // from the environment
 };
 

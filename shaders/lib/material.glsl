@@ -12,6 +12,11 @@
 #include "lib/vertex.glsl"
 #include "shared/material.h"
 
+// A constant, for passes that do not want to know all: 1 without normal maps, 0 the base colour alone.
+#ifndef HG_MATERIAL_DETAIL
+#define HG_MATERIAL_DETAIL 2u
+#endif
+
 struct hg_surface {
     vec3 base_color; // linear
     float alpha;     // 1 unless the material blends; masked texels are 0 or 1
@@ -251,12 +256,14 @@ hg_surface hg_material_evaluate(hg_vertex v)
     float occlusion = 1.0;
     if (HG_HAS(HG_FEATURE_TEXTURES)) {
         base_texel = hg_material_sample(v.material, HG_MATERIAL_BASE_COLOR, true, v);
-        normal_texel = hg_material_sample(v.material, HG_MATERIAL_NORMAL, false, v);
-        mr_texel = hg_material_sample(v.material, HG_MATERIAL_MR, false, v);
+        if (HG_MATERIAL_DETAIL > 1u)
+            normal_texel = hg_material_sample(v.material, HG_MATERIAL_NORMAL, false, v);
+        if (HG_MATERIAL_DETAIL > 0u)
+            mr_texel = hg_material_sample(v.material, HG_MATERIAL_MR, false, v);
     }
-    if (HG_HAS(HG_FEATURE_EMISSIVE))
+    if (HG_HAS(HG_FEATURE_EMISSIVE) && HG_MATERIAL_DETAIL > 0u)
         emissive_texel = hg_material_sample(v.material, HG_MATERIAL_EMISSIVE, true, v).rgb;
-    if (HG_HAS(HG_FEATURE_OCCLUSION))
+    if (HG_HAS(HG_FEATURE_OCCLUSION) && HG_MATERIAL_DETAIL > 0u)
         occlusion = hg_material_sample(v.material, HG_MATERIAL_OCCLUSION, false, v).r;
     if (HG_HAS(HG_FEATURE_UNCOMMON) && (flags & HG_MATERIAL_PACKED_ORM) != 0u)
         occlusion = mr_texel.r;
@@ -285,7 +292,7 @@ hg_surface hg_material_evaluate(hg_vertex v)
     s.unlit = (HG_HAS(HG_FEATURE_UNCOMMON) && (flags & HG_MATERIAL_UNLIT) != 0u) || no_normals; // glTF 2.0 section 3.7.2.1
     s.geometric_normal = v.geometric_ws * side;
     s.normal = v.normal_ws;
-    if ((flags & HG_MATERIAL_HAS(HG_MATERIAL_NORMAL)) != 0u) {
+    if (HG_MATERIAL_DETAIL > 1u && (flags & HG_MATERIAL_HAS(HG_MATERIAL_NORMAL)) != 0u) {
         vec3 n = normal_texel.xyz * 2.0 - 1.0;
         float scale = 1.0;
         if (HG_HAS(HG_FEATURE_UNCOMMON))
@@ -302,7 +309,7 @@ hg_surface hg_material_evaluate(hg_vertex v)
     s.front = v.front;
     hg_lobes_none(s, v.normal_ws * side, v.tangent_ws.xyz);
 #ifndef HG_NO_LOBES
-    if (HG_HAS(HG_FEATURE_LOBES))
+    if (HG_HAS(HG_FEATURE_LOBES) && HG_MATERIAL_DETAIL > 0u)
         hg_lobes_evaluate(v, side, s);
 #endif
     return s;

@@ -20,8 +20,14 @@ bool hg_gather_leaves_out(hg_emitter_sample e, uint bounce, bool ends)
     return ends ? e.group == HG_EMITTER_GROUP_ENVIRONMENT : bounce == 0u && lamp && e.delta;
 }
 
-// What irradiance is multiplied by where light is scattered, sheen with it: as in hg_environment_brdf and
-// hg_environment_bsdf.
+// What irradiance is multiplied by where the base scatters it: as in hg_environment_brdf.
+vec3 hg_gather_base_scattering(hg_brdf b)
+{
+    float miss = 1.0 - b.dfg_v.x - b.dfg_v.y;
+    return b.diffuse * clamp(1.0 - b.f0_dielectric * b.dfg_v.x - b.dfg_v.y - b.f_ms_dielectric * miss, 0.0, 1.0);
+}
+
+// The same of all lobes, sheen with them: as in hg_environment_bsdf.
 vec3 hg_gather_scattering(hg_bsdf b)
 {
     if (HG_HAS(HG_FEATURE_LOBES)) {
@@ -30,27 +36,30 @@ vec3 hg_gather_scattering(hg_bsdf b)
             scattering += b.sheen * (b.sheen_albedo_v.y * b.coat_v);
         return scattering;
     }
-    float miss = 1.0 - b.base.dfg_v.x - b.base.dfg_v.y;
-    return b.base.diffuse * clamp(1.0 - b.base.f0_dielectric * b.base.dfg_v.x - b.base.dfg_v.y -
-        b.base.f_ms_dielectric * miss, 0.0, 1.0);
+    return hg_gather_base_scattering(b.base);
 }
 
 // A path that met a surface after t metres ends there. Every second one goes on for a bounce more, which
 // halves the error of the field; pairs of samples and pixels take turns. Mirrors and glass are no ends, as
 // what they show is not what the field has about them, unless there may be no more bounces.
-bool hg_gather_mirrors(hg_bsdf b, hg_surface s)
+bool hg_gather_mirrors(vec3 mirrored, float roughness)
 {
-    return s.roughness < HG_GATHER_ROUGH && hg_max3(hg_features_mirroring(b)) > HG_GATHER_MIRRORS;
+    return roughness < HG_GATHER_ROUGH && hg_max3(mirrored) > HG_GATHER_MIRRORS;
+}
+
+// For surfaces that are no mirrors.
+bool hg_gather_ends_at(path p, float t)
+{
+    uint from = HG_PATH_ENDS_FROM(hg_path_sample(p.slot), p.slot, p.slot >> 1u);
+    return p.bounce >= from && (p.flags & HG_PATH_WIDE) != 0u &&
+        t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws);
 }
 
 bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
 {
-    if (hg_gather_mirrors(b, s))
+    if (hg_gather_mirrors(hg_features_mirroring(b), s.roughness))
         return p.bounce >= hg_path.max_bounces;
-    uvec2 pixel = hg_path_pixel(p.slot);
-    uint least = 1u + ((hg_path_sample(p.slot) >> 1u) + pixel.x + pixel.y & 1u);
-    return p.bounce >= hg_path.max_bounces || (p.bounce >= least && (p.flags & HG_PATH_WIDE) != 0u &&
-        t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws));
+    return p.bounce >= hg_path.max_bounces || hg_gather_ends_at(p, t);
 }
 
 // The surface of a camera ray that only looks for transmissive ones (HG_PATH_GLASS).
@@ -63,7 +72,7 @@ bool hg_gather_is_glass(hg_vertex v, hg_surface s)
 bool hg_gather_ends_behind_glass(path p, hg_bsdf b, hg_surface s)
 {
     bool through = s.transmission > 0.0 || s.diffuse_transmission > 0.0;
-    return p.bounce > 0u && !through && !hg_gather_mirrors(b, s);
+    return p.bounce > 0u && !through && !hg_gather_mirrors(hg_features_mirroring(b), s.roughness);
 }
 
 // What the environment would send along the ray to the surface that it left, had it met nothing.
@@ -93,17 +102,17 @@ void hg_gather_asked(inout path p, hg_emitter_sample e)
 // Of light from everywhere what a surface sends back, mirrored or scattered.
 vec3 hg_gather_albedo(hg_bsdf b)
 {
-    return min(hg_features_scattering(b) + hg_features_mirroring(b), vec3(1.0));
+    return min(hg_gather_scattering(b) + hg_features_mirroring(b), vec3(1.0));
 }
 
-// The light of the field of probes on a surface ends the path; rays to lights bring that of emitters, which changes
-// within less than the spacing of probes.
-void hg_gather_end(path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 xi)
+// The light of the field of probes on a surface with this albedo ends the path; rays to lights bring that of emitters,
+// which changes within less than the spacing of probes.
+void hg_gather_end(path p, vec3 albedo, hg_vertex v, hg_surface s, vec3 xi)
 {
     vec3 view = -p.ray.direction_ws;
     hg_probes_look(v.position_ws, s.geometric_normal, s.normal, view, reflect(-view, s.normal), xi);
     hg_path_light(p.slot, p.bounce + 1u, 0u, HG_EMITTER_GROUP_ENVIRONMENT,
-        clamped(p.throughput * hg_gather_albedo(b) * hg_probes_irradiance, p.bounce + 1u));
+        clamped(p.throughput * albedo * hg_probes_irradiance, p.bounce + 1u));
 }
 
 #endif

@@ -7,8 +7,14 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
+// 0: rays of all kinds; 1: all have left the scene; 2: none has. For devices that run both sides of
+// branches. Of gathering paths 3: those that may end at what they met (lib/path_end.glsl); 4: those from the camera
+// that look for directional lights alone.
+layout(constant_id = 0) const uint kind = 0u;
+
 #define HG_TEXTURE_STOCHASTIC true
 #define HG_TEXTURE_NOTE       true
+#define HG_MATERIAL_DETAIL    (kind == 4u ? 0u : kind == 3u ? 1u : 2u)
 
 #include "lib/frame.glsl"
 #include "lib/tables.glsl"
@@ -62,10 +68,6 @@ hg_gpu_light light_at(uint index)
 #include "lib/emitters.glsl"
 
 layout(local_size_x = HG_PATH_GROUP) in;
-
-// 0: rays of all kinds; 1: all have left the scene; 2: none has. For devices that run both sides of
-// branches.
-layout(constant_id = 0) const uint kind = 0u;
 
 #define CANDIDATES     2u // lights of which one gets a ray
 #define SEVERAL (HG_EMITTER_KIND_ALL & ~HG_EMITTER_KIND_SUN) // but a single directional light
@@ -229,22 +231,34 @@ void note_split(uint slot, uint word, hg_bsdf b, vec3 l, vec3 f)
     hg_path_set3(hg_path.split + word, slot, share);
 }
 
-// Light that would arrive and be reflected, weighted. candidates: of which it is one.
-// ends: no path goes on that might meet it.
+// Light that would arrive, times f of the surface, weighted. candidates: of which it is one; pdf: with which the path
+// goes on that way, 0: it does not.
+vec3 weighted(hg_surface s, hg_emitter_sample e, vec3 f, float pdf, uint candidates)
+{
+    float weight = 1.0;
+    if (!e.delta)
+        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u && pdf > 0.0
+                ? mis(float(candidates) * e.pdf, pdf) : 1.0) / max(e.pdf, 1e-20);
+    bool any = (e.delta || e.pdf > 0.0) &&
+        dot(s.geometric_normal, e.direction) * dot(s.normal, e.direction) > 0.0;
+    return any ? hg_path_finite(f * e.radiance * weight) : vec3(0.0);
+}
+
+// Of a surface that scatters all that it sends back.
+vec3 scattered(vec3 albedo, hg_surface s, hg_emitter_sample e)
+{
+    return albedo * (max(dot(s.normal, e.direction), 0.0) * HG_INV_PI);
+}
+
+// ends: no path goes on that might meet the light.
 vec3 reflected(hg_bsdf b, hg_surface s, hg_emitter_sample e, uint candidates, bool ends, out vec3 f)
 {
     float pdf_surface;
     bool alone = ends && e.group != HG_EMITTER_GROUP_ENVIRONMENT;
     f = hg_bsdf_evaluate(b, e.direction, pdf_surface);
     if (alone && s.roughness < HG_GATHER_ASKS)
-        f = hg_gather_albedo(b) * (max(dot(s.normal, e.direction), 0.0) * HG_INV_PI);
-    float weight = 1.0;
-    if (!e.delta)
-        weight = ((hg_path.estimators & HG_PATH_USE_SURFACES) != 0u && !alone
-                ? mis(float(candidates) * e.pdf, pdf_surface) : 1.0) / max(e.pdf, 1e-20);
-    bool any = (e.delta || e.pdf > 0.0) &&
-        dot(s.geometric_normal, e.direction) * dot(s.normal, e.direction) > 0.0;
-    return any ? hg_path_finite(f * e.radiance * weight) : vec3(0.0);
+        f = scattered(hg_gather_albedo(b), s, e);
+    return weighted(s, e, f, alone ? 0.0 : pdf_surface, candidates);
 }
 
 struct light_choice {
@@ -260,25 +274,29 @@ light_choice candidate(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec3 u
     return c;
 }
 
-// One of two lights, with a chance by what it would bring; half of all candidates lie behind the
-// surface. Both are drawn with the same density, so what the chosen one brings, times the mean of both
+// One of two lights, with a chance by what it would bring. Both are drawn with the same density, so what the chosen one brings, times the mean of both
 // over its own, has the right mean. Weights of the power heuristic are part of what it brings: any
 // that add up to one are right, these are those of two samples.
 // Source: Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination".
-light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec4 u, bool ends)
+light_choice one_of(light_choice one, light_choice other, float u)
 {
-    light_choice one = candidate(b, v, s, normal, u.xyz, ends);
-    if (!HG_EMITTER_MAY(SEVERAL))
-        return one;
-    light_choice other = candidate(b, v, s, normal, fract(u.xyz + 0.5), ends);
     float first = hg_emitter_luminance(one.light), second = hg_emitter_luminance(other.light);
     float sum = first + second, mine = first;
-    if (u.w * sum >= first) {
+    if (u * sum >= first) {
         one = other;
         mine = second;
     }
     one.light *= mine > 0.0 ? 0.5 * sum / mine : 0.0;
     return one;
+}
+
+// Half of all candidates lie behind the surface.
+light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec4 u, bool ends)
+{
+    light_choice one = candidate(b, v, s, normal, u.xyz, ends);
+    if (!HG_EMITTER_MAY(SEVERAL))
+        return one;
+    return one_of(one, candidate(b, v, s, normal, fract(u.xyz + 0.5), ends), u.w);
 }
 
 // First mask of a shadow ray: opaque surfaces.
@@ -299,12 +317,10 @@ vec3 dimmed(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
     return hg_bsdf_attenuation(hg_media_attenuation(media), e.distance);
 }
 
-// Emits a shadow ray, the second one to a directional light; true when there is one.
-bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, bool second)
+// Emits a shadow ray, the second one to a directional light; true when there is one. light: that it brings.
+bool ask(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, vec3 light, bool second)
 {
-    hg_emitter_sample e = c.e;
-    vec3 f = c.f;
-    vec3 light = clamped(p.throughput * c.light * dimmed(p, b, v, s, e), p.bounce + 1u);
+    light = clamped(p.throughput * light, p.bounce + 1u);
     float side = dot(s.geometric_normal, e.direction);
     bool any = max(light.r, max(light.g, light.b)) > 0.0 &&
         (hg_path.estimators & HG_PATH_USE_EMITTERS) != 0u;
@@ -319,9 +335,14 @@ bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, boo
     hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, light);
     if (HG_PATH_CAN(HG_PATH_GROUPS))
         note_group(p.slot, group_of(e), second);
-    if (HG_PATH_CAN(HG_PATH_SPLIT) && p.bounce == 0u)
-        note_split(p.slot, second ? HG_PATH_SPLIT_SUN : HG_PATH_SPLIT_ASKED, b, e.direction, f);
     return any;
+}
+
+bool ask_light(path p, hg_bsdf b, hg_vertex v, hg_surface s, light_choice c, bool second)
+{
+    if (HG_PATH_CAN(HG_PATH_SPLIT) && p.bounce == 0u)
+        note_split(p.slot, second ? HG_PATH_SPLIT_SUN : HG_PATH_SPLIT_ASKED, b, c.e.direction, c.f);
+    return ask(p, v, s, c.e, c.light * dimmed(p, b, v, s, c.e), second);
 }
 
 // Where the path goes from here; false: nowhere.
@@ -388,24 +409,7 @@ uint disperse(inout path p, inout hg_surface s, uvec2 pixel, uint number)
     return channel;
 }
 
-// What a light gives a white surface, luminance, and the ray that says whether it does.
-float catch_light(path p, hg_vertex v, hg_surface s, hg_emitter_sample e, bool second)
-{
-    float cosine = max(dot(s.normal, e.direction), 0.0) * HG_INV_PI;
-    vec3 radiance = hg_path_finite(e.radiance * (e.delta ? 1.0 : 1.0 / max(e.pdf, 1e-20)));
-    float light = e.delta || e.pdf > 0.0 ? hg_emitter_luminance(radiance) * cosine : 0.0;
-    light = dot(s.geometric_normal, e.direction) > 0.0 ? light : 0.0;
-    hg_gpu_ray ray;
-    ray.origin_ws = hg_hit_offset(v.position_ws, s.geometric_normal);
-    ray.direction_ws = e.direction;
-    ray.t_min = 0.0;
-    ray.t_max = light > 0.0 ? e.distance : -1.0;
-    ray.time = p.ray.time;
-    ray.mask = first_mask(e);
-    hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
-    hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, vec3(light));
-    return light;
-}
+#include "lib/path_catcher.glsl"
 
 // Whether the first surface of a gathering path sees a directional light, by a ray to a point of it; true when
 // there is one.
@@ -416,28 +420,6 @@ bool ask_sun(path p, hg_vertex v, hg_surface s, vec3 side, vec3 u)
     float light = catch_light(p, v, s, e, true);
     hg_path_add_sun(HG_PATH_GUIDE_OPEN_SUN, p.slot, light);
     return light > 0.0;
-}
-
-// A shadow catcher in front of the background, which shows as far as light arrives: rays to lights
-// tell, as they do for a white surface.
-uint catch_shadow(inout path p, hg_vertex v, hg_surface s, hg_emitter_sample e, vec3 u)
-{
-    vec3 behind = background(p, p.ray.direction_ws) * p.throughput;
-    if (hg_texture_coarser != 0u)
-        return HG_PATH_WAITS;
-    uint status = HG_PATH_DONE;
-    float light = catch_light(p, v, s, e, false), sun = 0.0;
-    status |= light > 0.0 ? HG_PATH_SHADOW : 0u;
-    if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
-        sun = catch_light(p, v, s, hg_emitter_pick_apart(v.position_ws, s.normal, u), true);
-        status |= sun > 0.0 ? HG_PATH_SUN : 0u;
-    }
-    uint at = hg_path_out(hg_path.planes[HG_PATH_PLANE_CATCHER]);
-    hg_path_set(at + HG_PATH_CATCHER_UNLIT, p.slot, light + sun);
-    hg_path_set(at + HG_PATH_CATCHER_SAMPLES, p.slot, 1.0);
-    hg_path_set3(at + HG_PATH_CATCHER_BEHIND, p.slot, behind);
-    p.flags |= HG_PATH_CATCHES;
-    return status;
 }
 
 // For planes alone: the surface and its emission, no incident light.
@@ -451,27 +433,24 @@ uint see(inout path p, hg_vertex v, hg_surface s, hg_gpu_hit hit)
     return HG_PATH_DONE;
 }
 
-// The ground below the scene, where a camera ray that met nothing else meets it.
-bool meets_ground(path p)
+// There is nothing: the path goes on behind it.
+uint pass_by(inout path p, float t)
 {
-    return HG_PATH_CAN(HG_PATH_CATCHER) && p.bounce == 0u && hg_frame.ground_up != vec3(0.0) &&
-        hg_ground_distance(p.ray.origin_ws, p.ray.direction_ws) > 0.0;
+    p.steps++;
+    if (HG_PATH_CAN(HG_PATH_FIRST))
+        store(p, 0.0);
+    hg_path.rays.v[p.slot].t_min = t * (1.0 + 1e-6);
+    return p.steps < HG_PATH_MOST_STEPS ? HG_PATH_LIVE : HG_PATH_DONE;
 }
 
-uint ground(inout path p, uvec2 pixel)
+// Of emission that the path ran into.
+float weight_emitted(path p, hg_vertex v, hg_gpu_hit hit)
 {
-    vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
-    float t = hg_ground_distance(p.ray.origin_ws, p.ray.direction_ws);
-    hg_vertex v;
-    hg_surface s;
-    v.position_ws = p.ray.origin_ws + t * p.ray.direction_ws;
-    s.normal = s.geometric_normal = hg_frame.ground_up;
-    hg_emitter_cone_width = cone.x + cone.y * t;
-    hg_emitter_cone_spread = cone.y;
-    hg_sampler points = hg_path_step_sampler(pixel, hg_path_number(p.slot));
-    points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
-    vec4 u = hg_sobol4(points);
-    return catch_shadow(p, v, s, hg_emitter_pick(v.position_ws, s.normal, u.xyz), u.xyz);
+    float other = 0.0;
+    if (HG_HAS(HG_FEATURE_EMITS))
+        other = hg_emitter_pdf_triangle(p.ray.origin_ws, p.normal, hit.draw, hit.primitive,
+            v.position_ws, v.geometric_ws);
+    return weight_found(p, other, CANDIDATES);
 }
 
 uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
@@ -495,16 +474,12 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         s.emissive = vec3(0.0);
 
     // Nothing there: holes, and what only has a front.
-    p.steps++;
     bool one_sided = s.unlit || HG_PATH_CAN(HG_PATH_SURFACES | HG_PATH_GATHERS);
     bool layer = HG_PATH_CAN(HG_PATH_GATHERS) && (v.flags & HG_DRAW_BLEND) != 0u;
     layer = layer && !(HG_PATH_CAN(HG_PATH_GLASS) && hg_gather_is_glass(v, s));
-    if (ub.w >= s.alpha || ((layer || (one_sided && behind)) && p.bounce == 0u)) {
-        if (HG_PATH_CAN(HG_PATH_FIRST))
-            store(p, 0.0);
-        hg_path.rays.v[p.slot].t_min = hit.t * (1.0 + 1e-6);
-        return p.steps < HG_PATH_MOST_STEPS ? HG_PATH_LIVE : HG_PATH_DONE;
-    }
+    if (ub.w >= s.alpha || ((layer || (one_sided && behind)) && p.bounce == 0u))
+        return pass_by(p, hit.t);
+    p.steps++;
 
     if (HG_PATH_CAN(HG_PATH_SURFACES))
         return see(p, v, s, hit);
@@ -542,13 +517,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         note_seen(p, v, s, hit);
     p.flags |= HG_PATH_SEEN;
     meet_lights(p, hit.t, arriving, around);
-    float other = 0.0;
-    if (HG_HAS(HG_FEATURE_EMITS))
-        other = hg_emitter_pdf_triangle(p.ray.origin_ws, p.normal, hit.draw, hit.primitive,
-            v.position_ws, v.geometric_ws);
     // Rays to lights know of no coats: one counts where they are not the other way.
     vec3 emitted = p.pdf > 0.0 || s.unlit ? s.emissive : hg_surface_emission(s, -p.ray.direction_ws);
-    emitted = emitted * weight_found(p, other, CANDIDATES) + (s.unlit ? s.base_color : vec3(0.0));
+    emitted = emitted * weight_emitted(p, v, hit) + (s.unlit ? s.base_color : vec3(0.0));
     if (max(emitted.r, max(emitted.g, emitted.b)) > 0.0)
         hg_path_light(p.slot, p.bounce, 0u, hg_path_mark(hit.draw) & HG_PATH_GROUP_MASK,
             clamped(throughput * emitted, p.bounce));
@@ -579,7 +550,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
             status |= HG_PATH_SUN;
     }
     if (ends) {
-        hg_gather_end(p, b, v, s, ua.yzw);
+        hg_gather_end(p, hg_gather_albedo(b), v, s, ua.yzw);
         p.bounce++; // of the light that its shadow rays bring
         return status;
     }
@@ -598,6 +569,29 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         store(p, uintBitsToFloat(packed));
     return status;
 }
+
+// A sample of what directional lights bring to what the camera sees, and of nothing else.
+uint sunlit(inout path p, hg_gpu_hit hit, uvec2 pixel)
+{
+    if (hit.draw == HG_HIT_NONE)
+        return HG_PATH_DONE;
+    vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, p.slot));
+    hg_vertex v = hg_fetch_hit(hit, p.ray.direction_ws, cone.x + cone.y * hit.t);
+    hg_surface s = hg_material_evaluate(v);
+    if (hg_texture_coarser != 0u)
+        return HG_PATH_WAITS;
+    bool behind = !v.front && (v.flags & HG_DRAW_DOUBLE_SIDED) == 0u;
+    bool masked = (HG_MATERIAL_AT(v.material, flags) & HG_MATERIAL_MASK) != 0u && s.alpha <= 0.0;
+    if (behind || masked || (v.flags & HG_DRAW_BLEND) != 0u)
+        return pass_by(p, hit.t);
+    hg_sampler points = hg_path_step_sampler(pixel, hg_path_number(p.slot));
+    points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
+    p.steps++;
+    p.bounce++;
+    return !s.unlit && ask_sun(p, v, s, s.normal, hg_sobol4(points).xyz) ? HG_PATH_SUN : HG_PATH_DONE;
+}
+
+#include "lib/path_end.glsl"
 
 void load_state(inout path p)
 {
@@ -647,12 +641,16 @@ void main()
         // Only what is met is shaded several times; where the host knows, other slots do not come.
         bool over = HG_PATH_CAN(HG_PATH_FIRST) && kind == 0u && push.branch != 0u;
         status = over ? HG_PATH_DONE : meets_ground(p) ? ground(p, pixel) : miss(p);
+    } else if (kind == 3u) {
+        status = end_of_path(p, hit, pixel);
+    } else if (kind == 4u) {
+        status = sunlit(p, hit, pixel);
     } else {
         status = surface(p, hit, pixel);
     }
     hg_texture_report(pixel);
     hg_path.status.v[p.slot] = status;
-    if (status == HG_PATH_WAITS || (kind == 1u && (p.flags & HG_PATH_CATCHES) == 0u))
+    if (status == HG_PATH_WAITS || status == HG_PATH_FINE || (kind == 1u && (p.flags & HG_PATH_CATCHES) == 0u))
         return;
     hg_path_set(HG_PATH_FLAGS, p.slot,
         uintBitsToFloat((p.flags & ~(HG_PATH_STEPS_MASK | (HG_PATH_BOUNCE_MASK << HG_PATH_BOUNCE_SHIFT))) |

@@ -20,6 +20,7 @@
 #define HG_PATH_DONE  0u
 #define HG_PATH_LIVE  1u // its ray is to be followed
 #define HG_PATH_WAITS 2u // for texture pages: nothing was written, it is shaded again
+#define HG_PATH_FINE  3u // it does not end here: nothing was written, another kernel shades it
 // and bits for paths of any kind:
 #define HG_PATH_SHADOW 4u // it has a shadow ray
 #define HG_PATH_SUN    8u // and one to a directional light (HG_PATH_SUNS_APART)
@@ -148,6 +149,10 @@
 #define HG_PATH_CATCHER_SAMPLES 2
 #define HG_PATH_CATCHER_BEHIND  3 // rgb: background
 #define HG_PATH_CATCHER_WORDS   6
+
+// Hits that a gathering path may end at: from this bounce on. By pairs of samples and by pixels in turn; the first
+// two bits of a slot are those of its pixel.
+#define HG_PATH_ENDS_FROM(sample, x, y) (1u + ((((sample) >> 1u) + (x) + (y)) & 1u))
 
 // Words of hg_gpu_path.draw_marks and light_groups.
 #define HG_PATH_MOST_GROUPS  16

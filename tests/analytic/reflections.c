@@ -271,7 +271,7 @@ static void test_mask(void **state)
     assert_int_equal(stats.texels, WIDTH * HEIGHT / 16);
     assert_int_equal(counts[1], 16 * stats.counts[HG_REFLECT_CACHED]);
     const uint32_t rays = stats.texels - stats.counts[HG_REFLECT_ROUGH];
-    view->state.motion.quality.now = (struct hg_quality_choice){1, 0.25f, 1};
+    view->state.motion.quality.now = (struct hg_quality_choice){1, 0.25f, 1, false};
     look(view, 0.01f);
     test_ok(hg_view_step(view, 1, &info, &err), &err);
     hg_reflect_stats(view->state.motion.reflections.reflect, &stats);

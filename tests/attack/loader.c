@@ -18,6 +18,12 @@
 
 enum { ATTACKER = 1, NEIGHBOUR = 2, VIEW = 1, SIDE = 16, DEEP = 200000, LAMPS = 30000 };
 
+#ifdef __SANITIZE_ADDRESS__ // whose own memory is not to be told from the file's
+static const bool memory_is_limited = false;
+#else
+static const bool memory_is_limited = true;
+#endif
+
 // ---- files -------------------------------------------------------------------------------------
 
 static const char head[] =
@@ -203,7 +209,8 @@ static void files_end_by_rule(void **state)
     write_collada(rig, "bloated.dae", "1500000000");
     write_deep(rig, "deep.dae");
     write_slow(rig, "slow.dae");
-    refused(rig, "bloated.dae", HG_E_LIMIT, "512 MiB of memory");
+    if (memory_is_limited)
+        refused(rig, "bloated.dae", HG_E_LIMIT, "512 MiB of memory");
     refused(rig, "deep.dae", HG_E_FORMAT, "crashed");
     refused(rig, "slow.dae", HG_E_LIMIT, "2 s of processor time");
     link_expect(rig, load(rig, "sound.dae"), HGP_T_asset_loaded);
@@ -247,7 +254,8 @@ static void images_end_by_rule(void **state)
         0, 0, 0x11, 1, 4, 0, 1, 0, 0, 0, 8, 0, 0, 0, 0x16, 1, 3, 0, 1, 0, 0, 0, 0x30, 0x75, 0, 0,
         0x17, 1, 4, 0, 1, 0, 0, 0, 100, 0, 0, 0, 0, 0, 0, 0};
     static const char *const names[] = {"bomb.tif", "cut.webp"};
-    static const enum hg_status codes[] = {HG_E_LIMIT, HG_E_FORMAT}; // one strip of 900 MB; no end
+    // One strip of 900 MB, of which 100 bytes are there; no end.
+    const enum hg_status codes[] = {memory_is_limited ? HG_E_LIMIT : HG_E_FORMAT, HG_E_FORMAT};
     begin(rig);
     FILE *file = begin_file(rig, names[0]);
     assert_int_equal(fwrite(tiff, sizeof tiff, 1, file), 1);

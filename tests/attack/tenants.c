@@ -9,63 +9,15 @@
 
 #include <cmocka.h>
 
-#include "base/clock.h"
 #include "base/sha256.h"
-#include "tests/system/daemon.h"
-
-static void enter(struct peer *p, struct daemon *d, const char *token, const char *scene)
-{
-    peer_enter(p, d, token);
-    if (scene)
-        peer_scene(p, scene);
-}
+#include "tests/attack/tenant_rig.h"
 
 static void begin(struct daemon *d, const char *most)
 {
-    daemon_init_tokens(d);
-    daemon_write(d, "tokens",
-        "anna-token-1 edit anna\nanna-token-2 edit anna\nbert-token-1 edit bert\n"
-        "guest-token-1 view guest tenant=anna scenes=show*\nnameless-token view\n"
-        "admin-token-1 admin\n");
-    daemon_option(d, "isolation", "tenant");
+    tenant_rig_init(d);
     daemon_option(d, "max-workers", most);
     daemon_option(d, "crash-limit", "2");
-    daemon_option(d, "restart-delay", "0.01");
     daemon_start(d);
-}
-
-// The worker of a tenant, "" = the spare; 0: it has none that is up.
-static pid_t worker_of(struct daemon *d, const char *tenant)
-{
-    struct peer admin;
-    char wanted[160], state[16];
-    int pid = 0;
-    enter(&admin, d, "admin-token-1", NULL);
-    peer_call(&admin, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
-    char *text = strndup(admin.m.json.text.data, admin.m.json.text.size);
-    snprintf(wanted, sizeof wanted, "\"tenant\":\"%s\"", tenant);
-    for (const char *at = text; !pid && (at = strstr(at, "{\"state\":")); at++) {
-        const char *end = strchr(at, '}'), *whose = strstr(at, wanted);
-        if (whose && whose < end &&
-            sscanf(at, "{\"state\":\"%15[a-z]\",\"pid\":%d", state, &pid) == 2)
-            pid = strcmp(state, "up") == 0 ? pid : 0;
-    }
-    free(text);
-    peer_close(&admin);
-    return pid;
-}
-
-// Once it is up, and is another one.
-static pid_t await_worker(struct daemon *d, const char *tenant, pid_t other_than)
-{
-    uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
-    for (;;) {
-        pid_t pid = worker_of(d, tenant);
-        if (pid && pid != other_than)
-            return pid;
-        assert_true(hg_clock_now_ns() < deadline_ns);
-        usleep(20000);
-    }
 }
 
 static void show(struct peer *p)
@@ -80,26 +32,26 @@ static void deaths_stay_with_their_tenant(void **state)
     struct daemon d;
     struct peer anna, bert;
     begin(&d, "4");
-    pid_t first = await_worker(&d, "", 0);
-    enter(&anna, &d, "anna-token-1", "hall");
-    assert_int_equal(await_worker(&d, "anna", 0), first); // the spare, without a start
-    pid_t second = await_worker(&d, "", first);
-    enter(&bert, &d, "bert-token-1", "hall");
+    pid_t first = tenant_await_worker(&d, "", 0);
+    tenant_enter(&anna, &d, "anna-token-1", "hall");
+    assert_int_equal(tenant_await_worker(&d, "anna", 0), first); // the spare, without a start
+    pid_t second = tenant_await_worker(&d, "", first);
+    tenant_enter(&bert, &d, "bert-token-1", "hall");
     assert_false(bert.m.scene_opened.existed); // another scene, of the same name
-    assert_int_equal(await_worker(&d, "bert", 0), second);
+    assert_int_equal(tenant_await_worker(&d, "bert", 0), second);
     peer_view(&anna, 1, 8, 8);
     peer_view(&bert, 1, 8, 8);
     for (int i = 0; i < 3; i++) { // more often than crash-limit allows
-        pid_t pid = await_worker(&d, "anna", 0);
+        pid_t pid = tenant_await_worker(&d, "anna", 0);
         kill(pid, SIGKILL);
         show(&bert);
-        assert_int_equal(worker_of(&d, "bert"), second);
+        assert_int_equal(tenant_worker(&d, "bert"), second);
         if (i < 2)
-            await_worker(&d, "anna", pid);
+            tenant_await_worker(&d, "anna", pid);
     }
     daemon_wait_log(&d, "crash-limit");
     show(&bert);
-    assert_int_equal(worker_of(&d, "bert"), second);
+    assert_int_equal(tenant_worker(&d, "bert"), second);
     peer_close(&anna);
     peer_close(&bert);
     daemon_finish(&d);
@@ -111,12 +63,12 @@ static void scenes_belong_to_tenants(void **state)
     struct daemon d;
     struct peer anna, other, guest, nameless;
     begin(&d, "4");
-    enter(&anna, &d, "anna-token-1", "show");
-    enter(&other, &d, "anna-token-2", "show"); // of the same name, so of the same tenant
+    tenant_enter(&anna, &d, "anna-token-1", "show");
+    tenant_enter(&other, &d, "anna-token-2", "show"); // of the same name, so of the same tenant
     assert_true(other.m.scene_opened.existed);
-    enter(&guest, &d, "guest-token-1", "show"); // by grant: its line says so
+    tenant_enter(&guest, &d, "guest-token-1", "show"); // by grant: its line says so
     assert_true(guest.m.scene_opened.existed);
-    enter(&nameless, &d, "nameless-token", "show");
+    tenant_enter(&nameless, &d, "nameless-token", "show");
     assert_false(nameless.m.scene_opened.existed);
     peer_close(&anna);
     peer_close(&other);
@@ -134,8 +86,8 @@ static void uploads_belong_to_tenants(void **state)
     struct hgp_upload secret = {.total = 6, .data = {(const uint8_t *)"secret", 6}};
     struct hgp_content content;
     begin(&d, "4");
-    enter(&anna, &d, "anna-token-1", "hall");
-    enter(&bert, &d, "bert-token-1", "hall");
+    tenant_enter(&anna, &d, "anna-token-1", "hall");
+    tenant_enter(&bert, &d, "bert-token-1", "hall");
     assert_int_equal(hg_sha256("secret", 6, secret.hash), HG_OK);
     memcpy(content.hash, secret.hash, 32);
     const struct hgp_upload_query query = {.contents = {&content, 1}};
@@ -163,16 +115,16 @@ static void workers_are_limited_and_given_back(void **state)
     struct daemon d;
     struct peer anna, bert;
     begin(&d, "1");
-    pid_t first = await_worker(&d, "", 0);
-    enter(&anna, &d, "anna-token-1", "hall");
-    enter(&bert, &d, "bert-token-1", NULL);
+    pid_t first = tenant_await_worker(&d, "", 0);
+    tenant_enter(&anna, &d, "anna-token-1", "hall");
+    tenant_enter(&bert, &d, "bert-token-1", NULL);
     peer_refused(
         &bert, HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make("x")}, HG_E_LIMIT);
     assert_true(peer_says(&bert, "max-workers"));
     peer_call(&anna, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
     peer_scene(&bert, "x"); // anna's is idle, and its place is bert's now, in a process of its own
-    assert_true(await_worker(&d, "bert", 0) != first);
-    assert_int_equal(worker_of(&d, "anna"), 0);
+    assert_true(tenant_await_worker(&d, "bert", 0) != first);
+    assert_int_equal(tenant_worker(&d, "anna"), 0);
     peer_close(&anna);
     peer_close(&bert);
     daemon_finish(&d);
@@ -187,13 +139,13 @@ static void idle_workers_are_stopped(void **state)
     daemon_option(&d, "isolation", "tenant");
     daemon_option(&d, "worker-idle", "0.2");
     daemon_start(&d);
-    enter(&anna, &d, "view-token-1", "hall");
-    pid_t pid = await_worker(&d, "anna", 0);
+    tenant_enter(&anna, &d, "view-token-1", "hall");
+    pid_t pid = tenant_await_worker(&d, "anna", 0);
     peer_call(&anna, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
     daemon_wait_log(&d, "worker-idle");
-    assert_int_equal(worker_of(&d, "anna"), 0);
+    assert_int_equal(tenant_worker(&d, "anna"), 0);
     peer_scene(&anna, "hall"); // and comes back when there is a scene
-    assert_true(await_worker(&d, "anna", 0) != pid);
+    assert_true(tenant_await_worker(&d, "anna", 0) != pid);
     peer_close(&anna);
     daemon_finish(&d);
 }

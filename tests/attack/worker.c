@@ -76,8 +76,39 @@ static void worker_gets_what_it_needs(void **state)
     daemon_finish(&d);
 }
 
+// A number of /proc/PID/status, in hexadecimal.
+static unsigned long long status_of(pid_t pid, const char *name)
+{
+    static char text[8192];
+    read_of(pid, "status", text, sizeof text);
+    const char *line = strstr(text, name);
+    assert_non_null(line);
+    return strtoull(line + strlen(name), NULL, 16);
+}
+
+// Once it listens it has no capabilities, cannot get any, and makes the calls of its list only.
+static void daemon_gives_up_its_rights(void **state)
+{
+    (void)state;
+    struct daemon d;
+    daemon_begin(&d);
+    pid_t worker = daemon_worker(&d, 0);
+    const pid_t pids[] = {d.pid, worker};
+    for (int i = 0; i < 2; i++) {
+        assert_true(status_of(pids[i], "CapPrm:") == 0 && status_of(pids[i], "CapEff:") == 0);
+        assert_true(geteuid() != 0 || status_of(pids[i], "CapBnd:") == 0);
+        assert_int_equal(status_of(pids[i], "NoNewPrivs:"), 1);
+    }
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    assert_int_equal(status_of(d.pid, "Seccomp:"), 2);
+#endif
+    assert_int_equal(status_of(worker, "Seccomp:"), 0); // its own, were it a real one
+    daemon_finish(&d);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(worker_gets_what_it_needs)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(worker_gets_what_it_needs), cmocka_unit_test(daemon_gives_up_its_rights)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -38,7 +38,7 @@ def check_rooms(report):
     check([r["change"] for r in report["responses"]] ==
           ["lamp_on", "lamp_off", "sun_turned", "door_opened"], report["responses"])
     for response in report["responses"]:
-        check(0.5 < response["after_60"] < 1.5, response)
+        check(0.8 < response["after_60"] < 1.2 and response["settled_over_motion"] > 0.5, response)
 
 
 def main():

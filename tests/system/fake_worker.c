@@ -12,6 +12,7 @@
 //                                                                      a step that does not end
 //   stuck.NAME stays, and the message is not answered; pulses report that a thread hangs in it
 //   die.start  removed at start, then exit before worker_ready
+//   die.compile  removed by the process that compiles shaders, which then fails
 // The folder also gets: pid, and count.NAME, one byte per message of that name.
 #include <errno.h>
 #include <fcntl.h>
@@ -577,6 +578,8 @@ int main(int argc, char **argv)
         if (strcmp(argv[i], "--device-info") == 0) {
             puts("{\"name\":\"fake\"}");
             return 7; // whatever it is, the daemon passes it on
+        } else if (strcmp(argv[i], "--compile-shaders") == 0) {
+            return trip("die", "compile", false); // there are none
         }
     char pid[32];
     int n = snprintf(pid, sizeof pid, "%d\n", (int)getpid());

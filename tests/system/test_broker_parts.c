@@ -1,12 +1,17 @@
 // test_broker_parts.c - options, tokens, peers, the upload store, streams.
+#include <errno.h>
 #include <fcntl.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -16,11 +21,12 @@
 #include "base/sha256.h"
 #include "server/broker/audit.h"
 #include "server/broker/auth.h"
+#include "server/broker/call_filter.h"
 #include "server/broker/listener.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_table.h"
-#include "server/broker/upload_store.h"
+#include "server/broker/upload.h"
 #include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
 
@@ -547,6 +553,44 @@ static void streams_are_cut_into_messages(void **state)
     hg_outq_finish(&out);
 }
 
+// ---- system calls -------------------------------------------------------------------------------
+
+// 0: what is refused is refused, and what is needed works. In a process of its own.
+static int try_filter(void)
+{
+    struct timespec zero = {0};
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || !hg_call_filter_enter())
+        return 1;
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    const long refused[] = {SYS_ptrace, SYS_process_vm_readv, SYS_bpf, SYS_io_uring_setup,
+        SYS_userfaultfd, SYS_perf_event_open, SYS_keyctl, SYS_unshare, SYS_setns, SYS_kexec_load,
+        SYS_init_module, SYS_open_by_handle_at, SYS_chroot, SYS_personality, SYS_mknodat};
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++)
+        if (syscall(refused[i], 0, 0, 0, 0, 0) != -1 || errno != EPERM)
+            return 2;
+#endif
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0), status = 1;
+    pid_t pid = fork();
+    if (pid == 0)
+        _exit(0);
+    bool works = fd >= 0 && pid > 0 && waitpid(pid, &status, 0) == pid && status == 0 &&
+                 nanosleep(&zero, NULL) == 0 && open("/dev/null", O_RDONLY | O_CLOEXEC) >= 0;
+    return works ? 0 : 3;
+}
+
+static void the_daemon_has_a_list_of_calls(void **state)
+{
+    (void)state;
+    int status = 1;
+    pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (pid == 0)
+        _exit(try_filter());
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+}
+
 // ---- workers ------------------------------------------------------------------------------------
 
 static void scenes_are_spread_over_workers(void **state)
@@ -554,23 +598,24 @@ static void scenes_are_spread_over_workers(void **state)
     (void)state;
     struct hg_worker_pool pool;
     struct hg_options o = {.isolation = (char *)"shared", .shared_workers = 3};
-    assert_int_equal(hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}, 0), HG_OK);
+    assert_int_equal(
+        hg_worker_pool_init(&pool, &(struct hg_link){.options = &o}, NULL, NULL, 0), HG_OK);
     struct hg_link *links = pool.links;
     assert_false(hg_worker_pool_is_up(&pool));
     for (int i = 0; i < 7; i++) { // none runs yet
-        struct hg_link *link = hg_worker_pool_route(&pool, "anna");
+        struct hg_link *link = hg_worker_pool_route(&pool, "anna", 0);
         assert_ptr_equal(link, &links[i % 3]);
         link->whose.scene_count++;
     }
     links[0].state = links[2].state = HG_LINK_UP;
-    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[2]); // 3, 2 (down), 2
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna", 0), &links[2]); // 3, 2 (down), 2
     links[2].whose.scene_count = 4;
-    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[0]);
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna", 0), &links[0]);
     links[2].state = HG_LINK_STARTING;
     links[0].state = HG_LINK_DOWN;
     links[0].restart_ns = 7;
     links[1].restart_ns = 5;
-    assert_ptr_equal(hg_worker_pool_route(&pool, "anna"), &links[1]);
+    assert_ptr_equal(hg_worker_pool_route(&pool, "anna", 0), &links[1]);
     assert_true(hg_worker_pool_deadline_ns(&pool) == 5);
     links[0].state = links[1].state = links[2].state = HG_LINK_UP;
     assert_true(hg_worker_pool_is_up(&pool));
@@ -595,6 +640,7 @@ int main(void)
         cmocka_unit_test(owners_have_quotas),
         cmocka_unit_test(contents_have_owners),
         cmocka_unit_test(streams_are_cut_into_messages),
+        cmocka_unit_test(the_daemon_has_a_list_of_calls),
         cmocka_unit_test(scenes_are_spread_over_workers),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);

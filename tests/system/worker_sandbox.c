@@ -17,11 +17,13 @@
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
 #include "server/worker/sandbox.h"
+#include "server/worker/shader_seed.h"
 #include "tests/support/folder.h"
 
 // The sanitizers' own memory passes any limit.
@@ -31,7 +33,8 @@
 #define MEMORY_LIMIT 268435456u
 #endif
 
-static char folder[TEST_FOLDER_MAX], cache[80], shader_cache[80], root[80], secret[80], asset[80];
+static char folder[TEST_FOLDER_MAX], cache[80], shader_cache[80], root[80], secret[80], asset[80],
+    uploads[80];
 
 static long landlock_abi(void)
 {
@@ -51,6 +54,9 @@ static int make_files(void **state)
     assert_int_equal(mkdir(cache, 0700), 0);
     assert_int_equal(mkdir(shader_cache, 0700), 0);
     assert_int_equal(mkdir(root, 0700), 0);
+    snprintf(uploads, sizeof uploads, "%s/uploads", folder);
+    assert_int_equal(mkdir(uploads, 0700), 0);
+    test_text_write(uploads, "content", "text");
     test_file_write(secret, "text", 4);
     test_file_write(asset, "text", 4);
     return 0;
@@ -72,6 +78,7 @@ static int inside(int (*attempt)(void))
         const struct worker_options options = {.asset_roots = roots,
             .asset_root_count = 1,
             .cache_dir = cache,
+            .upload_dir = uploads,
             .memory_limit_bytes = MEMORY_LIMIT};
         struct hg_error err = {0};
         if (hg_sandbox_enter(&options, &err))
@@ -126,6 +133,13 @@ static int write_asset(void)
     return open(asset, O_WRONLY | O_CLOEXEC);
 }
 
+static int read_upload(void)
+{
+    char path[96];
+    snprintf(path, sizeof path, "%s/content", uploads);
+    return open_read(path);
+}
+
 static int write_entry(const char *where)
 {
     char path[96];
@@ -142,6 +156,21 @@ static int write_cache(void)
 static int write_shader_cache(void)
 {
     return write_entry(shader_cache);
+}
+
+// As the daemon does when a worker gets a tenant: another folder in place of an empty one.
+static int read_moved_upload(void)
+{
+    char path[112];
+    snprintf(path, sizeof path, "%s/uploads/moved", uploads);
+    for (int i = 0; i < 1000 && access(path, F_OK) != 0; i++)
+        nanosleep(&(struct timespec){.tv_nsec = 10000000}, NULL);
+    return open_read(path);
+}
+
+static int write_uploads(void)
+{
+    return write_entry(uploads);
 }
 
 // As Mesa does with the index of its shader cache.
@@ -288,6 +317,8 @@ static void test_files(void **state)
     assert_int_equal(inside(write_cache), 0);
     assert_int_equal(inside(size_cache), 0);
     assert_int_equal(inside(read_secret), denied);
+    assert_int_equal(inside(read_upload), 0);
+    assert_int_equal(inside(write_uploads), denied);
     assert_int_equal(inside(write_asset), denied);
 }
 
@@ -299,6 +330,74 @@ static void test_shader_cache(void **state)
     assert_int_equal(inside(write_shader_cache), landlock_abi() ? EACCES : 0);
     assert_int_equal(setenv("MESA_SHADER_CACHE_DIR", shader_cache, 1), 0);
     assert_int_equal(inside(write_shader_cache), 0);
+}
+
+static bool is_text(const char *where, const char *name, const char *text)
+{
+    char path[128], found[16] = "";
+    snprintf(path, sizeof path, "%s/shaders/%s", where, name);
+    FILE *file = fopen(path, "r");
+    if (!file)
+        return false;
+    const size_t size = fread(found, 1, sizeof found - 1, file);
+    fclose(file);
+    return size == strlen(text) && memcmp(found, text, size) == 0;
+}
+
+static void *move_uploads(void *result)
+{
+    char from[112], to[112];
+    snprintf(from, sizeof from, "%s/incoming", folder);
+    snprintf(to, sizeof to, "%s/uploads", uploads);
+    nanosleep(&(struct timespec){.tv_nsec = 200000000}, NULL);
+    return rename(from, to) == 0 ? result : NULL;
+}
+
+static void test_moved_uploads(void **state)
+{
+    pthread_t thread;
+    void *moved = NULL;
+    char path[112];
+    (void)state;
+    snprintf(path, sizeof path, "%s/uploads", uploads);
+    assert_int_equal(mkdir(path, 0700), 0);
+    snprintf(path, sizeof path, "%s/incoming", folder);
+    assert_int_equal(mkdir(path, 0700), 0);
+    test_text_write(path, "moved", "text");
+    assert_int_equal(pthread_create(&thread, NULL, move_uploads, &moved), 0);
+    assert_int_equal(inside(read_moved_upload), 0);
+    assert_int_equal(pthread_join(thread, &moved), 0);
+    assert_non_null(moved);
+}
+
+// What the worker has stays; links are not followed; each copy is a file of its own.
+static void test_shader_seed(void **state)
+{
+    (void)state;
+    char seed[80], path[160];
+    snprintf(seed, sizeof seed, "%s/seed", folder);
+    snprintf(path, sizeof path, "%s/deep", seed);
+    assert_int_equal(mkdir(seed, 0700), 0);
+    assert_int_equal(mkdir(path, 0700), 0);
+    test_text_write(seed, "a", "first");
+    test_text_write(seed, "b", "second");
+    test_text_write(seed, "deep/c", "third");
+    snprintf(path, sizeof path, "%s/deep/d", seed);
+    assert_int_equal(symlink(secret, path), 0);
+    snprintf(path, sizeof path, "%s/shaders", cache);
+    assert_true(mkdir(path, 0700) == 0 || errno == EEXIST);
+    test_text_write(path, "b", "mine");
+    hg_shader_seed_copy(seed, cache);
+    assert_true(is_text(cache, "a", "first"));
+    assert_true(is_text(cache, "b", "mine"));
+    assert_true(is_text(cache, "deep/c", "third"));
+    snprintf(path, sizeof path, "%s/shaders/deep/d", cache);
+    assert_int_equal(access(path, F_OK), -1);
+    snprintf(path, sizeof path, "%s/shaders", cache);
+    test_text_write(path, "a", "changed");
+    hg_shader_seed_copy(seed, folder);
+    assert_true(is_text(folder, "a", "first"));
+    hg_shader_seed_copy("/nowhere", cache); // nothing to begin with is no error
 }
 
 static void test_signals(void **state)
@@ -319,7 +418,8 @@ static void test_programs_sockets_and_memory(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_files),
-        cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_signals),
+        cmocka_unit_test(test_shader_cache), cmocka_unit_test(test_shader_seed),
+        cmocka_unit_test(test_moved_uploads), cmocka_unit_test(test_signals),
         cmocka_unit_test(test_processes), cmocka_unit_test(test_require),
         cmocka_unit_test(test_programs_sockets_and_memory)};
     return cmocka_run_group_tests_name("worker_sandbox", tests, make_files, remove_files);

@@ -1,7 +1,6 @@
 // page_load.c - threads of page sources: decode images, then bake them into packs.
 #include <string.h>
 #include <sys/resource.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
@@ -585,7 +584,7 @@ void *hg_page_load_thread(void *sources)
     pthread_mutex_lock(&s->lock);
     const bool behind = s->started++ < s->params.threads;
     if (behind) // baking takes what the threads that draw leave
-        setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 10);
+        setpriority(PRIO_PROCESS, 0, 10);
     if (behind)
         work_behind(s);
     else

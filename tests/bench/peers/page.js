@@ -5,7 +5,8 @@ import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { HDRLoader } from 'three/addons/loaders/HDRLoader.js';
 
 const job = await (await fetch('/job.json')).json();
-const renderer = new THREE.WebGLRenderer({ antialias: false, preserveDrawingBuffer: true });
+const antialias = new URLSearchParams(location.search).has('msaa');
+const renderer = new THREE.WebGLRenderer({ antialias, preserveDrawingBuffer: true });
 const scene = new THREE.Scene();
 const camera = new THREE.PerspectiveCamera(job.fov, job.width / job.height, 0.05, 200);
 
@@ -23,6 +24,19 @@ function addSun(target) {
   sun.shadow.bias = -0.0005;
   sun.shadow.normalBias = 0.02;
   target.add(sun);
+}
+
+// Where `helio bench realtime` puts them, and as bright (add_lamps of renderer/bench/realtime.c).
+function addLamps(target, bounds) {
+  const steps = [0.8191725133961645, 0.6710436067037893, 0.5497004779019703];
+  const size = bounds.getSize(new THREE.Vector3());
+  const side = Math.max(size.x, size.y, size.z);
+  for (let i = 0; i < job.lamps; i++) {
+    const lamp = new THREE.PointLight(0xffffff, 20 * side * side / job.lamps);
+    lamp.position.fromArray(bounds.min.toArray().map(
+      (low, a) => low + size.getComponent(a) * ((0.5 + steps[a] * (i + 1)) % 1)));
+    target.add(lamp);
+  }
 }
 
 window.prepare = async () => {
@@ -46,6 +60,7 @@ window.prepare = async () => {
   });
   scene.add(gltf.scene);
   addSun(scene);
+  addLamps(scene, new THREE.Box3().setFromObject(gltf.scene));
   await renderer.compileAsync(scene, camera);
   place(0);
   renderer.render(scene, camera);
@@ -54,6 +69,7 @@ window.prepare = async () => {
   const info = renderer.getContext().getExtension('WEBGL_debug_renderer_info');
   return {
     three: THREE.REVISION,
+    samples: renderer.getContext().getParameter(renderer.getContext().SAMPLES),
     device: renderer.getContext().getParameter(info.UNMASKED_RENDERER_WEBGL),
     triangles: renderer.info.render.triangles,
   };

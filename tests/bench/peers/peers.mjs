@@ -2,10 +2,14 @@
 //
 //   npm ci && node peers.mjs --helio build/bin/helio [--scene FILE] [--env FILE]
 //       [--gl llvmpipe|swiftshader|both|none] [--size 1280x720] [--rounds 3] [--json FILE] [--shots FOLDER]
+//       [--msaa no|yes|both] [--poses 8] [--lamps N] [--bench JSON] [--first yes|no]
 //
 // The walks alternate in one run, so that what else the machine does meets both. Printed: the
-// median frame time of each, their ratio, and the time from start to the first picture.
-// Both draw every frame in full: shaded, shadowed by a cached shadow map, and read back.
+// median frame time of each, processor time of a frame (of all processes, least of the rounds: on a busy machine
+// ratios of that say more), ratios, and the time from start to the first picture.
+// Both draw every frame in full: shaded, shadowed by a cached shadow map, and read back. --bench: more options of
+// `helio bench realtime` ('{"gi":1,"reflections":1,"temporal":1,"scale":67}' is all that there is); --lamps: of both,
+// without shadows there.
 import fs from 'node:fs';
 import http from 'node:http';
 import os from 'node:os';
@@ -29,7 +33,8 @@ function parse(argv) {
     helio: path.join(here, '../../../build/bin/helio'),
     scene: path.join(data, 'scenes/Sponza/glTF/Sponza.gltf'),
     env: path.join(data, 'hdr/royal_esplanade_1k.hdr'),
-    gl: 'llvmpipe', size: '1280x720', rounds: '3', json: '', poses: '8', shots: '',
+    gl: 'llvmpipe', size: '1280x720', rounds: '3', json: '', poses: '8', shots: '', msaa: 'no', lamps: '0',
+    bench: '{}', first: 'yes',
   };
   for (let i = 2; i < argv.length; i += 2) {
     const name = argv[i].replace(/^--/, '');
@@ -38,6 +43,10 @@ function parse(argv) {
       process.exit(2);
     }
     options[name] = argv[i + 1];
+  }
+  if (!['no', 'yes', 'both'].includes(options.msaa)) {
+    console.error('--msaa is no, yes or both');
+    process.exit(2);
   }
   for (const file of [options.helio, options.scene, options.env]) {
     if (!fs.existsSync(file)) {
@@ -116,7 +125,21 @@ function serve(job, scene, env) {
   });
 }
 
-async function startThree(backend, port) {
+// Processor time of a process and all that it started, ms.
+function processorTime(root) {
+  const parents = new Map(), ticks = new Map();
+  for (const pid of fs.readdirSync('/proc').filter((name) => /^[0-9]+$/.test(name))) {
+    try {
+      const fields = fs.readFileSync(`/proc/${pid}/stat`, 'utf8').split(') ').pop().split(' ');
+      parents.set(Number(pid), Number(fields[1]));
+      ticks.set(Number(pid), Number(fields[11]) + Number(fields[12]));
+    } catch { /* it ended meanwhile */ }
+  }
+  const belongs = (pid) => pid === root || (parents.has(pid) && belongs(parents.get(pid)));
+  return [...ticks].filter(([pid]) => belongs(pid)).reduce((sum, [, n]) => sum + 10 * n, 0);
+}
+
+async function startThree(backend, port, msaa) {
   const puppeteer = (await import('puppeteer-core')).default;
   const browser = await puppeteer.launch({
     executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium', headless: true,
@@ -126,13 +149,17 @@ async function startThree(backend, port) {
   const started = performance.now();
   const page = await browser.newPage();
   page.on('pageerror', (error) => console.error(`${backend}: ${error.message}`));
-  await page.goto(`http://127.0.0.1:${port}/page.html`);
+  await page.goto(`http://127.0.0.1:${port}/page.html${msaa ? '?msaa' : ''}`);
   await page.waitForFunction('window.ready', { timeout: 60000 });
   const about = await page.evaluate(() => window.prepare());
   about.first_picture_s = (performance.now() - started) / 1000;
   return {
     about,
-    walk: () => page.evaluate(() => window.frames()),
+    walk: async () => {
+      const before = processorTime(browser.process().pid);
+      const frames_ms = await page.evaluate(() => window.frames());
+      return { frames_ms, cpu_ms: (processorTime(browser.process().pid) - before) / frames_ms.length };
+    },
     shot: async (file) => fs.writeFileSync(file, Buffer.from(
       (await page.evaluate(() => window.shot())).split(',')[1], 'base64')),
     close: () => browser.close(),
@@ -143,7 +170,8 @@ async function startThree(backend, port) {
 function walkOurs(options, scene, job, folder) {
   const out = path.join(folder, 'helio.json');
   const request = { scene, environment: path.resolve(options.env), width: job.width,
-    height: job.height, vfov_deg: job.fov, rounds: 1, path: job.path };
+    height: job.height, vfov_deg: job.fov, rounds: 1, path: job.path, lamps: job.lamps,
+    ...JSON.parse(options.bench) };
   execFileSync(options.helio, ['bench', 'realtime', '--options', JSON.stringify(request),
     ...assetRoots(options, folder), '--json', out, '--progress', 'none'],
   { stdio: ['ignore', 'ignore', 'inherit'] });
@@ -176,46 +204,61 @@ async function main() {
   const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'helio-peers-'));
   const scene = withSun(options.scene, folder);
   const job = { width, height, fov: 45, sun, path: makePath(Number(options.poses)),
-    scene: `/scene/${path.basename(scene)}`, env: '/env.hdr' };
+    lamps: Number(options.lamps), scene: `/scene/${path.basename(scene)}`, env: '/env.hdr' };
   const server = await serve(job, scene, options.env);
-  const wanted = { both: ['llvmpipe', 'swiftshader'], none: [] }[options.gl] ?? [options.gl];
+  const drivers = { both: ['llvmpipe', 'swiftshader'], none: [] }[options.gl] ?? [options.gl];
+  const samples = { both: [false, true], yes: [true], no: [false] }[options.msaa];
+  const peers = drivers.flatMap((driver) => samples.map((msaa) => (
+    { driver, msaa, name: msaa ? `${driver}, MSAA` : driver })));
+  const wanted = peers.map((peer) => peer.name);
   const result = { size: options.size, rounds: Number(options.rounds), peers: {}, ours: {} };
   const cache = path.join(folder, 'cache');
   const ours = [], theirs = {};
   try {
-    result.ours.first_picture_cold_s = firstPictureOurs(options, scene, job, folder, cache);
-    result.ours.first_picture_warm_s = firstPictureOurs(options, scene, job, folder, cache);
+    if (options.first === 'yes') {
+      result.ours.first_picture_cold_s = firstPictureOurs(options, scene, job, folder, cache);
+      result.ours.first_picture_warm_s = firstPictureOurs(options, scene, job, folder, cache);
+    }
     const running = {};
-    for (const name of wanted) {
-      running[name] = await startThree(name, server.address().port);
+    for (const { name, driver, msaa } of peers) {
+      running[name] = await startThree(driver, server.address().port, msaa);
       result.peers[name] = running[name].about;
       theirs[name] = [];
       await running[name].walk(); // warm-up
     }
     for (let round = 0; round < result.rounds; round++) {
-      ours.push(...walkOurs(options, scene, job, folder).frames_ms);
-      for (const name of wanted) theirs[name].push(...await running[name].walk());
+      const walk = walkOurs(options, scene, job, folder);
+      ours.push(...walk.frames_ms);
+      result.ours.cpu_ms = Math.min(walk.cpu_ms, result.ours.cpu_ms ?? Infinity);
+      for (const name of wanted) {
+        const { frames_ms, cpu_ms } = await running[name].walk(), peer = result.peers[name];
+        theirs[name].push(...frames_ms);
+        peer.cpu_ms = Math.min(cpu_ms, peer.cpu_ms ?? Infinity);
+      }
     }
     for (const name of wanted) {
       if (options.shots) await running[name].shot(path.join(options.shots, `${name}.png`));
       await running[name].close();
     }
-    if (options.shots)
+    if (options.shots && options.first === 'yes')
       fs.copyFileSync(path.join(folder, 'first.png'), path.join(options.shots, 'heliograph.png'));
   } finally {
     server.close();
     fs.rmSync(folder, { recursive: true, force: true });
   }
   result.ours.frame_ms = median(ours);
-  console.log(`Heliograph: ${result.ours.frame_ms.toFixed(1)} ms per frame, first picture ` +
-    `${result.ours.first_picture_cold_s.toFixed(1)} s cold, ` +
-    `${result.ours.first_picture_warm_s.toFixed(1)} s warm`);
+  const times = (r) => `${r.frame_ms.toFixed(1)} ms per frame (${r.cpu_ms.toFixed(0)} of processor time)`;
+  const first = (r) => 'first_picture_cold_s' in r
+    ? `, first picture ${r.first_picture_cold_s.toFixed(1)} s cold, ${r.first_picture_warm_s.toFixed(1)} s warm` : '';
+  console.log(`Heliograph: ${times(result.ours)}${first(result.ours)}`);
   for (const name of wanted) {
     const peer = result.peers[name];
     peer.frame_ms = median(theirs[name]);
     peer.ratio = peer.frame_ms / result.ours.frame_ms;
-    console.log(`three.js r${peer.three} on ${peer.device}: ${peer.frame_ms.toFixed(1)} ms per ` +
-      `frame, first picture ${peer.first_picture_s.toFixed(1)} s; ratio ${peer.ratio.toFixed(2)}`);
+    peer.cpu_ratio = peer.cpu_ms / result.ours.cpu_ms;
+    console.log(`three.js r${peer.three}${peer.samples > 0 ? `, MSAA ${peer.samples}x` : ''} on ${peer.device}: ` +
+      `${times(peer)}, first picture ${peer.first_picture_s.toFixed(1)} s; ratio ${peer.ratio.toFixed(2)} ` +
+      `(${peer.cpu_ratio.toFixed(2)} of processor time)`);
   }
   if (options.json) fs.writeFileSync(options.json, `${JSON.stringify(result, null, 1)}\n`);
 }

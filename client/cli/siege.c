@@ -1,0 +1,338 @@
+// siege.c - the daemon of a siege, its phases and its report. See siege.h.
+#include "client/cli/siege.h"
+
+#include <errno.h>
+#include <ftw.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/program.h"
+
+extern char **environ;
+
+enum { WAIT_NS = 10000000, HONEST_SIDE = 64, FIRST_ROUNDS = 3 };
+#define START_NS  60000000000u
+#define FRAMES_NS 10000000u // between frames and
+#define PINGS_NS  2000000u  // between pings of the honest client
+static const char tokens[] = "honest-token-1 edit honest\nother-token-1 edit other\n";
+
+struct siege {
+    struct hg_cli *cli;
+    double seconds;
+    uint32_t clients, viewers, side;
+    const char *isolation, *only;
+    char folder[64], url[128], daemon[4096];
+    pid_t pid;
+    struct hg_siege_client client[HG_SIEGE_CLIENTS + 2];
+    struct hg_siege_times frames, pings; // of the honest client
+    json_t *report;
+};
+
+// ---- the daemon ---------------------------------------------------------------------------------
+
+static enum hg_status spawn_daemon(struct siege *s, struct hg_error *err)
+{
+    char cache[128], file[128];
+    snprintf(cache, sizeof cache, "%s/cache", s->folder);
+    snprintf(file, sizeof file, "%s/tokens", s->folder);
+    hg_program_path("HELIOD", "../bin/heliod", s->daemon, sizeof s->daemon);
+    enum hg_status status = hg_file_write_atomic(file, tokens, sizeof tokens - 1, err);
+    if (status)
+        return status;
+    const char *argv[] = {s->daemon, "--listen", s->url, "--cache-dir", cache, "--tokens", file,
+        "--require-token", "--isolation", s->isolation, "--sandbox", "best-effort",
+        "--max-sessions-per-token", "128", "--log", "error", NULL};
+    const int failed = posix_spawn(&s->pid, s->daemon, NULL, NULL, (char *const *)argv, environ);
+    if (!failed)
+        return HG_OK;
+    s->pid = 0;
+    return hg_error_set(err, HG_E_WORKER, s->daemon, NULL, "cannot start: %s", strerror(failed));
+}
+
+static enum hg_status await_daemon(struct siege *s, struct hg_error *err)
+{
+    const struct helio_options options = {.url = s->url, .token = "honest-token-1"};
+    const uint64_t until_ns = hg_clock_now_ns() + START_NS;
+    enum hg_status status;
+    struct helio *h;
+    while ((status = helio_connect(&options, &h, err)) && hg_clock_now_ns() < until_ns &&
+           waitpid(s->pid, NULL, WNOHANG) == 0 && !hg_cli_is_stopped())
+        hg_clock_sleep_ns(WAIT_NS);
+    helio_destroy(h);
+    return status;
+}
+
+static int remove_one(const char *path, const struct stat *st, int kind, struct FTW *at)
+{
+    (void)st;
+    (void)kind;
+    (void)at;
+    return remove(path);
+}
+
+static void stop_daemon(struct siege *s)
+{
+    if (s->pid) {
+        kill(s->pid, SIGTERM);
+        hg_clock_sleep_ns(WAIT_NS);
+        kill(s->pid, SIGTERM); // the second one does not wait for clients
+        waitpid(s->pid, NULL, 0);
+    }
+    if (s->folder[0])
+        nftw(s->folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+// ---- phases -------------------------------------------------------------------------------------
+
+static struct hg_siege_client *add_client(struct siege *s, uint32_t *count, const char *token)
+{
+    struct hg_siege_client *c = &s->client[(*count)++];
+    *c = (struct hg_siege_client){.url = s->url, .views = 1, .side = HONEST_SIDE};
+    snprintf(c->token, sizeof c->token, "%s", token);
+    return c;
+}
+
+static enum hg_status start_clients(struct siege *s, uint32_t count, uint32_t *started)
+{
+    for (*started = 0; *started < count; ++*started) {
+        enum hg_status status = hg_siege_client_start(&s->client[*started]);
+        if (status)
+            return status;
+    }
+    return HG_OK;
+}
+
+// Until each has had its first rounds, or they have had their time.
+static void await_rounds(const struct siege *s, uint32_t count)
+{
+    const uint64_t until_ns = hg_clock_now_ns() + START_NS;
+    for (uint32_t i = 0; i < count && hg_clock_now_ns() < until_ns && !hg_cli_is_stopped();)
+        if (atomic_load(&s->client[i].rounds) >= FIRST_ROUNDS)
+            i++;
+        else
+            hg_clock_sleep_ns(WAIT_NS);
+}
+
+static void watch(const struct siege *s)
+{
+    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)(s->seconds * 1e9);
+    while (hg_clock_now_ns() < until_ns && !hg_cli_is_stopped())
+        hg_clock_sleep_ns(WAIT_NS);
+}
+
+static enum hg_status run_phase(struct siege *s, uint32_t count, struct hg_error *err)
+{
+    uint32_t started;
+    enum hg_status status = start_clients(s, count, &started);
+    if (!status) {
+        await_rounds(s, count);
+        for (uint32_t i = 0; i < count; i++) {
+            atomic_store(&s->client[i].rounds, 0);
+            atomic_store(&s->client[i].measured, true);
+        }
+        watch(s);
+    }
+    for (uint32_t i = 0; i < started; i++)
+        atomic_store(&s->client[i].stop, true);
+    for (uint32_t i = 0; i < started; i++)
+        hg_siege_client_stop(&s->client[i]);
+    if (status)
+        return hg_error_set(err, status, "siege", NULL, "no thread for a client");
+    if (hg_cli_is_stopped())
+        return hg_error_set(err, HG_E_CANCELLED, "siege", NULL, "interrupted");
+    return HG_OK;
+}
+
+// ---- numbers ------------------------------------------------------------------------------------
+
+static int compare_ns(const void *a, const void *b)
+{
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+static json_t *times_json(struct hg_siege_times *t)
+{
+    qsort(t->ns, t->count, sizeof *t->ns, compare_ns);
+    const uint32_t n = t->count;
+    return json_pack("{s:f, s:f, s:f, s:i}", "p50", n ? (double)t->ns[n / 2] * 1e-6 : 0.0, "p99",
+        n ? (double)t->ns[n - 1 - n / 100] * 1e-6 : 0.0, "max",
+        n ? (double)t->ns[n - 1] * 1e-6 : 0.0, "count", (int)n);
+}
+
+static double ratio_of(const json_t *attacked, const json_t *behaved, const char *key)
+{
+    const double a = json_number_value(json_object_get(attacked, key)),
+                 b = json_number_value(json_object_get(behaved, key));
+    return b > 0 ? a / b : 0;
+}
+
+// The honest client beside clients of one class.
+static enum hg_status measure(struct siege *s,
+    enum hg_status (*round)(struct hg_siege_client *client, struct hg_error *err), json_t **out,
+    struct hg_error *err)
+{
+    uint32_t count = 0;
+    uint64_t rounds = 0;
+    *out = NULL;
+    s->frames.count = s->pings.count = 0;
+    struct hg_siege_client *frames = add_client(s, &count, "honest-token-1");
+    frames->round = hg_siege_frame;
+    frames->pause_ns = FRAMES_NS;
+    frames->times = &s->frames;
+    struct hg_siege_client *pings = add_client(s, &count, "honest-token-1");
+    pings->round = hg_siege_ping;
+    pings->pause_ns = PINGS_NS;
+    pings->times = &s->pings;
+    for (uint32_t i = 0; i < s->clients; i++) {
+        struct hg_siege_client *c = add_client(s, &count, "other-token-1");
+        c->round = round;
+        c->views = 8;
+        c->side = s->side;
+    }
+    enum hg_status status = run_phase(s, count, err);
+    if (status)
+        return status;
+    if (frames->failures || pings->failures)
+        return hg_error_set(err, HG_E_WORKER, "siege", "the honest client", "%s: %s",
+            frames->failures ? frames->err.what : pings->err.what,
+            frames->failures ? frames->err.reason : pings->err.reason);
+    for (uint32_t i = 2; i < count; i++)
+        rounds += atomic_load(&s->client[i].rounds);
+    *out = json_pack("{s:o, s:o, s:I}", "frame_ms", times_json(&s->frames), "ping_ms",
+        times_json(&s->pings), "rounds", (json_int_t)rounds);
+    return HG_OK;
+}
+
+static enum hg_status measure_class(
+    struct siege *s, const struct hg_siege_class *class, struct hg_error *err)
+{
+    json_t *behaved = NULL, *attacked = NULL;
+    enum hg_status status = measure(s, class->behave, &behaved, err);
+    if (!status)
+        status = measure(s, class->attack, &attacked, err);
+    if (status) {
+        json_decref(behaved);
+        return status;
+    }
+    const json_t *frames[] = {
+        json_object_get(attacked, "frame_ms"), json_object_get(behaved, "frame_ms")};
+    const json_t *pings[] = {
+        json_object_get(attacked, "ping_ms"), json_object_get(behaved, "ping_ms")};
+    json_t *ratio =
+        json_pack("{s:f, s:f, s:f, s:f}", "frame_p50", ratio_of(frames[0], frames[1], "p50"),
+            "frame_p99", ratio_of(frames[0], frames[1], "p99"), "ping_p50",
+            ratio_of(pings[0], pings[1], "p50"), "ping_p99", ratio_of(pings[0], pings[1], "p99"));
+    json_array_append_new(json_object_get(s->report, "classes"),
+        json_pack("{s:s, s:o, s:o, s:o}", "name", class->name, "behaved", behaved, "attacked",
+            attacked, "ratio", ratio));
+    return HG_OK;
+}
+
+// Sessions of one tenant that watch equal views: equal shares.
+static enum hg_status measure_viewers(struct siege *s, struct hg_error *err)
+{
+    uint32_t count = 0;
+    uint64_t least = UINT64_MAX, most = 0;
+    json_t *frames = json_array();
+    while (count < s->viewers)
+        add_client(s, &count, "honest-token-1")->round = hg_siege_frame;
+    enum hg_status status = run_phase(s, count, err);
+    for (uint32_t i = 0; i < count && !status; i++) {
+        const uint64_t rounds = atomic_load(&s->client[i].rounds);
+        json_array_append_new(frames, json_integer((json_int_t)rounds));
+        least = rounds < least ? rounds : least;
+        most = rounds > most ? rounds : most;
+    }
+    json_object_set_new(s->report, "viewers",
+        json_pack("{s:o, s:f}", "frames", frames, "least_to_most",
+            most ? (double)least / (double)most : 0.0));
+    return status;
+}
+
+// ---- the benchmark ------------------------------------------------------------------------------
+
+static enum hg_status read_options(struct siege *s, const json_t *options, struct hg_error *err)
+{
+    int clients = 4, viewers = 8, side = 512;
+    json_error_t wrong;
+    s->seconds = 3;
+    s->isolation = "tenant";
+    if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT, "{s?F, s?i, s?i, s?i, s?s, s?s}",
+            "seconds", &s->seconds, "clients", &clients, "viewers", &viewers, "side", &side,
+            "isolation", &s->isolation, "only", &s->only))
+        return hg_error_set(err, HG_E_INVAL, "bench siege", "options", "%s", wrong.text);
+    if (clients < 1 || clients > HG_SIEGE_CLIENTS || viewers < 1 || viewers > HG_SIEGE_CLIENTS ||
+        side < 1 || side > 4096 || !(s->seconds > 0 && s->seconds <= 3600))
+        return hg_error_set(err, HG_E_INVAL, "bench siege", "options",
+            "clients and viewers are 1 to %d, side 1 to 4096, seconds at most 3600",
+            HG_SIEGE_CLIENTS);
+    s->clients = (uint32_t)clients;
+    s->viewers = (uint32_t)viewers;
+    s->side = (uint32_t)side;
+    return HG_OK;
+}
+
+static enum hg_status begin(struct siege *s, struct hg_error *err)
+{
+    const char *temp = getenv("TMPDIR");
+    snprintf(s->folder, sizeof s->folder, "%s/helio-siege-XXXXXX", temp && *temp ? temp : "/tmp");
+    if (!mkdtemp(s->folder)) {
+        enum hg_status status = hg_error_set(err, hg_status_from_errno(errno), s->folder, NULL,
+            "cannot be made: %s", strerror(errno));
+        s->folder[0] = 0;
+        return status;
+    }
+    snprintf(s->url, sizeof s->url, "unix:%s/sock", s->folder);
+    s->report = json_pack("{s:f, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "clients",
+        (int)s->clients, "side", (int)s->side, "isolation", s->isolation, "classes");
+    if (!s->report)
+        return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
+    enum hg_status status = spawn_daemon(s, err);
+    return status ? status : await_daemon(s, err);
+}
+
+static enum hg_status run(struct siege *s, struct hg_error *err)
+{
+    enum hg_status status = begin(s, err);
+    for (uint32_t i = 0; i < hg_siege_class_count && !status; i++) {
+        hg_cli_progress_update(&s->cli->progress, "classes", i, hg_siege_class_count);
+        if (!s->only || strcmp(s->only, hg_siege_classes[i].name) == 0)
+            status = measure_class(s, &hg_siege_classes[i], err);
+    }
+    if (!status && (!s->only || strcmp(s->only, "viewers") == 0))
+        status = measure_viewers(s, err);
+    return status;
+}
+
+enum hg_status hg_cli_siege(
+    struct hg_cli *cli, const json_t *options, char **report, struct hg_error *err)
+{
+    struct siege *s = hg_calloc(1, sizeof *s);
+    *report = NULL;
+    if (!s)
+        return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
+    s->cli = cli;
+    enum hg_status status = read_options(s, options, err);
+    if (!status)
+        status = run(s, err);
+    stop_daemon(s);
+    char *text = status ? NULL : json_dumps(s->report, JSON_REAL_PRECISION(6));
+    if (text)
+        *report = hg_strdup(text);
+    if (!status && !*report)
+        status = hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
+    free(text);
+    json_decref(s->report);
+    hg_free(s);
+    return status;
+}

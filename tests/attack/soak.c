@@ -1,0 +1,280 @@
+// soak.c - hostile sessions of mixed kinds, as many at a time as there may be, for a while, with
+// honest ones of another tenant among them: these see no error, memory stays flat, and counts
+// within their budget.
+//
+//   HELIO_SOAK_SESSIONS   hostile ones at a time (300)
+//   HELIO_SOAK_SECONDS    of processor time of the daemon, after as much again of warming up (2)
+//   HELIO_SOAK_HELD       connections that are held open beside them (500)
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "tests/fuzz/session_stream.h"
+#include "tests/system/daemon.h"
+
+enum { HONEST = 10, SIDE = 256, FRAMES = 16, PINGS = 256, MIB = 1 << 20, GROWTH = 48 * MIB };
+
+enum kind { MUTATED, UNREAD_FRAMES, UNREAD_PINGS, SCENES, UPLOADS, DEADLY, SILENT, KINDS };
+static const char *const kind_names[KINDS] = {
+    "mutated", "unread frames", "unread pings", "scenes", "uploads", "deadly files", "silent"};
+
+struct hostile {
+    struct peer p; // fd -1: not connected
+    enum kind kind;
+};
+
+static struct fuzz_random random_state;
+static uint64_t lived[KINDS], upload_number;
+
+static uint64_t number_of(const char *variable, uint64_t otherwise)
+{
+    const char *text = getenv(variable);
+    return text ? strtoull(text, NULL, 10) : otherwise;
+}
+
+// Processor time of the daemon, in ticks of a hundredth of a second.
+static uint64_t ticks_of(const struct daemon *d)
+{
+    char path[64], line[1024] = "";
+    unsigned long user = 0, kernel = 0;
+    snprintf(path, sizeof path, "/proc/%d/stat", (int)d->pid);
+    FILE *file = fopen(path, "re");
+    assert_non_null(file);
+    assert_non_null(fgets(line, sizeof line, file));
+    fclose(file);
+    const char *rest = strrchr(line, ')');
+    assert_non_null(rest);
+    assert_int_equal(
+        sscanf(rest + 1, " %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &kernel),
+        2);
+    return user + kernel;
+}
+
+// ---- hostile sessions ---------------------------------------------------------------------------
+
+static void put(struct hg_writer *w, enum hgp_type type, const void *message)
+{
+    const uint32_t request = 1 + (uint32_t)fuzz_below(&random_state, 100);
+    assert_int_equal(
+        hgp_encode(w, HGP_VERSION_MAX, (struct hgp_envelope){type, request, 0}, message, NULL),
+        HG_OK);
+}
+
+// What the socket takes; the rest is cut off.
+static void send_all(struct hostile *h, struct hg_writer *w)
+{
+    const ssize_t sent = send(h->p.fd, w->data, w->size, MSG_NOSIGNAL | MSG_DONTWAIT);
+    (void)sent; // the daemon may have closed it
+    hg_writer_finish(w);
+}
+
+static void begin(struct hostile *h, struct daemon *d)
+{
+    struct hg_writer w = {0};
+    h->kind = (enum kind)fuzz_below(&random_state, KINDS);
+    lived[h->kind]++;
+    peer_connect(&h->p, d, true);
+    if (h->kind == SILENT)
+        return;
+    hg_write_bytes(&w, HGP_PREFACE, HGP_PREFACE_BYTES);
+    put(&w, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
+    put(&w, HGP_T_auth, &(struct hgp_auth){.token = hgp_str_make("hostile-token-1")});
+    put(&w, HGP_T_scene_open, &(struct hgp_scene_open){0});
+    put(&w, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 1, .has_width = true, .width = SIDE, .has_height = true, .height = SIDE});
+    send_all(h, &w);
+}
+
+static void put_upload(struct hg_writer *w)
+{
+    const uint64_t content = ++upload_number;
+    struct hgp_upload upload = {
+        .total = sizeof content, .data = {(const uint8_t *)&content, sizeof content}};
+    memcpy(upload.hash, &content, sizeof content); // a wrong one, as often as not
+    put(w, HGP_T_upload, &upload);
+}
+
+static void act(struct hostile *h)
+{
+    static uint8_t waste[65536];
+    struct hg_writer w = {0};
+    switch (h->kind) {
+    case MUTATED:
+        session_stream_put(&w, &random_state);
+        if (recv(h->p.fd, waste, sizeof waste, MSG_DONTWAIT) == 0)
+            peer_close(&h->p); // as it was asked to
+        break;
+    case UNREAD_FRAMES:
+        for (int i = 0; i < FRAMES; i++)
+            put(&w, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1});
+        break;
+    case UNREAD_PINGS:
+        for (int i = 0; i < PINGS; i++)
+            put(&w, HGP_T_ping, &(struct hgp_ping){0});
+        break;
+    case SCENES:
+        put(&w, HGP_T_scene_close, &(struct hgp_scene_close){0});
+        put(&w, HGP_T_scene_open, &(struct hgp_scene_open){0});
+        break;
+    case UPLOADS:
+        put_upload(&w);
+        break;
+    case DEADLY:
+        put(&w, HGP_T_asset_load,
+            &(struct hgp_asset_load){.asset = 1, .path = hgp_str_make("poison")});
+        break;
+    default:
+        break;
+    }
+    if (h->p.fd >= 0 && w.size)
+        send_all(h, &w);
+    else
+        hg_writer_finish(&w);
+}
+
+static void step(struct hostile *h, struct daemon *d)
+{
+    if (h->p.fd < 0) {
+        begin(h, d);
+    } else if (fuzz_below(&random_state, 16) == 0) {
+        peer_close(&h->p);
+        h->p.fd = -1;
+    } else {
+        act(h);
+    }
+}
+
+// ---- honest ones --------------------------------------------------------------------------------
+
+static void be_served(struct peer *p)
+{
+    peer_call(p, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = p->first_id}, HGP_T_ok);
+    peer_call(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+}
+
+// ---- the soak -----------------------------------------------------------------------------------
+
+static void begin_daemon(struct daemon *d, uint64_t hostile, uint64_t held)
+{
+    char count[32];
+    daemon_init_tokens(d);
+    daemon_write(d, "tokens",
+        "honest-token-1 edit honest\nhostile-token-1 edit hostile\nadmin-token-1 admin\n");
+    snprintf(count, sizeof count, "%llu", (unsigned long long)(hostile + held + 256));
+    static const char *const limits[] = {"max-connections", "max-per-address", "max-per-network",
+        "max-handshakes", "max-sessions", "max-sessions-per-token"};
+    for (size_t i = 0; i < sizeof limits / sizeof *limits; i++)
+        daemon_option(d, limits[i], count);
+    daemon_option(d, "isolation", "tenant");
+    daemon_option(d, "handshake-timeout", "3600"); // those that are held say nothing
+    daemon_option(d, "restart-delay", "0.05");
+    daemon_option(d, "crash-limit", "1000");
+    daemon_option(d, "output-limit", "1");
+    daemon_option(d, "output-total", "16");
+    daemon_option(d, "log", "error");
+    daemon_start(d);
+    daemon_write(d, "kill.asset_load", ""); // honest ones load nothing
+}
+
+// Returns how often honest sessions were served.
+static uint64_t soak(
+    struct daemon *d, struct hostile *hostile, uint64_t count, struct peer *honest, uint64_t ticks)
+{
+    const uint64_t end = ticks_of(d) + ticks;
+    uint64_t served = 0;
+    for (uint64_t n = 0; n < 4 * count || ticks_of(d) < end; n++) {
+        for (int i = 0; i < 32; i++)
+            step(&hostile[fuzz_below(&random_state, count)], d);
+        be_served(&honest[served++ % HONEST]);
+    }
+    return served;
+}
+
+static void sessions_are_within_budget(struct daemon *d, uint64_t most)
+{
+    struct peer admin;
+    uint64_t sessions = 0;
+    peer_enter(&admin, d, "admin-token-1");
+    peer_call(&admin, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    const char *at = admin.m.json.text.data, *end = at + admin.m.json.text.size;
+    while ((at = memmem(at, (size_t)(end - at), "\"requests\":", 11)) != NULL) {
+        at++;
+        sessions++;
+    }
+    print_message("%llu sessions\n", (unsigned long long)sessions);
+    assert_in_range(sessions, HONEST, most);
+    peer_close(&admin);
+}
+
+static void honest_ones_notice_nothing(void **state)
+{
+    (void)state;
+    const uint64_t count = number_of("HELIO_SOAK_SESSIONS", 300),
+                   held = number_of("HELIO_SOAK_HELD", 500),
+                   ticks = 100 * number_of("HELIO_SOAK_SECONDS", 2);
+    struct rlimit files;
+    struct daemon d;
+    struct peer honest[HONEST];
+    struct peer *holding = hg_calloc(held, sizeof *holding);
+    struct hostile *hostile = hg_calloc(count, sizeof *hostile);
+    assert_true(holding && hostile);
+    assert_int_equal(getrlimit(RLIMIT_NOFILE, &files), 0);
+    files.rlim_cur = files.rlim_max;
+    assert_int_equal(setrlimit(RLIMIT_NOFILE, &files), 0);
+    random_state = fuzz_random_start();
+    session_stream_load();
+    begin_daemon(&d, count, held);
+    for (uint64_t i = 0; i < held; i++)
+        peer_connect(&holding[i], &d, true);
+    for (int i = 0; i < HONEST; i++) {
+        peer_enter(&honest[i], &d, "honest-token-1");
+        peer_scene(&honest[i], "");
+        peer_view(&honest[i], 1, 8, 8);
+    }
+    for (uint64_t i = 0; i < count; i++)
+        hostile[i].p.fd = -1;
+    uint64_t served = soak(&d, hostile, count, honest, ticks);
+    const uint64_t before = daemon_rss_bytes(&d);
+    served += soak(&d, hostile, count, honest, ticks);
+    const uint64_t after = daemon_rss_bytes(&d);
+    for (int i = 0; i < KINDS; i++)
+        print_message("%llu %s, ", (unsigned long long)lived[i], kind_names[i]);
+    print_message("%llu held; honest ones served %llu times; %.1f MiB before, %.1f after\n",
+        (unsigned long long)held, (unsigned long long)served, (double)before / MIB,
+        (double)after / MIB);
+    assert_true(after < before + daemon_allowed(GROWTH));
+    sessions_are_within_budget(&d, count + HONEST + 1);
+    char byte;
+    for (uint64_t i = 0; i < held; i++) // still there
+        assert_int_equal(recv(holding[i].fd, &byte, 1, MSG_DONTWAIT), -1);
+    for (uint64_t i = 0; i < held; i++)
+        peer_close(&holding[i]);
+    for (uint64_t i = 0; i < count; i++)
+        if (hostile[i].p.fd >= 0)
+            peer_close(&hostile[i].p);
+    for (int i = 0; i < HONEST; i++) {
+        be_served(&honest[i]);
+        peer_close(&honest[i]);
+    }
+    daemon_finish(&d);
+    session_stream_free();
+    hg_free(holding);
+    hg_free(hostile);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(honest_ones_notice_nothing)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
