@@ -124,6 +124,7 @@ static void save_link(const struct hg_handover *h, uint32_t index)
     hg_write_u32(&w, link->deaths);
     hg_write_u32(&w, link->last_id);
     hg_write_u8(&w, link->no_spill);
+    hg_write_u32(&w, link->whose.weight);
     put_text(&w, link->whose.tenant);
     hg_packet_save_input(&link->in, &w);
     append(h, &w);
@@ -282,6 +283,7 @@ static enum hg_status load_link(const struct hg_handover *h, struct hg_reader *r
     link->deaths = hg_read_u32(r);
     link->last_id = hg_read_u32(r);
     link->no_spill = hg_read_u8(r);
+    link->whose.weight = hg_read_u32(r);
     take_text(r, link->whose.tenant, sizeof link->whose.tenant);
     link->whose.wanted = true;
     link->whose.idle_ns = link->loop->now_ns;
