@@ -13,7 +13,7 @@
 #include "shaders/shared/path.h"
 
 #define FILTER_BOX   1u       // enum hg_filter of renderer.h
-#define FULL_PX      921600.0 // pictures of so many pixels, or more, have 1 sample for each,
+#define FULL_PX      921600.0 // pictures of so many pixels have 2 samples for each,
 #define FULL_SAMPLES 32.0     // where so many are asked for
 #define MOST_BITS    6        // log2 of samples
 #define SUN_SAMPLES  2u       // at least, of directional lights: their shadows have edges
@@ -51,7 +51,7 @@ static uint32_t samples_of(const struct hg_view_settings *s)
 {
     const double smaller = log2(FULL_PX / ((double)s->width * s->height));
     const double asked = log2(s->samples / FULL_SAMPLES);
-    const double bits = round(smaller + fmin(asked, 0));
+    const double bits = round(1 + 0.75 * smaller + fmin(asked, 0));
     return 1u << (uint32_t)fmin(fmax(bits, 0), MOST_BITS);
 }
 

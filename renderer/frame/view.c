@@ -291,11 +291,10 @@ static void note_quality(struct hg_view_state *view)
         {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
         {"probe light", HG_QUALITY_PIXELS}, {"reflections", HG_QUALITY_PIXELS},
         {"reflection rays", HG_QUALITY_RAYS}, {"mirrors", HG_QUALITY_PIXELS},
-        {"glass", HG_QUALITY_PIXELS},
-        {"shading", HG_QUALITY_SHADING}, {"blend visibility", HG_QUALITY_PIXELS},
-        {"blend sort", HG_QUALITY_PIXELS}, {"blend shading", HG_QUALITY_PIXELS},
-        {"unlit tiles", HG_QUALITY_PIXELS}, {"motion", HG_QUALITY_PIXELS},
-        {"posed motion", HG_QUALITY_PIXELS}};
+        {"glass", HG_QUALITY_PIXELS}, {"shading", HG_QUALITY_SHADING},
+        {"blend visibility", HG_QUALITY_PIXELS}, {"blend sort", HG_QUALITY_PIXELS},
+        {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
+        {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};
     const struct hg_view_stats *stats = &view->stats;
     const struct hg_view_settings *s = &view->settings;
     float ms[HG_QUALITY_PARTS] = {0}, known = 0.0f, visibility_ms = 0.0f;

@@ -248,8 +248,6 @@ static enum hg_status open_listeners(struct hg_broker *b, struct hg_error *err)
         status = open_default(b, err);
     if (!status)
         status = watch_listeners(b, err);
-    if (!status && b->options.port_file)
-        status = write_port_file(b, err);
     return status;
 }
 
@@ -554,6 +552,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     if (!status && !hg_worker_process_find(&b->options, path, sizeof path))
         status = hg_error_set(
             err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
+    if (!status && b->options.port_file && !is_inherited) // nothing can fail any more
+        status = write_port_file(b, err);
     return status;
 }
 
