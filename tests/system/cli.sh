@@ -218,7 +218,7 @@ for samples in 400 4000 40000; do
     "$helio" render "$knot" -o "$temp/j.png" --connect "$url" "${slow[@]}" 2>"$temp/out" &
     client=$!
     until_true at_work
-    kill -9 $(pgrep -P "$daemon")
+    kill -9 $(pgrep -P "$daemon" helio-worker)
     kill -0 "$client" 2>/dev/null && struck=1 || struck=
     wait "$client"
     [ $? = 0 ] || fail "a worker that died was not replaced: $(tail -n 2 "$temp/out")"
