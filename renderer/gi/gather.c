@@ -19,6 +19,7 @@
 #define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
 #define LAMPLIT_STEP 4  // of those of lamps, which fewer samples ask for
 #define LAMP_PRIOR   0.02f
+#define LAMP_FILLED  0.1f // worth of a pixel that has its share of a lamp from others
 #define STRIP        8  // rows that are filtered together
 #define LEAST_ALBEDO 0.02f
 
@@ -182,8 +183,8 @@ static void set_sun(struct hg_gi_gather *w, size_t at)
 
 // Share of the lamps of a number that is seen, of the samples that asked. Light either arrives or
 // does not: with LAMP_PRIOR of a sample of each before (a beta distribution) few that agree are
-// believed nearly as much as many, so that edges stay hard. Pixels of which none asked count for no
-// other and believe any.
+// believed nearly as much as many, so that edges stay hard. Pixels of which none asked believe any,
+// and count little once they have a share from others: of many lamps each is asked for by few.
 static void set_lamp(struct hg_gi_gather *w, size_t at)
 {
     const float packed = w->in.lamps[w->lamp * pixels_of(w) + at];
@@ -387,12 +388,13 @@ HG_SIMD_LOOP static void finish_row(
 {
     float *const *light = w->from[w->kind];
     float *const *to = w->to[w->kind];
+    const float filled = w->kind == LAMPLIT ? LAMP_FILLED : 0;
     for (size_t x = 0; x < width; x++) {
         const float weight = sums->sums[WORTH][x];
         const float scale = weight > 1e-12f ? 1 / weight : 0, keep = weight > 1e-12f ? 0.0f : 1.0f;
         for (int c = RED; c < colours[w->kind]; c++)
             to[c][row + x] = sums->sums[c][x] * scale + keep * light[c][row + x];
-        to[WORTH][row + x] = light[WORTH][row + x];
+        to[WORTH][row + x] = fmaxf(light[WORTH][row + x], filled * (1 - keep));
         to[VARIANCE][row + x] =
             sums->sums[VARIANCE][x] * scale * scale + keep * light[VARIANCE][row + x];
     }

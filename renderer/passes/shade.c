@@ -149,10 +149,10 @@ enum hg_status hg_shade_record(
         .flat = hg_gpu_strategy(pass->gpu)->flat_shading,
         .masked = shade->masked,
         .picture = picture ? shade->tonemap + 1 : 0};
-    if (shade->gathered != NULL)
-        pass->features2 |= HG_FEATURE2_GATHERED;
-    if (shade->gathered != NULL && shade->gathered->height > shade->visibility->height)
-        pass->features2 |= HG_FEATURE2_LAMPS_GATHERED;
+    if (shade->gathered != NULL) // and below that of the picture what there is about lamps
+        pass->features2 |=
+            HG_FEATURE2_GATHERED |
+            (shade->gathered->height > shade->visibility->height ? HG_FEATURE2_LAMPS_GATHERED : 0);
     else if (shade->probe_light != NULL)
         pass->features2 |= HG_FEATURE2_PROBE_LIGHT;
     if (shade->layer && shade->glass != NULL)

@@ -531,11 +531,13 @@ static void look_up_some(void *user, size_t block)
     }
 }
 
+// Those through the glass before those mirrored, as neighbours share light.
 static uint32_t list_waiting(const struct work *w)
 {
     struct hg_glass *g = w->g;
     uint32_t count = 0;
-    for (uint32_t i = 0; i < 2 * w->count; i++) {
+    for (uint32_t k = 0; k < 2 * w->count; k++) {
+        const uint32_t i = k < w->count ? 2 * k : 2 * (k - w->count) + 1;
         const struct way *way = &g->ways[i];
         if (way->waits)
             g->waiting[count++] = i;

@@ -112,10 +112,10 @@ void hg_gather_saw_sky(path p, vec3 light)
 bool hg_gather_turns(path p, vec3 position_ws, vec3 normal, inout hg_emitter_sample e)
 {
     uint count = HG_EMITTERS.leaf_count - HG_EMITTERS.first_lamp_leaf, number = hg_path_sample(p.slot);
-    if (e.group != HG_EMITTER_GROUP_PUNCTUAL || !e.delta || number % 2u == 0u)
+    uvec2 pixel = hg_path_pixel(p.slot); // may have one sample
+    if (e.group != HG_EMITTER_GROUP_PUNCTUAL || !e.delta || (number + pixel.x + pixel.y) % 2u == 0u)
         return false;
-    uvec2 pixel = hg_path_pixel(p.slot);
-    uint turn = (number / 2u + pixel.x + 3u * pixel.y) % count;
+    uint turn = (number / 2u + pixel.x / 2u + 3u * pixel.y) % count;
     hg_emitter_sample other =
         hg_emitter_light(HG_EMITTERS.directional_count + turn, 1.0, position_ws, vec2(0.5));
     bool faces = other.delta && dot(normal, other.direction) > 0.0;

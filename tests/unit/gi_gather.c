@@ -371,6 +371,32 @@ static void test_lamps(void **state)
     film_finish(&f);
 }
 
+// Each pixel asks for one of ten lamps, in turn; one half is lit by all of them: each has its share
+// everywhere.
+static void test_lamps_in_turn(void **state)
+{
+    enum { LAMPS = 10 };
+    struct film f;
+    (void)state;
+    film_init(&f, 2);
+    f.samples = 1;
+    f.lamps = hg_calloc((size_t)HG_GATHERED_LAMPS * PIXELS, sizeof(float));
+    assert_non_null(f.lamps);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const size_t x = at % WIDTH, lamp = (x + 3 * (at / WIDTH)) % LAMPS;
+        put_surface(&f, at, 2, 2);
+        f.lamps[lamp * PIXELS + at] = x < WIDTH / 2 ? 1 + 16 * HG_PATH_LAMP_SEEN : 1;
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++)
+        for (uint32_t lamp = 0; lamp < LAMPS; lamp++) {
+            const bool lit = at % WIDTH < WIDTH / 2,
+                       near = at % WIDTH + 8 >= WIDTH / 2 && at % WIDTH < WIDTH / 2 + 8;
+            assert_true(near || fabsf(lamplit(&f, at, lamp) - (lit ? 1 : 0)) <= 0.02f);
+        }
+    film_finish(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -382,6 +408,7 @@ int main(void)
         cmocka_unit_test(test_cloth),
         cmocka_unit_test(test_sun),
         cmocka_unit_test(test_lamps),
+        cmocka_unit_test(test_lamps_in_turn),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
