@@ -27,7 +27,7 @@
 #include "server/broker/session_upload.h"
 #include "server/broker/state.h"
 
-enum { EXIT_CONFIG = 2, EXIT_START = 4 };
+enum { EXIT_CONFIG = 2, EXIT_START = 4, EXIT_LAUNCHER = 5 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
 static const uint64_t check_tokens_ns = 1000000000;
 
@@ -625,7 +625,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
             hg_state_place(&b->sessions);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);
-        exit_code = 0;
+        exit_code = b->launcher.pid ? 0 : EXIT_LAUNCHER; // a failure for service managers
         hg_info(MAIN, "done");
     } else {
         char text[700];

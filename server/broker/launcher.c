@@ -19,7 +19,7 @@
 #include "base/log.h"
 #include "server/broker/confine.h"
 
-enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 30 };
+enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 10 };
 enum { SOCKET_FD = 3, WORKER_FD = 3, SEED_NICE = 19 };
 
 // To the launcher, with the worker's end of the link.
