@@ -385,7 +385,7 @@ static enum hg_status index_owner(struct hg_upload_store *store, int above, cons
 static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const char *name)
 {
     struct stat st;
-    uint8_t hash[32] = {0}; // a key has half of it
+    uint8_t hash[32];
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
     if (hg_sha256_parse(name, KEY_DIGITS / 2, hash))

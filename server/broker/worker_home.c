@@ -237,7 +237,7 @@ static void return_store(const char *cache_dir, const char *folder, const char *
 void hg_home_leave(struct hg_home *home)
 {
     char folder[HG_HOME_PATH];
-    uint8_t digest[32] = {0}; // the key has half of it
+    uint8_t digest[32];
     struct hg_error err = {0};
     if (!home->homes || home_folder(home, folder, &err))
         return;
