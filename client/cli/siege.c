@@ -58,6 +58,14 @@ static enum hg_status spawn_daemon(struct siege *s, struct hg_error *err)
     return hg_error_set(err, HG_E_WORKER, s->daemon, NULL, "cannot start: %s", strerror(failed));
 }
 
+static bool has_ended(struct siege *s)
+{
+    if (waitpid(s->pid, NULL, WNOHANG) == 0)
+        return false;
+    s->pid = 0; // its number may be another process's now
+    return true;
+}
+
 static enum hg_status await_daemon(struct siege *s, struct hg_error *err)
 {
     const struct helio_options options = {.url = s->url, .token = "honest-token-1"};
@@ -65,7 +73,7 @@ static enum hg_status await_daemon(struct siege *s, struct hg_error *err)
     enum hg_status status;
     struct helio *h;
     while ((status = helio_connect(&options, &h, err)) && hg_clock_now_ns() < until_ns &&
-           waitpid(s->pid, NULL, WNOHANG) == 0 && !hg_cli_is_stopped())
+           !has_ended(s) && !hg_cli_is_stopped())
         hg_clock_sleep_ns(WAIT_NS);
     helio_destroy(h);
     return status;

@@ -27,7 +27,7 @@
 #include "server/broker/session_upload.h"
 #include "server/broker/state.h"
 
-enum { EXIT_CONFIG = 2, EXIT_START = 4 };
+enum { EXIT_CONFIG = 2, EXIT_START = 4, EXIT_LAUNCHER = 5 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
 static const uint64_t check_tokens_ns = 1000000000;
 
@@ -524,19 +524,20 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = hg_loop_init(&b->loop, err);
     if (!status && !is_inherited)
         status = listen_and_become(b, err);
+    if (!status) // the launcher has to leave the group that shares out controllers, too
+        status = hg_machine_init(&b->machine, &b->options, err);
     if (!status)
-        status = hg_launcher_start(&b->launcher, &b->options, err);
+        status = hg_launcher_start(&b->launcher, &b->options, &b->machine.group, err);
     // Before there are threads, each of which has a set of its own.
     if (!status && hg_confine_drop_capabilities())
         status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
-    if (!status && !hg_call_filter_enter())
+    // One that took over has the list of its predecessor: every further one would stay as well.
+    if (!status && !is_inherited && !hg_call_filter_enter())
         hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
     if (!status)
         status = watch_signals(b, err);
     if (!status)
         status = open_store(b, err);
-    if (!status)
-        status = hg_machine_init(&b->machine, &b->options, err);
     if (!status)
         status = wire_up(b, err);
     if (!status)
@@ -624,7 +625,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
             hg_state_place(&b->sessions);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);
-        exit_code = 0;
+        exit_code = b->launcher.pid ? 0 : EXIT_LAUNCHER; // a failure for service managers
         hg_info(MAIN, "done");
     } else {
         char text[700];

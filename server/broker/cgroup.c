@@ -137,9 +137,7 @@ void hg_cgroup_set(
         snprintf(memory, sizeof memory, "%llu", (unsigned long long)share->memory_bytes);
     const struct {
         const char *name, *text;
-    } files[] = {{"cpu.weight", weight}, {"memory.max", memory},
-        {"memory.oom.group", "1"}, // all of it or nothing: half a worker is of no use
-        {"pids.max", processes}};
+    } files[] = {{"cpu.weight", weight}, {"memory.max", memory}, {"pids.max", processes}};
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
         const int failed = write_file(folder, files[i].name, files[i].text);
         if (failed)

@@ -259,7 +259,9 @@ enum hg_status hg_handover_save(const struct hg_handover *h, int *fd, struct hg_
         close(*fd);
     if (status)
         *fd = -1;
-    return status ? hg_error_set(err, status, "SIGUSR2", NULL, "the state cannot be saved") : HG_OK;
+    return status ? hg_error_set(err, status, "SIGUSR2", NULL, "the state cannot be saved: %s",
+                        hg_status_text(status))
+                  : HG_OK;
 }
 
 // ---- loading ------------------------------------------------------------------------------------

@@ -19,12 +19,13 @@
 #include "base/log.h"
 #include "server/broker/confine.h"
 
-enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 30 };
+enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 10 };
 enum { SOCKET_FD = 3, WORKER_FD = 3, SEED_NICE = 19 };
 
 // To the launcher, with the worker's end of the link.
 struct request {
     uint64_t memory_bytes;
+    uint32_t serial;
     uint32_t number;
     bool has_home, has_fd, no_spill, warm_up, seed;
     char log[LOG_BYTES];
@@ -32,6 +33,7 @@ struct request {
 
 // From the new process before its program starts, and to the daemon.
 struct answer {
+    uint32_t serial; // of the request
     pid_t pid;
     int failed;            // errno of the last try
     uint32_t level;        // what it was started with
@@ -209,9 +211,10 @@ static void make_all_real(struct hg_options *o)
 
 // The process between: with as much as the kernel allows. The files in /proc/self of one that has
 // changed its user could not be written otherwise (PR_SET_DUMPABLE).
-static void start_worker(const struct request *request, struct hg_options *o, int link, int out)
+static void start_worker(const struct request *request, struct hg_options *o,
+    const struct hg_cgroup *group, int link, int out)
 {
-    struct answer answer = {0}, first = {0};
+    struct answer answer = {.serial = request->serial}, first = {0};
     int level = strcmp(o->sandbox, "off") == 0 ? HG_CONFINE_NONE : HG_CONFINE_ALL;
     make_all_real(o);
     const struct hg_homes homes = {.cache_dir = o->cache_dir};
@@ -225,6 +228,8 @@ static void start_worker(const struct request *request, struct hg_options *o, in
         .warm_up = request->warm_up,
         .seed = request->seed};
     prctl(PR_SET_DUMPABLE, 1, 0, 0, 0);
+    if (request->has_fd) // with all that it starts itself
+        hg_cgroup_enter(group, request->number, getpid());
     for (;; level--) {
         answer.failed = try_level(&start, (enum hg_confine_level)level, &answer);
         if (!answer.failed || level == HG_CONFINE_NONE)
@@ -262,7 +267,7 @@ static ssize_t receive(int fd, struct request *request, int *link)
     return got;
 }
 
-static void serve(const struct hg_options *options)
+static void serve(const struct hg_options *options, const struct hg_cgroup *group)
 {
     struct request request;
     struct hg_options o = *options;
@@ -271,9 +276,9 @@ static void serve(const struct hg_options *options)
         o.log = request.log[0] ? request.log : NULL;
         const pid_t between = fork();
         if (between == 0)
-            start_worker(&request, &o, link, SOCKET_FD);
+            start_worker(&request, &o, group, link, SOCKET_FD);
         if (between < 0) {
-            const struct answer answer = {.failed = errno};
+            const struct answer answer = {.serial = request.serial, .failed = errno};
             if (write(SOCKET_FD, &answer, sizeof answer) < 0)
                 break;
         } else {
@@ -285,7 +290,7 @@ static void serve(const struct hg_options *options)
     _exit(0); // the daemon is gone
 }
 
-static void run_launcher(const struct hg_options *options, int fd)
+static void run_launcher(const struct hg_options *options, const struct hg_cgroup *group, int fd)
 {
     dup2(fd, SOCKET_FD);
     fcntl(SOCKET_FD, F_SETFD, FD_CLOEXEC);
@@ -294,13 +299,13 @@ static void run_launcher(const struct hg_options *options, int fd)
     signal(SIGINT, SIG_IGN); // it ends with the daemon's end of the socket
     signal(SIGTERM, SIG_IGN);
     prctl(PR_SET_NAME, "heliod-launch", 0, 0, 0);
-    serve(options);
+    serve(options, group);
 }
 
 // ---- the daemon ---------------------------------------------------------------------------------
 
-enum hg_status hg_launcher_start(
-    struct hg_launcher *launcher, const struct hg_options *options, struct hg_error *err)
+enum hg_status hg_launcher_start(struct hg_launcher *launcher, const struct hg_options *options,
+    const struct hg_cgroup *group, struct hg_error *err)
 {
     int pair[2];
     *launcher = (struct hg_launcher){.fd = -1};
@@ -309,15 +314,16 @@ enum hg_status hg_launcher_start(
             err, HG_E_LIMIT, "launcher", NULL, "cannot make a socketpair: %s", strerror(errno));
     prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
     launcher->pid = fork();
+    const int failed = errno;
     if (launcher->pid == 0)
-        run_launcher(options, pair[1]);
+        run_launcher(options, group, pair[1]);
     close(pair[1]);
     launcher->fd = pair[0];
     const struct timeval patience = {.tv_sec = PATIENCE_S};
     setsockopt(launcher->fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     return launcher->pid > 0 ? HG_OK
                              : hg_error_set(err, HG_E_LIMIT, "launcher", NULL, "cannot fork: %s",
-                                   strerror(errno));
+                                   strerror(failed));
 }
 
 void hg_launcher_stop(struct hg_launcher *launcher)
@@ -368,6 +374,7 @@ static void tell(const struct answer *answer)
 int hg_launcher_run(struct hg_launcher *launcher, const struct hg_worker_start *start, pid_t *pid)
 {
     struct request request = {.memory_bytes = start->memory_bytes,
+        .serial = ++launcher->last_serial,
         .number = start->home ? start->home->number : 0,
         .has_home = start->home && start->home->homes,
         .has_fd = start->fd >= 0,
@@ -379,7 +386,10 @@ int hg_launcher_run(struct hg_launcher *launcher, const struct hg_worker_start *
     snprintf(request.log, sizeof request.log, "%s", start->options->log ? start->options->log : "");
     if (!send_request(launcher->fd, &request, start->fd))
         return errno;
-    const ssize_t got = recv(launcher->fd, &answer, sizeof answer, 0);
+    ssize_t got;
+    do // a worker of which nothing was heard in time ends by itself: its link is closed
+        got = recv(launcher->fd, &answer, sizeof answer, 0);
+    while (got == (ssize_t)sizeof answer && answer.serial != request.serial);
     if (got != (ssize_t)sizeof answer)
         return got < 0 ? errno : ECONNRESET;
     answer.step[STEP_BYTES - 1] = 0;

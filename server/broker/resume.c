@@ -9,6 +9,7 @@
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_upload.h"
 #include "server/broker/worker_pool.h"
 
 enum { SECRET_BYTES = 32 };
@@ -53,6 +54,7 @@ static void take_from_client(struct hg_session *s)
         return;
     s->conn = NULL;
     conn->session = NULL;
+    hg_session_upload_abort_all(s);
     (void)hg_session_park(s);
     hg_conn_kill(conn, "its session was resumed on another connection");
 }

@@ -13,7 +13,7 @@ enum hg_status hg_state_open(struct hg_session_table *table, bool is_known,
 enum hg_status hg_state_take_record(void *table, const uint8_t *body, size_t size);
 // Appends records of all scenes, sessions and views, and of the quarantine.
 void hg_state_put_all(struct hg_session_table *table);
-// The workers are there: restored scenes that somebody can open get theirs, the others end.
+// The workers are there: restored scenes that a session can open get theirs, the others end.
 void hg_state_place(struct hg_session_table *table);
 // Writes a snapshot when it is time for one.
 void hg_state_tend(struct hg_session_table *table);

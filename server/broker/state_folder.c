@@ -44,8 +44,7 @@ enum hg_status hg_state_folder_begin(struct hg_state_folder *f, int *fd)
 
 enum hg_status hg_state_folder_replace(struct hg_state_folder *f, int fd, uint64_t bytes)
 {
-    if (fsync(fd) != 0 || renameat(f->folder_fd, new_name, f->folder_fd, log_name) != 0 ||
-        fsync(f->folder_fd) != 0) {
+    if (fsync(fd) != 0 || renameat(f->folder_fd, new_name, f->folder_fd, log_name) != 0) {
         enum hg_status status = hg_status_from_errno(errno);
         hg_state_folder_abort(f, fd);
         return status;
@@ -54,7 +53,7 @@ enum hg_status hg_state_folder_replace(struct hg_state_folder *f, int fd, uint64
         close(f->log_fd);
     f->log_fd = fd;
     f->bytes = bytes;
-    return HG_OK;
+    return fsync(f->folder_fd) == 0 ? HG_OK : hg_status_from_errno(errno);
 }
 
 void hg_state_folder_abort(struct hg_state_folder *f, int fd)

@@ -23,7 +23,9 @@ enum hg_status hg_state_folder_open(const char *path, hg_state_take *take, void 
 void hg_state_folder_close(struct hg_state_folder *folder);
 // Begins a log beside the present one; HG_STATE_HEADER_BYTES are in it.
 enum hg_status hg_state_folder_begin(struct hg_state_folder *folder, int *fd) HG_MUST_CHECK;
-// Takes over the descriptor: syncs it and puts it in the present log's place.
+// Takes over the descriptor: syncs it and puts it in the present log's place. On failure the
+// present log stays, unless only the folder could not be synced: log_fd is the new one then, and it
+// is open which of both a crash leaves.
 enum hg_status hg_state_folder_replace(
     struct hg_state_folder *folder, int fd, uint64_t bytes) HG_MUST_CHECK;
 void hg_state_folder_abort(struct hg_state_folder *folder, int fd); // or gives it up; accepts -1

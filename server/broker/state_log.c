@@ -181,6 +181,8 @@ static void break_log(struct hg_state_log *log, enum hg_status status, const cha
             log->options.go_on ? "nothing survives the daemon until that is over"
                                : "edits are not answered and refused until that is over");
     w->status = status;
+    w->rewrite_status =
+        status; // of one under way: what comes after its snapshot is not in the file
     if (ftruncate(w->folder.log_fd, (off_t)w->folder.bytes) != 0)
         hg_debug(JOURNAL, "cannot cut the log: %s", strerror(errno));
 }
@@ -228,14 +230,18 @@ static enum hg_status copy_tail(struct writer *w)
 }
 
 // The new file in the old one's place, with all that the old one has got meanwhile.
-static enum hg_status replace(struct writer *w)
+static enum hg_status replace(struct hg_state_log *log)
 {
+    struct writer *w = &log->writer;
+    const int before = w->folder.log_fd;
     enum hg_status status = w->status ? HG_OK : copy_tail(w);
     if (status)
         return status;
     status = hg_state_folder_replace(&w->folder, w->new_fd, w->new_bytes);
     w->new_fd = -1;
     w->dirty &= status != HG_OK;
+    if (status && w->folder.log_fd != before)
+        break_log(log, status, "sync the folder");
     return status;
 }
 
@@ -272,7 +278,7 @@ static void step_rewrite(struct hg_state_log *log)
         w->next = write_records(w->new_fd, w->next, STEP_BYTES, &w->new_bytes, &status);
     if (!status && w->next)
         return;
-    end_rewrite(log, status ? status : replace(w));
+    end_rewrite(log, status ? status : replace(log));
 }
 
 // ---- the thread: its round ----------------------------------------------------------------------
@@ -564,6 +570,9 @@ enum hg_status hg_state_log_write_memory(struct hg_state_log *log, int fd)
     uint64_t bytes = 0;
     hg_state_header_encode(header);
     enum hg_status status = log->snapshot->failed ? HG_E_NOMEM : HG_OK;
+    for (const struct item *it = log->snapshot->items.first; it && !status; it = it->next)
+        if (record_bytes(it) - HG_STATE_PREFIX_BYTES > HG_STATE_BODY_LIMIT)
+            status = HG_E_LIMIT;
     if (!status)
         status = write_all(fd, &(struct iovec){header, sizeof header}, 1);
     if (!status)

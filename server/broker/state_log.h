@@ -55,7 +55,8 @@ bool hg_state_log_is_behind(const struct hg_state_log *log);
 
 // A log that only keeps its records, without a folder. NULL: no memory.
 struct hg_state_log *hg_state_log_create_memory(void) HG_MUST_CHECK;
-// Writes them, in the format of a log. HG_E_NOMEM (one is missing), HG_E_NOSPACE, HG_E_IO.
+// Writes them, in the format of a log. HG_E_NOMEM (one is missing), HG_E_LIMIT (one is too
+// large to be read again), HG_E_NOSPACE, HG_E_IO.
 enum hg_status hg_state_log_write_memory(struct hg_state_log *log, int fd) HG_MUST_CHECK;
 
 // ---- for the one who runs the loop --------------------------------------------------------------

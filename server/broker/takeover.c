@@ -99,7 +99,9 @@ void hg_takeover_step(struct hg_takeover *t)
     if (hg_handover_is_quiet(&t->all) && !hg_state_log_refusal(*t->state)) {
         exec_successor(t);
     } else if (late && t->hurried) {
-        give_up(t, "edits or workers are still busy (drain-timeout)");
+        give_up(t, hg_state_log_refusal(*t->state)
+                       ? "the state log cannot be written (state-dir)"
+                       : "edits or workers are still busy (drain-timeout)");
     } else if (late) { // edits that began have as long again
         t->hurried = true;
         t->deadline_ns = t->loop->now_ns + t->all.sessions->options->drain_timeout_ns;

@@ -75,8 +75,6 @@ void hg_link_start(struct hg_link *link)
         return;
     }
     link->whose.share = (struct hg_worker_share){0};
-    if (link->whose.machine)
-        hg_cgroup_enter(&link->whose.machine->group, link->whose.home.number, link->pid);
     if (open_link(link, pair[0])) {
         hg_link_fail(link, "cannot watch the link");
         return;

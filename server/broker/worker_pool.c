@@ -192,7 +192,8 @@ static void check_seeder(struct hg_worker_pool *pool)
         hg_warn(WORKER, "shaders are not compiled in advance: %s", strerror(rc));
 }
 
-// A spare that was there before has met nobody: its place is for one that begins with all of them.
+// A spare that was there before has served no tenant: its place is for one that begins with all of
+// them.
 static void end_seeder(struct hg_worker_pool *pool, int status)
 {
     struct hg_link *spare = find(pool, "");

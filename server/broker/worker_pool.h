@@ -4,7 +4,7 @@
 // A scene and all its sessions live in one worker, for as long as there is the scene; what happens
 // to another worker does not reach them. With isolation `tenant` a worker has scenes of one tenant
 // only, and never of another one afterwards: it is stopped when its tenant has had no scene for
-// worker-idle, and a spare that has met nobody yet is kept running for the next tenant. With
+// worker-idle, and a spare that has served no tenant yet is kept running for the next tenant. With
 // `shared` there are shared-workers of them for everybody. The policy is one place:
 // hg_worker_pool_route. Each worker of a tenant has folders of its own (worker_home.h). A process
 // that reads no tenant's files compiles shaders in advance, which all homes begin with.

@@ -154,7 +154,7 @@ static bool write_all(int fd, const uint8_t *data, size_t size)
     return true;
 }
 
-// A copy of the data in a file that nobody changes any more. -1: no memory.
+// A copy of the data in a file that is not changed any more. -1: no memory.
 static int seal_copy(const struct hg_isolate_call *call)
 {
     int fd = memfd_create("helio-data", MFD_CLOEXEC | MFD_ALLOW_SEALING);

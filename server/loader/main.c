@@ -4,6 +4,7 @@
 // Usage: helio-loader --cpu SECONDS --memory MIB --sandbox MODE [--log LEVELS], with a socket as
 // descriptor 3; started by helio-worker, not by people.
 #include <errno.h>
+#include <fcntl.h>
 #include <getopt.h>
 #include <poll.h>
 #include <signal.h>
@@ -26,10 +27,38 @@ enum { LINK_FD = 3, EXIT_USAGE = 2, FIRST = 2 };
 
 struct spawner {
     struct confinement confinement;
+    int oom_fd;                                      // of this process; -1 = cannot be written
+    char oom_adjusted[8];                            // what it has; "" = not known
     struct pollfd polled[FIRST + LOADERS_AT_A_TIME]; // link, signals, sockets of loaders
     pid_t pids[LOADERS_AT_A_TIME];
     int count;
 };
+
+// ---- memory of the machine, or of the control group ---------------------------------------------
+
+static void open_oom(struct spawner *s)
+{
+    s->oom_fd = open("/proc/self/oom_score_adj", O_RDWR | O_CLOEXEC);
+    if (s->oom_fd >= 0 && read(s->oom_fd, s->oom_adjusted, sizeof s->oom_adjusted - 1) <= 0)
+        s->oom_adjusted[0] = 0;
+}
+
+static void set_oom(const struct spawner *s, const char *text)
+{
+    if (s->oom_adjusted[0] && pwrite(s->oom_fd, text, strlen(text), 0) < 0)
+        hg_debug(SCENE, "oom_score_adj: %s", strerror(errno));
+}
+
+// Where memory is short a loader is ended before its worker. It can open no file of its own
+// process, so it begins with what this one has for a moment.
+static pid_t fork_victim(const struct spawner *s)
+{
+    set_oom(s, "1000");
+    const pid_t pid = fork();
+    if (pid != 0)
+        set_oom(s, s->oom_adjusted);
+    return pid;
+}
 
 // ---- loaders -----------------------------------------------------------------------------------
 
@@ -74,7 +103,7 @@ static void start_loader(struct spawner *s)
         reply_spawned(errno, -1);
         return;
     }
-    const pid_t pid = fork();
+    const pid_t pid = fork_victim(s);
     if (pid == 0)
         become_loader(s, pair[1]);
     if (pid < 0) {
@@ -172,6 +201,7 @@ int main(int argc, char **argv)
     s.polled[0] = (struct pollfd){.fd = LINK_FD, .events = POLLIN};
     s.polled[1] =
         (struct pollfd){.fd = signalfd(-1, &child, SFD_CLOEXEC | SFD_NONBLOCK), .events = POLLIN};
+    open_oom(&s);
     if (!hg_confine_spawner(&s.confinement)) {
         hg_fault(
             SCENE, HG_E_UNSUPPORTED, "loaders cannot be confined: this kernel has no Landlock");

@@ -13,7 +13,7 @@
 #include "server/worker/view_messages.h"
 #include "server/worker/view_schedule.h"
 
-// Out of the inbox before somebody has a turn, and messages in one turn.
+// For how long messages are taken from the inbox between turns, and handled in one turn.
 static const uint64_t take_ns = 5000000u, messages_ns = 2000000u;
 
 static struct reply_to reply_to(const struct render_state *s, const struct command *c)

@@ -327,9 +327,9 @@ enum hg_status hg_encode_queue_create(
     q->find = find;
     pthread_mutex_init(&q->lock, NULL);
     pthread_cond_init(&q->changed, NULL);
-    const uint32_t large = threads ? threads : default_threads();
-    while (q->thread_count <= large && q->thread_count <= MAX_THREADS &&
-           start_thread(q, q->thread_count == large))
+    const uint32_t wanted = threads ? threads : default_threads(),
+                   large = wanted < MAX_THREADS ? wanted : MAX_THREADS;
+    while (q->thread_count <= large && start_thread(q, q->thread_count == large))
         q->thread_count++;
     if (q->thread_count > 0)
         return HG_OK;

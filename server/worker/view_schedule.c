@@ -125,7 +125,7 @@ static bool has_work(const struct session *session, const struct view_slot *view
 
 // What it has its turn for: weights of the shares of those that want more than there is.
 enum purpose {
-    MOVES,   // somebody watches it change
+    MOVES,   // is watched while it changes
     SETTLES, // towards its settled picture
     FILMS,   // likewise, in path mode: takes minutes, and what the others leave
 };
@@ -221,7 +221,7 @@ static bool takes_message(const struct session *session, const struct view_slot 
     return hg_session_is_waiting(session) && (!view || session->messages_ns < MESSAGES_NS);
 }
 
-// Tenants first, then their sessions; at equal times what somebody waits for to move.
+// Tenants first, then their sessions; at equal times what moves, or messages.
 static bool is_before(const struct render_state *s, const struct hg_schedule_choice *a,
     const struct hg_schedule_choice *b)
 {

@@ -10,7 +10,7 @@
 
 // For whom a thread works.
 struct watch_work {
-    uint32_t channel, request, view; // request 0: what nobody waits for the answer of; view 0: none
+    uint32_t channel, request, view; // request 0: of no request; view 0: none
 };
 
 // Of one thread, whose own it is; in the list from hg_watch_add to hg_watch_remove.

@@ -126,6 +126,19 @@ static int count_loaders(pid_t parent, pid_t *last)
     return count;
 }
 
+static int oom_score_of(pid_t pid)
+{
+    char path[64];
+    int score = 0;
+    snprintf(path, sizeof path, "/proc/%d/oom_score_adj", (int)pid);
+    FILE *file = fopen(path, "r");
+    if (file && fscanf(file, "%d", &score) != 1)
+        score = 0;
+    if (file)
+        fclose(file);
+    return score;
+}
+
 static int count_files_being_read(const struct rig *rig)
 {
     pid_t spawner = 0, loader = 0;
@@ -235,9 +248,12 @@ static void readers_end_with_their_session(void **state)
     write_slow(rig, "slow.dae");
     load(rig, "slow.dae");
     const uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
-    pid_t spawner;
-    while (!count_loaders(rig->pid, &spawner) || !count_files_being_read(rig))
+    pid_t spawner, loader;
+    while (!count_loaders(rig->pid, &spawner) || !count_loaders(spawner, &loader))
         assert_true(hg_clock_now_ns() < deadline_ns);
+    // The kernel ends it, and not the worker, where memory is short.
+    assert_int_equal(oom_score_of(loader), 1000);
+    assert_int_equal(oom_score_of(spawner), oom_score_of(rig->pid));
     show(rig);
     link_ask(rig, ATTACKER, HGP_T_session_detach, &(struct hgp_session_detach){0});
     await_files_being_read(rig, 0);

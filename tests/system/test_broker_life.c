@@ -1,5 +1,6 @@
 // test_broker_life.c - heliod with a fake worker over time: start, flow control, drain, reload, the
 // service manager.
+#include <dirent.h>
 #include <netinet/in.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -359,6 +360,44 @@ static void takes_passed_sockets(void **state)
     daemon_finish(&d);
 }
 
+// A child of the daemon by the name of its process; 0 = none.
+static pid_t find_child(const struct daemon *d, const char *name)
+{
+    char path[64], line[256], wanted[64];
+    pid_t found = 0;
+    DIR *folder = opendir("/proc");
+    assert_non_null(folder);
+    snprintf(wanted, sizeof wanted, "(%s)", name);
+    for (struct dirent *it; (it = readdir(folder));) {
+        int parent = 0;
+        const int pid = atoi(it->d_name);
+        snprintf(path, sizeof path, "/proc/%d/stat", pid);
+        FILE *file = pid > 0 ? fopen(path, "r") : NULL;
+        const bool read = file && fgets(line, sizeof line, file);
+        if (file)
+            fclose(file);
+        const char *end = read ? strrchr(line, ')') : NULL;
+        if (end && strstr(line, wanted) && sscanf(end, ") %*c %d", &parent) == 1 &&
+            parent == d->pid)
+            found = pid;
+    }
+    closedir(folder);
+    return found;
+}
+
+// Without what starts workers a daemon is of no use: a service manager has to see a failure.
+static void ends_without_its_launcher(void **state)
+{
+    (void)state;
+    struct daemon d;
+    daemon_begin(&d);
+    const pid_t launcher = find_child(&d, "heliod-launch");
+    assert_true(launcher > 0);
+    assert_int_equal(kill(launcher, SIGKILL), 0);
+    assert_int_equal(daemon_wait(&d), 5);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -373,6 +412,7 @@ int main(void)
         cmocka_unit_test(passes_device_info_on),
         cmocka_unit_test(talks_to_the_service_manager),
         cmocka_unit_test(takes_passed_sockets),
+        cmocka_unit_test(ends_without_its_launcher),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

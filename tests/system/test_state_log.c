@@ -264,6 +264,46 @@ static void rewriting_keeps_what_comes_meanwhile(void **state)
     finish(&r);
 }
 
+// The old file takes no more while a new one is written: what came after the snapshot is not lost.
+static void failures_while_rewriting(void **state)
+{
+    (void)state;
+    struct rig r;
+    struct rlimit before, small;
+    enum { LARGE = 33 << 20 }; // takes much longer to write than to go on here
+    char *large = malloc(LARGE + 1);
+    memset(large, 'x', LARGE);
+    large[LARGE] = 0;
+    init(&r);
+    open_log(&r);
+    await(&r, put(&r, large, NULL));
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
+    small = before;
+    small.rlim_cur = HG_STATE_HEADER_BYTES + HG_STATE_PREFIX_BYTES + LARGE + 20;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &small), 0);
+    large[LARGE / 4] = 0;
+    hg_state_log_begin_snapshot(r.log, hg_clock_now_ns());
+    for (int i = 0; i < 3; i++)
+        put(&r, large, NULL); // less than the limit, and two steps at least
+    hg_state_log_end_snapshot(r.log);
+    uint64_t position = put(&r, "after the snapshot", NULL);
+    while (*hg_state_log_reached(r.log) < position) {
+        assert_true(poll_log(&r, 20000));
+        if (!hg_state_log_refusal(r.log) || !hg_state_log_wants_snapshot(r.log, UINT64_MAX))
+            continue;
+        hg_state_log_begin_snapshot(r.log, hg_clock_now_ns());
+        put(&r, "all, after the snapshot", NULL);
+        hg_state_log_end_snapshot(r.log);
+    }
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &before), 0);
+    close_log(&r);
+    open_log(&r);
+    assert_non_null(strstr(r.read.text, "after the snapshot"));
+    free(large);
+    finish(&r);
+}
+
 // A disk that takes no more: nothing counts as durable, until a snapshot could be written.
 static void full_disk(bool go_on)
 {
@@ -328,6 +368,7 @@ int main(void)
         cmocka_unit_test(damage_ends_the_log),
         cmocka_unit_test(others_are_refused),
         cmocka_unit_test(rewriting_keeps_what_comes_meanwhile),
+        cmocka_unit_test(failures_while_rewriting),
         cmocka_unit_test(full_disk_refuses),
         cmocka_unit_test(full_disk_goes_on),
     };
