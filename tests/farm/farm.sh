@@ -155,7 +155,7 @@ for round in 1 2 3; do
         [ -n "$(find "$temp" -name dies.exr.checkpoint -size +8k)" ] || ! kill -0 $client 2>/dev/null
     }
     until_true begun
-    kill -KILL $(pgrep -P $daemon)
+    kill -KILL $(pgrep -P $daemon helio-worker)
     wait $client || fail "exit $? when the worker died"
     grep -q 'goes on from' "$temp/out" && break
 done
@@ -215,7 +215,7 @@ for round in 1 2 3; do
     begun() { [ -e "$temp/deaths/s-04.exr" ] || ! kill -0 $client 2>/dev/null; }
     until_true begun
     [ -e "$temp/deaths/s-10.exr" ] && wait $client && continue
-    kill -KILL $(pgrep -P $daemon)
+    kill -KILL $(pgrep -P $daemon helio-worker)
     wait $client || fail "exit $? when the worker died in a series"
     grep -q 'it ended and is replaced' "$temp/out" && break
 done
