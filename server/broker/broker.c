@@ -519,13 +519,11 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
     const bool is_inherited = b->takeover.inherited_fd >= 0;
-    enum hg_status status = choose_cache_dir(&b->options, err);
-    if (!status)
-        status = hg_loop_init(&b->loop, err);
+    enum hg_status status = hg_loop_init(&b->loop, err);
     if (!status && !is_inherited)
         status = listen_and_become(b, err);
-    if (!status)
-        status = hg_launcher_start(&b->launcher, &b->options, err);
+    if (!status && !hg_launcher_adopt(&b->launcher))
+        status = hg_launcher_start(&b->launcher, &b->options, b->argv, err);
     // Before there are threads, each of which has a set of its own.
     if (!status && hg_confine_drop_capabilities())
         status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
@@ -602,12 +600,17 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     b->takeover = (struct hg_takeover){.all = {&b->sessions, &b->conns, &b->listeners},
         .loop = &b->loop,
         .audit = &b->audit,
+        .launcher = &b->launcher,
         .state = &b->state,
         .state_news = &b->state_news,
         .argc = argc,
         .argv = argv};
-    hg_takeover_find(&b->takeover);
-    enum hg_status status = read_tokens(&b->options, &b->tokens, &err);
+    enum hg_status status = choose_cache_dir(&b->options, &err);
+    if (!status) {
+        hg_launcher_continue(&b->options, argv);
+        hg_takeover_find(&b->takeover);
+        status = read_tokens(&b->options, &b->tokens, &err);
+    }
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
@@ -624,7 +627,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
             hg_state_place(&b->sessions);
         hg_notify_send("READY=1\nSTATUS=accepting clients");
         hg_loop_run(&b->loop, round_end, b);
-        exit_code = 0;
+        exit_code = b->launcher.pid ? 0 : EXIT_START; // it has ended by itself
         hg_info(MAIN, "done");
     } else {
         char text[700];

@@ -22,6 +22,10 @@
 enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 30 };
 enum { SOCKET_FD = 3, WORKER_FD = 3, SEED_NICE = 19 };
 
+static const char process_name[] = "HELIOD_LAUNCHER"; // its number: the process is a launcher
+// In place of a request, of whatever version: become the program that is on the disk now.
+static const char renew_message = 'R';
+
 // To the launcher, with the worker's end of the link.
 struct request {
     uint64_t memory_bytes;
@@ -262,45 +266,78 @@ static ssize_t receive(int fd, struct request *request, int *link)
     return got;
 }
 
-static void serve(const struct hg_options *options)
+static void become_new_program(char *const *argv)
+{
+    char number[16];
+    snprintf(number, sizeof number, "%d", (int)getpid());
+    setenv(process_name, number, 1);
+    fcntl(SOCKET_FD, F_SETFD, 0);
+    execvp(argv[0], argv);
+    unsetenv(process_name); // it goes on as it is
+    fcntl(SOCKET_FD, F_SETFD, FD_CLOEXEC);
+}
+
+// Makes a worker by way of a process that ends at once. One that ended early has answered nothing.
+static bool spawn(const struct request *request, struct hg_options *o, int link)
+{
+    struct answer answer = {0};
+    int status = 0;
+    const pid_t between = fork();
+    if (between == 0)
+        start_worker(request, o, link, SOCKET_FD);
+    if (between < 0)
+        answer.failed = errno;
+    else if (waitpid(between, &status, 0) == between && status != 0)
+        answer.failed = ECHILD;
+    return !answer.failed || write(SOCKET_FD, &answer, sizeof answer) == (ssize_t)sizeof answer;
+}
+
+static void serve(const struct hg_options *options, char *const *argv)
 {
     struct request request;
     struct hg_options o = *options;
-    for (int link; receive(SOCKET_FD, &request, &link) == (ssize_t)sizeof request;) {
+    ssize_t got;
+    for (int link; (got = receive(SOCKET_FD, &request, &link)) > 0;) {
+        if (got == sizeof renew_message) {
+            become_new_program(argv);
+            continue;
+        }
+        if (got != (ssize_t)sizeof request)
+            break;
         request.log[LOG_BYTES - 1] = 0;
         o.log = request.log[0] ? request.log : NULL;
-        const pid_t between = fork();
-        if (between == 0)
-            start_worker(&request, &o, link, SOCKET_FD);
-        if (between < 0) {
-            const struct answer answer = {.failed = errno};
-            if (write(SOCKET_FD, &answer, sizeof answer) < 0)
-                break;
-        } else {
-            waitpid(between, NULL, 0);
-        }
+        if (!spawn(&request, &o, link))
+            break;
         if (link >= 0)
             close(link);
     }
     _exit(0); // the daemon is gone
 }
 
-static void run_launcher(const struct hg_options *options, int fd)
+static void run_launcher(const struct hg_options *options, char *const *argv)
 {
-    dup2(fd, SOCKET_FD);
     fcntl(SOCKET_FD, F_SETFD, FD_CLOEXEC);
     close_range(SOCKET_FD + 1, ~0u, 0);
     setpgid(0, 0);
     signal(SIGINT, SIG_IGN); // it ends with the daemon's end of the socket
     signal(SIGTERM, SIG_IGN);
     prctl(PR_SET_NAME, "heliod-launch", 0, 0, 0);
-    serve(options);
+    serve(options, argv);
+}
+
+void hg_launcher_continue(const struct hg_options *options, char *const *argv)
+{
+    const char *number = getenv(process_name);
+    const bool is_launcher = number && atoi(number) == (int)getpid();
+    unsetenv(process_name);
+    if (is_launcher)
+        run_launcher(options, argv);
 }
 
 // ---- the daemon ---------------------------------------------------------------------------------
 
-enum hg_status hg_launcher_start(
-    struct hg_launcher *launcher, const struct hg_options *options, struct hg_error *err)
+enum hg_status hg_launcher_start(struct hg_launcher *launcher, const struct hg_options *options,
+    char *const *argv, struct hg_error *err)
 {
     int pair[2];
     *launcher = (struct hg_launcher){.fd = -1};
@@ -309,8 +346,10 @@ enum hg_status hg_launcher_start(
             err, HG_E_LIMIT, "launcher", NULL, "cannot make a socketpair: %s", strerror(errno));
     prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
     launcher->pid = fork();
-    if (launcher->pid == 0)
-        run_launcher(options, pair[1]);
+    if (launcher->pid == 0) {
+        dup2(pair[1], SOCKET_FD);
+        run_launcher(options, argv);
+    }
     close(pair[1]);
     launcher->fd = pair[0];
     const struct timeval patience = {.tv_sec = PATIENCE_S};
@@ -318,6 +357,24 @@ enum hg_status hg_launcher_start(
     return launcher->pid > 0 ? HG_OK
                              : hg_error_set(err, HG_E_LIMIT, "launcher", NULL, "cannot fork: %s",
                                    strerror(errno));
+}
+
+void hg_launcher_keep_open(const struct hg_launcher *launcher)
+{
+    fcntl(launcher->fd, F_SETFD, 0);
+}
+
+bool hg_launcher_adopt(struct hg_launcher *launcher)
+{
+    if (launcher->fd < 0)
+        return false;
+    fcntl(launcher->fd, F_SETFD, FD_CLOEXEC);
+    if (send(launcher->fd, &renew_message, sizeof renew_message, MSG_NOSIGNAL) ==
+        sizeof renew_message)
+        return true;
+    close(launcher->fd);
+    *launcher = (struct hg_launcher){.fd = -1};
+    return false;
 }
 
 void hg_launcher_stop(struct hg_launcher *launcher)
@@ -377,6 +434,8 @@ int hg_launcher_run(struct hg_launcher *launcher, const struct hg_worker_start *
     struct answer answer;
     *pid = 0;
     snprintf(request.log, sizeof request.log, "%s", start->options->log ? start->options->log : "");
+    while (recv(launcher->fd, &answer, sizeof answer, MSG_DONTWAIT) > 0)
+        ; // of a request whose answer came too late
     if (!send_request(launcher->fd, &request, start->fd))
         return errno;
     const ssize_t got = recv(launcher->fd, &answer, sizeof answer, 0);
