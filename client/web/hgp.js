@@ -909,6 +909,7 @@ export const messages = {
         type: 0x0506, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
         fields: [
             { name: "tenant", kind: "str", max: 128, since: 1 },
+            { name: "weight", kind: "u32", least: 1, most: 10000, since: 1 },
         ],
     },
     // before a pulse: what the thread of its busy_ns is at

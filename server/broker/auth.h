@@ -13,7 +13,7 @@ enum { HG_TOKEN_WEIGHT = 100, HG_TOKEN_WEIGHT_MAX = 10000 }; // usual, largest
 struct hg_token_scope {
     int64_t expires_s;     // seconds since 1970 (UTC); 0 = never
     uint32_t max_sessions; // open at a time; 0 = as max-sessions-per-token says
-    uint32_t weight;       // of its tenant's worker, 1 to 10000; 0 = 100
+    uint32_t weight;       // of its tenant, 1 to 10000; 0 = 100
     uint32_t max_rate;     // messages per second of a session; 0 = as max-rate says
     char scenes[129];      // pattern (fnmatch) of the names of scenes that may be opened; "" = all
 };

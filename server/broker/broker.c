@@ -519,15 +519,13 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
     const bool is_inherited = b->takeover.inherited_fd >= 0;
-    enum hg_status status = choose_cache_dir(&b->options, err);
-    if (!status)
-        status = hg_loop_init(&b->loop, err);
+    enum hg_status status = hg_loop_init(&b->loop, err);
     if (!status && !is_inherited)
         status = listen_and_become(b, err);
     if (!status) // the launcher has to leave the group that shares out controllers, too
         status = hg_machine_init(&b->machine, &b->options, err);
-    if (!status)
-        status = hg_launcher_start(&b->launcher, &b->options, &b->machine.group, err);
+    if (!status && !hg_launcher_adopt(&b->launcher, &b->machine.group))
+        status = hg_launcher_start(&b->launcher, &b->options, b->argv, &b->machine.group, err);
     // Before there are threads, each of which has a set of its own.
     if (!status && hg_confine_drop_capabilities())
         status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
@@ -603,12 +601,17 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     b->takeover = (struct hg_takeover){.all = {&b->sessions, &b->conns, &b->listeners},
         .loop = &b->loop,
         .audit = &b->audit,
+        .launcher = &b->launcher,
         .state = &b->state,
         .state_news = &b->state_news,
         .argc = argc,
         .argv = argv};
-    hg_takeover_find(&b->takeover);
-    enum hg_status status = read_tokens(&b->options, &b->tokens, &err);
+    enum hg_status status = choose_cache_dir(&b->options, &err);
+    if (!status) {
+        hg_launcher_continue(&b->options, argv);
+        hg_takeover_find(&b->takeover);
+        status = read_tokens(&b->options, &b->tokens, &err);
+    }
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;

@@ -175,6 +175,7 @@ static void save_session(const struct hg_handover *h, const struct hg_session *s
     hg_write_u64(&w, (uint64_t)s->scope.expires_s);
     hg_write_u32(&w, s->scope.max_sessions);
     hg_write_u32(&w, s->scope.max_rate);
+    hg_write_u32(&w, s->scope.weight);
     put_text(&w, s->scope.scenes);
     append(h, &w);
     for (const struct hg_session_view *it = s->views; it; it = it->next)
@@ -328,6 +329,7 @@ static enum hg_status load_session(const struct hg_handover *h, struct hg_reader
     s->scope.expires_s = (int64_t)hg_read_u64(r);
     s->scope.max_sessions = hg_read_u32(r);
     s->scope.max_rate = hg_read_u32(r);
+    s->scope.weight = hg_read_u32(r);
     take_text(r, s->scope.scenes, sizeof s->scope.scenes);
     return HG_OK;
 }

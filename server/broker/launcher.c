@@ -22,11 +22,16 @@
 enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 10 };
 enum { SOCKET_FD = 3, WORKER_FD = 3, SEED_NICE = 19 };
 
+static const char process_name[] = "HELIOD_LAUNCHER"; // its number: the process is a launcher
+// In place of a request, of whatever version: become the program that is on the disk now.
+static const char renew_message = 'R';
+
 // To the launcher, with the worker's end of the link.
 struct request {
     uint64_t memory_bytes;
     uint32_t serial;
     uint32_t number;
+    struct hg_cgroup group; // workers have theirs below it
     bool has_home, has_fd, no_spill, warm_up, seed;
     char log[LOG_BYTES];
 };
@@ -211,8 +216,7 @@ static void make_all_real(struct hg_options *o)
 
 // The process between: with as much as the kernel allows. The files in /proc/self of one that has
 // changed its user could not be written otherwise (PR_SET_DUMPABLE).
-static void start_worker(const struct request *request, struct hg_options *o,
-    const struct hg_cgroup *group, int link, int out)
+static void start_worker(const struct request *request, struct hg_options *o, int link, int out)
 {
     struct answer answer = {.serial = request->serial}, first = {0};
     int level = strcmp(o->sandbox, "off") == 0 ? HG_CONFINE_NONE : HG_CONFINE_ALL;
@@ -229,7 +233,7 @@ static void start_worker(const struct request *request, struct hg_options *o,
         .seed = request->seed};
     prctl(PR_SET_DUMPABLE, 1, 0, 0, 0);
     if (request->has_fd) // with all that it starts itself
-        hg_cgroup_enter(group, request->number, getpid());
+        hg_cgroup_enter(&request->group, request->number, getpid());
     for (;; level--) {
         answer.failed = try_level(&start, (enum hg_confine_level)level, &answer);
         if (!answer.failed || level == HG_CONFINE_NONE)
@@ -267,56 +271,91 @@ static ssize_t receive(int fd, struct request *request, int *link)
     return got;
 }
 
-static void serve(const struct hg_options *options, const struct hg_cgroup *group)
+static void become_new_program(char *const *argv)
+{
+    char number[16];
+    snprintf(number, sizeof number, "%d", (int)getpid());
+    setenv(process_name, number, 1);
+    fcntl(SOCKET_FD, F_SETFD, 0);
+    execvp(argv[0], argv);
+    unsetenv(process_name); // it goes on as it is
+    fcntl(SOCKET_FD, F_SETFD, FD_CLOEXEC);
+}
+
+// Makes a worker by way of a process that ends at once. One that ended early has answered nothing.
+static bool spawn(const struct request *request, struct hg_options *o, int link)
+{
+    struct answer answer = {.serial = request->serial};
+    int status = 0;
+    const pid_t between = fork();
+    if (between == 0)
+        start_worker(request, o, link, SOCKET_FD);
+    if (between < 0)
+        answer.failed = errno;
+    else if (waitpid(between, &status, 0) == between && status != 0)
+        answer.failed = ECHILD;
+    return !answer.failed || write(SOCKET_FD, &answer, sizeof answer) == (ssize_t)sizeof answer;
+}
+
+static void serve(const struct hg_options *options, char *const *argv)
 {
     struct request request;
     struct hg_options o = *options;
-    for (int link; receive(SOCKET_FD, &request, &link) == (ssize_t)sizeof request;) {
+    ssize_t got;
+    for (int link; (got = receive(SOCKET_FD, &request, &link)) > 0;) {
+        if (got == sizeof renew_message) {
+            become_new_program(argv);
+            continue;
+        }
+        if (got != (ssize_t)sizeof request)
+            break;
         request.log[LOG_BYTES - 1] = 0;
         o.log = request.log[0] ? request.log : NULL;
-        const pid_t between = fork();
-        if (between == 0)
-            start_worker(&request, &o, group, link, SOCKET_FD);
-        if (between < 0) {
-            const struct answer answer = {.serial = request.serial, .failed = errno};
-            if (write(SOCKET_FD, &answer, sizeof answer) < 0)
-                break;
-        } else {
-            waitpid(between, NULL, 0);
-        }
+        if (!spawn(&request, &o, link))
+            break;
         if (link >= 0)
             close(link);
     }
     _exit(0); // the daemon is gone
 }
 
-static void run_launcher(const struct hg_options *options, const struct hg_cgroup *group, int fd)
+static void run_launcher(const struct hg_options *options, char *const *argv)
 {
-    dup2(fd, SOCKET_FD);
     fcntl(SOCKET_FD, F_SETFD, FD_CLOEXEC);
     close_range(SOCKET_FD + 1, ~0u, 0);
     setpgid(0, 0);
     signal(SIGINT, SIG_IGN); // it ends with the daemon's end of the socket
     signal(SIGTERM, SIG_IGN);
     prctl(PR_SET_NAME, "heliod-launch", 0, 0, 0);
-    serve(options, group);
+    serve(options, argv);
+}
+
+void hg_launcher_continue(const struct hg_options *options, char *const *argv)
+{
+    const char *number = getenv(process_name);
+    const bool is_launcher = number && atoi(number) == (int)getpid();
+    unsetenv(process_name);
+    if (is_launcher)
+        run_launcher(options, argv);
 }
 
 // ---- the daemon ---------------------------------------------------------------------------------
 
 enum hg_status hg_launcher_start(struct hg_launcher *launcher, const struct hg_options *options,
-    const struct hg_cgroup *group, struct hg_error *err)
+    char *const *argv, const struct hg_cgroup *group, struct hg_error *err)
 {
     int pair[2];
-    *launcher = (struct hg_launcher){.fd = -1};
+    *launcher = (struct hg_launcher){.fd = -1, .group = group};
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
         return hg_error_set(
             err, HG_E_LIMIT, "launcher", NULL, "cannot make a socketpair: %s", strerror(errno));
     prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0);
     launcher->pid = fork();
     const int failed = errno;
-    if (launcher->pid == 0)
-        run_launcher(options, group, pair[1]);
+    if (launcher->pid == 0) {
+        dup2(pair[1], SOCKET_FD);
+        run_launcher(options, argv);
+    }
     close(pair[1]);
     launcher->fd = pair[0];
     const struct timeval patience = {.tv_sec = PATIENCE_S};
@@ -324,6 +363,25 @@ enum hg_status hg_launcher_start(struct hg_launcher *launcher, const struct hg_o
     return launcher->pid > 0 ? HG_OK
                              : hg_error_set(err, HG_E_LIMIT, "launcher", NULL, "cannot fork: %s",
                                    strerror(failed));
+}
+
+void hg_launcher_keep_open(const struct hg_launcher *launcher)
+{
+    fcntl(launcher->fd, F_SETFD, 0);
+}
+
+bool hg_launcher_adopt(struct hg_launcher *launcher, const struct hg_cgroup *group)
+{
+    launcher->group = group;
+    if (launcher->fd < 0)
+        return false;
+    fcntl(launcher->fd, F_SETFD, FD_CLOEXEC);
+    if (send(launcher->fd, &renew_message, sizeof renew_message, MSG_NOSIGNAL) ==
+        sizeof renew_message)
+        return true;
+    close(launcher->fd);
+    *launcher = (struct hg_launcher){.fd = -1};
+    return false;
 }
 
 void hg_launcher_stop(struct hg_launcher *launcher)
@@ -376,6 +434,7 @@ int hg_launcher_run(struct hg_launcher *launcher, const struct hg_worker_start *
     struct request request = {.memory_bytes = start->memory_bytes,
         .serial = ++launcher->last_serial,
         .number = start->home ? start->home->number : 0,
+        .group = *launcher->group,
         .has_home = start->home && start->home->homes,
         .has_fd = start->fd >= 0,
         .no_spill = start->no_spill,
@@ -384,6 +443,8 @@ int hg_launcher_run(struct hg_launcher *launcher, const struct hg_worker_start *
     struct answer answer;
     *pid = 0;
     snprintf(request.log, sizeof request.log, "%s", start->options->log ? start->options->log : "");
+    while (recv(launcher->fd, &answer, sizeof answer, MSG_DONTWAIT) > 0)
+        ; // of a request whose answer came too late
     if (!send_request(launcher->fd, &request, start->fd))
         return errno;
     ssize_t got;

@@ -555,7 +555,7 @@ static const char token_text[] =
     "| `scenes=PATTERN` | It opens scenes whose names match only (`*`, `?`, `[...]`), and scenes "
     "without a name, which are a session's own. |\n"
     "| `weight=COUNT` | 1 to 10000, usually 100: its tenant's part of cores and memory, beside "
-    "other tenants that have workers. |\n"
+    "other tenants that have workers; in a shared worker, of its time. |\n"
     "| `sessions=COUNT` | Open at a time, in place of `max-sessions-per-token`. |\n"
     "| `rate=COUNT` | Messages per second of a session, in place of `max-rate`. |\n\n"
     "On SIGHUP the sessions of tokens that are no longer there, or have another role, end. Clients "

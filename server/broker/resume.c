@@ -96,6 +96,8 @@ void hg_resume(struct hg_conn *conn, uint32_t request, const struct hgp_resume *
     hg_session_record(s);
     answer(s, request, secret); // before all frames
     OPENSSL_cleanse(secret, sizeof secret);
-    if (s->attached)
+    if (s->attached) {
+        hg_session_request_tell_tenant(s);
         hg_session_request_restore(s);
+    }
 }

@@ -322,6 +322,13 @@ void hg_session_request_restore(struct hg_session *s)
         restore_view(s, it);
 }
 
+void hg_session_request_tell_tenant(struct hg_session *s)
+{
+    hg_link_send(s->scene->link, s->number, 0, HGP_T_session_tenant,
+        &(struct hgp_session_tenant){.tenant = hgp_str_make(s->tenant),
+            .weight = s->scope.weight ? s->scope.weight : HG_TOKEN_WEIGHT});
+}
+
 void hg_session_request_attach(struct hg_session *s)
 {
     struct hg_link *link = s->scene->link;
@@ -334,8 +341,7 @@ void hg_session_request_attach(struct hg_session *s)
             .id_count = HG_SCENE_ID_RANGE,
             .max_pixels = s->table->options->max_pixels,
             .replay = restore});
-    hg_link_send(link, s->number, 0, HGP_T_session_tenant,
-        &(struct hgp_session_tenant){.tenant = hgp_str_make(s->tenant)});
+    hg_session_request_tell_tenant(s);
     if (s->batch_open) // before there is a view that could show half of it
         hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_batch_begin,
             &(struct hgp_batch_begin){0});

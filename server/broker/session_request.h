@@ -25,6 +25,8 @@ bool hg_session_request_is_full(const struct hg_session *session);
 bool hg_session_request_is_crowded(const struct hg_session *session);
 // Makes the views again in the worker that has the session, with their subscriptions.
 void hg_session_request_restore(struct hg_session *session);
+// Whose turns are the session's in the worker, and their weight, which its token says.
+void hg_session_request_tell_tenant(struct hg_session *session);
 // The scene is in the worker: attaches the session, restores its views, sends its requests.
 void hg_session_request_attach(struct hg_session *session);
 

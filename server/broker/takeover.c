@@ -74,7 +74,7 @@ void hg_takeover_checked(struct hg_takeover *t, int status)
 static void exec_successor(struct hg_takeover *t)
 {
     struct hg_error err = {0};
-    char text[32];
+    char text[64];
     int fd;
     if (hg_handover_save(&t->all, &fd, &err)) {
         give_up(t, err.reason);
@@ -85,7 +85,9 @@ static void exec_successor(struct hg_takeover *t)
     hg_state_log_close(*t->state);
     hg_audit_write(t->audit, "takeover", NULL, HG_OK, NULL);
     hg_handover_keep_open(&t->all);
-    snprintf(text, sizeof text, "%d:%u", fd, t->all.sessions->pool->count);
+    hg_launcher_keep_open(t->launcher);
+    snprintf(text, sizeof text, "%d:%u:%d:%d", fd, t->all.sessions->pool->count, t->launcher->fd,
+        (int)t->launcher->pid);
     setenv(inherited_name, text, 1);
     execvp(t->argv[0], t->argv);
     hg_log_write(
@@ -112,9 +114,15 @@ void hg_takeover_step(struct hg_takeover *t)
 void hg_takeover_find(struct hg_takeover *t)
 {
     const char *text = getenv(inherited_name);
+    int launcher_fd, launcher_pid, found = 0;
     t->inherited_links = 0;
-    if (!text || sscanf(text, "%d:%u", &t->inherited_fd, &t->inherited_links) != 2)
+    if (text)
+        found = sscanf(text, "%d:%u:%d:%d", &t->inherited_fd, &t->inherited_links, &launcher_fd,
+            &launcher_pid);
+    if (found < 2)
         t->inherited_fd = -1;
+    if (found == 4) // not that of a program that started another one
+        *t->launcher = (struct hg_launcher){.fd = launcher_fd, .pid = launcher_pid};
     if (t->inherited_links > MOST_LINKS) // nothing that we have written
         t->inherited_links = MOST_LINKS;
     unsetenv(inherited_name);

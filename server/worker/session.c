@@ -24,6 +24,7 @@ static struct tenant *hold_tenant(struct render_state *s, struct hgp_str name)
         return NULL;
     snprintf(tenant->name, sizeof tenant->name, "%.*s", (int)name.size, name.data);
     tenant->sessions = 1;
+    tenant->weight = HG_TURN_WEIGHT;
     tenant->next = s->tenants;
     s->tenants = tenant;
     return tenant;
@@ -41,11 +42,12 @@ static void release_tenant(struct render_state *s, struct tenant *tenant)
 }
 
 enum hg_status hg_session_set_tenant(
-    struct render_state *s, struct session *session, struct hgp_str name)
+    struct render_state *s, struct session *session, const struct hgp_session_tenant *m)
 {
-    struct tenant *tenant = hold_tenant(s, name);
+    struct tenant *tenant = hold_tenant(s, m->tenant);
     if (!tenant)
         return HG_E_NOMEM;
+    tenant->weight = m->weight;
     release_tenant(s, session->tenant);
     session->tenant = tenant;
     session->turn = (struct turn){0};

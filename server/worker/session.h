@@ -13,6 +13,7 @@ struct tenant {
     struct tenant *next;
     char name[129];
     uint32_t sessions;
+    uint32_t weight; // its part of the turns
     struct turn turn;
     struct turn_clock clock; // of its sessions
     uint64_t usual_ns;       // that a step of its views takes
@@ -52,9 +53,10 @@ void hg_session_edited(struct session *session);
 // Commits the changes of the session's open batch as a revision, if there is one.
 void hg_session_close_batch(struct session *session);
 
-// Its turns are those of this tenant from here on. HG_E_NOMEM: they stay whose they were.
-enum hg_status hg_session_set_tenant(
-    struct render_state *s, struct session *session, struct hgp_str name) HG_MUST_CHECK;
+// Its turns are those of this tenant from here on, and the tenant has that weight. HG_E_NOMEM: they
+// stay whose they were.
+enum hg_status hg_session_set_tenant(struct render_state *s, struct session *session,
+    const struct hgp_session_tenant *m) HG_MUST_CHECK;
 
 // Keeps a message until its turn comes, and the running task has ended. HG_E_BUSY: too many wait;
 // it stays the caller's.

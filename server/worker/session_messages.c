@@ -48,8 +48,7 @@ bool hg_session_message_handle(const struct request *r, uint16_t type)
         attach(r);
         return true;
     case HGP_T_session_tenant:
-        if (r->session &&
-            hg_session_set_tenant(r->s, r->session, r->message->session_tenant.tenant))
+        if (r->session && hg_session_set_tenant(r->s, r->session, &r->message->session_tenant))
             hg_warn(SESSION, "no memory for the turns of a tenant");
         return true;
     case HGP_T_session_detach:

@@ -2,14 +2,16 @@
 // Floor 6, private to server/worker. Thread: the one that owns the structs.
 //
 // Those that share something each have a virtual time, which grows by what they are served. The one
-// that would begin earliest is next, so that all that want more get equal shares, whatever a step
-// of each takes. Who comes back from a rest begins at the present virtual time: it has not saved up
-// what it did not use, and does not wait behind those that used more. Source: Goyal, Vin and Cheng
-// 1996, "Start-time Fair Queueing".
+// that would begin earliest is next, so that all that want more get shares by their weights,
+// whatever a step of each takes. Who comes back from a rest begins at the present virtual time: it
+// has not saved up what it did not use, and does not wait behind those that used more. Source:
+// Goyal, Vin and Cheng 1996, "Start-time Fair Queueing".
 #ifndef HG_SERVER_WORKER_TURN_H
 #define HG_SERVER_WORKER_TURN_H
 
 #include <stdint.h>
+
+enum { HG_TURN_WEIGHT = 100 }; // the usual one
 
 // Of all that share. Zero-initialised.
 struct turn_clock {
@@ -25,6 +27,12 @@ struct turn {
 static inline uint64_t hg_turn_start(const struct turn_clock *clock, const struct turn *turn)
 {
     return turn->end > clock->now ? turn->end : clock->now;
+}
+
+// What a service of `ns` costs one of that weight (at least 1).
+static inline uint64_t hg_turn_cost(uint64_t ns, uint32_t weight)
+{
+    return ns * HG_TURN_WEIGHT / weight;
 }
 
 // It was served: `cost` is the time that took, more for those of less weight.

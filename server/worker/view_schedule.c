@@ -139,8 +139,9 @@ static enum purpose purpose_of(const struct session *session, const struct view_
 
 static void charge(struct render_state *s, struct session *session, uint64_t ns)
 {
-    hg_turn_serve(&s->clock, &session->tenant->turn, ns);
-    hg_turn_serve(&session->tenant->clock, &session->turn, ns);
+    struct tenant *tenant = session->tenant;
+    hg_turn_serve(&s->clock, &tenant->turn, hg_turn_cost(ns, tenant->weight));
+    hg_turn_serve(&tenant->clock, &session->turn, ns);
 }
 
 // Areas are finished one after the other: one that has to end at a time is not drawn so.

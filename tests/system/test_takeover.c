@@ -265,6 +265,87 @@ static void takes_over_only_when_it_can(void **state)
     daemon_finish(&d);
 }
 
+// The only process of its own that is not a worker.
+static pid_t launcher_of(const struct daemon *d)
+{
+    char path[64];
+    int child, found = 0;
+    snprintf(path, sizeof path, "/proc/%d/task/%d/children", (int)d->pid, (int)d->pid);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    while (fscanf(file, "%d", &child) == 1 && !found)
+        found = child; // the first that was made
+    fclose(file);
+    return found;
+}
+
+static void user_namespace(pid_t pid, char out[64])
+{
+    char path[64];
+    snprintf(path, sizeof path, "/proc/%d/ns/user", (int)pid);
+    const ssize_t size = readlink(path, out, 63);
+    assert_true(size > 0);
+    out[size] = 0;
+}
+
+static bool is_confined(pid_t pid)
+{
+    char ours[64], its[64];
+    user_namespace(getpid(), ours);
+    user_namespace(pid, its);
+    return strcmp(ours, its) != 0;
+}
+
+static bool has_loader_cpu(pid_t pid, int seconds)
+{
+    char path[64], text[16384], wanted[40];
+    const int length = snprintf(wanted, sizeof wanted, "--loader-cpu%c%d", 0, seconds);
+    snprintf(path, sizeof path, "/proc/%d/cmdline", (int)pid);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    const size_t size = fread(text, 1, sizeof text, file);
+    fclose(file);
+    return memmem(text, size, wanted, (size_t)length + 1) != NULL;
+}
+
+// Those that start afterwards are as confined as those before, by the process that started these,
+// and have the options of now.
+static void workers_start_as_before(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    char path[TEST_FOLDER_MAX + 16];
+    daemon_init(&d);
+    daemon_write(&d, "config", "loader-cpu = 7\n");
+    snprintf(path, sizeof path, "%s/config", d.folder);
+    daemon_option(&d, "config", path);
+    daemon_option(&d, "sandbox", "best-effort");
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_start(&d);
+    peer_open_scene(&p, &d, "");
+    pid_t worker = daemon_worker(&d, 0);
+    const pid_t launcher = launcher_of(&d);
+    const bool confined = is_confined(worker);
+    assert_true(has_loader_cpu(worker, 7));
+    daemon_write(&d, "config", "loader-cpu = 8\n");
+    for (int i = 0; i < 2; i++) {
+        daemon_signal(&d, SIGUSR2);
+        wait_count(&d, "took over 1 sessions", i + 1);
+        assert_int_equal(kill(worker, SIGKILL), 0);
+        worker = daemon_worker(&d, worker);
+        assert_int_equal(is_confined(worker), confined);
+        assert_true(has_loader_cpu(worker, 8));
+        assert_int_equal(launcher_of(&d), launcher);
+    }
+    print_message("workers %s namespaces of their own\n", confined ? "have" : "may have no");
+    // Without it no worker can start: a service manager starts all anew.
+    assert_int_equal(kill(launcher, SIGKILL), 0);
+    assert_int_not_equal(daemon_wait(&d), 0);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 1)
@@ -275,6 +356,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(streams_are_cut_nowhere),
         cmocka_unit_test(what_is_known_goes_along),
         cmocka_unit_test(takes_over_only_when_it_can),
+        cmocka_unit_test(workers_start_as_before),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

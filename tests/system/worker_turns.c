@@ -1,5 +1,6 @@
-// worker_turns.c - whose turn it is in a worker: equal shares of time for tenants, then for their
-// sessions, whatever their views and messages take. Needs a device; lavapipe will do.
+// worker_turns.c - whose turn it is in a worker: shares of time for tenants by weight, then equal
+// ones for their sessions, whatever their views and messages take. Needs a device; lavapipe will
+// do.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -30,6 +31,25 @@ static void test_shares_are_of_time(void **state)
             quick_time += SHORT;
         }
     assert_true(slow_time <= quick_time + LONG && quick_time <= slow_time + LONG);
+}
+
+// One of three times the weight has three quarters of the time.
+static void test_shares_are_by_weight(void **state)
+{
+    (void)state;
+    enum { STEP = 30, HEAVY = 3 * HG_TURN_WEIGHT };
+    struct turn_clock clock = {0};
+    struct turn light = {0}, heavy = {0};
+    uint64_t light_time = 0, heavy_time = 0;
+    for (int i = 0; i < 10000; i++)
+        if (hg_turn_start(&clock, &light) < hg_turn_start(&clock, &heavy)) {
+            hg_turn_serve(&clock, &light, hg_turn_cost(STEP, HG_TURN_WEIGHT));
+            light_time += STEP;
+        } else {
+            hg_turn_serve(&clock, &heavy, hg_turn_cost(STEP, HEAVY));
+            heavy_time += STEP;
+        }
+    assert_in_range(heavy_time, 3 * light_time - 3 * STEP, 3 * light_time + 3 * STEP);
 }
 
 // Who was away is next, and has not saved anything up.
@@ -90,16 +110,17 @@ static void detach(struct rig *rig, uint32_t channel)
     link_ask(rig, channel, HGP_T_session_detach, &(struct hgp_session_detach){0});
 }
 
-static void attach(struct rig *rig, uint32_t channel, const char *scene, const char *tenant)
+static void attach(
+    struct rig *rig, uint32_t channel, const char *scene, const char *tenant, uint32_t weight)
 {
     link_attach(rig, channel, scene);
     link_ask(rig, channel, HGP_T_session_tenant,
-        &(struct hgp_session_tenant){.tenant = hgp_str_make(tenant)});
+        &(struct hgp_session_tenant){.tenant = hgp_str_make(tenant), .weight = weight});
 }
 
-// Half of the time is the honest one's, whose picture takes twice as many samples as each of the
-// others: hardly any of these is done before it. By view all of them would be.
-static void expect_half(struct rig *rig, uint32_t honest, const uint32_t (*others)[2])
+// How many of the others are done before the honest one, whose picture takes twice as many samples
+// as each of theirs.
+static uint32_t done_before(struct rig *rig, uint32_t honest, const uint32_t (*others)[2])
 {
     uint32_t done = 0;
     for (int i = 0; i < VIEWS; i++) {
@@ -110,6 +131,8 @@ static void expect_half(struct rig *rig, uint32_t honest, const uint32_t (*other
     see_frame(rig, honest, 1);
     see_frame(rig, honest, 1); // what the first one took is paid for
     for (int i = 0; i < VIEWS; i++)
+        see_frame(rig, others[i][0], others[i][1]); // likewise
+    for (int i = 0; i < VIEWS; i++)
         ask_frame(rig, others[i][0], others[i][1], true);
     const uint32_t wanted = ask_frame(rig, honest, 1, true);
     do {
@@ -118,7 +141,13 @@ static void expect_half(struct rig *rig, uint32_t honest, const uint32_t (*other
     } while (rig->header.type != HGP_T_frame || rig->header.request != wanted);
     assert_int_equal(rig->message.frame.samples, SAMPLES);
     print_message("%u of %d before it\n", done - 1, VIEWS);
-    assert_true(done - 1 <= VIEWS / 2);
+    return done - 1;
+}
+
+// Half of the time is the honest one's: hardly any of the others is done. By view all would be.
+static void expect_half(struct rig *rig, uint32_t honest, const uint32_t (*others)[2])
+{
+    assert_true(done_before(rig, honest, others) <= VIEWS / 2);
 }
 
 static void test_views_share_what_their_session_has(void **state)
@@ -136,20 +165,40 @@ static void test_views_share_what_their_session_has(void **state)
     detach(rig, HONEST);
 }
 
+static void attach_all(struct rig *rig, uint32_t weight, uint32_t (*others)[2])
+{
+    attach(rig, HONEST, "b", "honest", weight);
+    for (uint32_t i = 0; i < VIEWS; i++) {
+        attach(rig, MANY + i, "a", "many", HG_TURN_WEIGHT);
+        others[i][0] = MANY + i;
+        others[i][1] = 1;
+    }
+}
+
+static void detach_all(struct rig *rig)
+{
+    for (uint32_t i = 0; i < VIEWS; i++)
+        detach(rig, MANY + i);
+    detach(rig, HONEST);
+}
+
 static void test_sessions_share_what_their_tenant_has(void **state)
 {
     struct rig *rig = *state;
     uint32_t others[VIEWS][2];
-    attach(rig, HONEST, "b", "honest");
-    for (uint32_t i = 0; i < VIEWS; i++) {
-        attach(rig, MANY + i, "a", "many");
-        others[i][0] = MANY + i;
-        others[i][1] = 1;
-    }
+    attach_all(rig, HG_TURN_WEIGHT, others);
     expect_half(rig, HONEST, others);
-    for (uint32_t i = 0; i < VIEWS; i++)
-        detach(rig, MANY + i);
-    detach(rig, HONEST);
+    detach_all(rig);
+}
+
+// With a twentieth of the others' weight it has to wait for nearly all of them.
+static void test_tenants_share_by_weight(void **state)
+{
+    struct rig *rig = *state;
+    uint32_t others[VIEWS][2];
+    attach_all(rig, HG_TURN_WEIGHT / 20, others);
+    assert_true(done_before(rig, HONEST, others) > VIEWS / 2);
+    detach_all(rig);
 }
 
 // A session that asks for a thousand things does not hold up one that asks for one.
@@ -190,9 +239,11 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_shares_are_of_time),
+        cmocka_unit_test(test_shares_are_by_weight),
         cmocka_unit_test(test_a_rest_is_not_saved_up),
         cmocka_unit_test(test_views_share_what_their_session_has),
         cmocka_unit_test(test_sessions_share_what_their_tenant_has),
+        cmocka_unit_test(test_tenants_share_by_weight),
         cmocka_unit_test(test_messages_take_turns),
     };
     return cmocka_run_group_tests(tests, link_start, link_stop);

@@ -1,0 +1,220 @@
+// test_real_restarts.c - a new program and a killed daemon, with real workers of two tenants: the
+// same sessions, views and pictures afterwards, in homes and with weights as before.
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "tests/attack/tenant_rig.h"
+
+enum { SIDE = 32, FRAME_BYTES = SIDE * SIDE * 4, TENANTS = 2, HEAVY = 3 };
+
+struct tenant_client {
+    struct peer peer;
+    const char *token, *name;
+    float color[4];
+    uint8_t before[FRAME_BYTES];
+    uint64_t number, revision;
+    uint8_t ticket[32];
+    pid_t worker;
+};
+
+static void begin(struct daemon *d, struct tenant_client clients[TENANTS])
+{
+    char worker[512], path[TEST_FOLDER_MAX + 16];
+    const char *build = getenv("HELIO_BUILD_DIR");
+    assert_non_null(build);
+    snprintf(worker, sizeof worker, "%s/libexec/helio-worker", build);
+    setenv("HELIO_TEST_WORKER", worker, 1);
+    tenant_rig_init(d);
+    daemon_write(d, "tokens",
+        "anna-token-1 edit anna weight=300\nbert-token-1 edit bert\nadmin-token-1 admin\n");
+    snprintf(path, sizeof path, "%s/state", d->folder);
+    daemon_option(d, "state-dir", path);
+    daemon_option(d, "seed-shaders", "false");
+    daemon_start(d);
+    clients[0] = (struct tenant_client){
+        .token = "anna-token-1", .name = "anna", .color = {0.9f, 0.1f, 0.1f, 1}};
+    clients[1] = (struct tenant_client){
+        .token = "bert-token-1", .name = "bert", .color = {0.1f, 0.1f, 0.9f, 1}};
+}
+
+static void build_scene(struct tenant_client *c)
+{
+    static const float corners[9] = {-1, -1, 0, 1, -1, 0, 0, 1, 0};
+    struct peer *p = &c->peer;
+    const uint32_t n = p->first_id;
+    struct hgp_material_set paint = {.material = n,
+        .has_base_color = true,
+        .has_unlit = true,
+        .unlit = true,
+        .has_double_sided = true,
+        .double_sided = true};
+    struct hgp_mesh_part part = {.mode = HGP_primitive_mode_TRIANGLES,
+        .material = n,
+        .positions = {(const uint8_t *)corners, sizeof corners}};
+    memcpy(paint.base_color, c->color, sizeof paint.base_color);
+    peer_call(p, HGP_T_material_set, &paint, HGP_T_ok);
+    peer_call(p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = n, .parts = {&part, 1}}, HGP_T_ok);
+    peer_call(p, HGP_T_node_set, &(struct hgp_node_set){.node = n, .has_mesh = true, .mesh = n},
+        HGP_T_ok);
+    peer_call(p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1,
+            .has_width = true,
+            .width = SIDE,
+            .has_height = true,
+            .height = SIDE,
+            .has_samples = true,
+            .samples = 4,
+            .has_gi = true,
+            .gi = HGP_gi_NONE,
+            .has_exposure_mode = true,
+            .exposure_mode = HGP_exposure_mode_FIXED,
+            .has_still_encoding = true,
+            .still_encoding = HGP_encoding_RAW_RGBA8},
+        HGP_T_ok);
+    peer_tell(p, HGP_T_view_camera,
+        &(struct hgp_view_camera){
+            .view = 1, .input_seq = 7, .has_eye = true, .eye = {0, 0, 3}, .has_target = true});
+}
+
+static void take(struct tenant_client *c, uint8_t out[FRAME_BYTES])
+{
+    struct peer *p = &c->peer;
+    peer_call(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1, .settled = true},
+        HGP_T_frame);
+    assert_true(p->m.frame.settled);
+    assert_int_equal(p->m.frame.data.size, FRAME_BYTES);
+    assert_int_equal(p->m.frame.input_seq, 7);
+    assert_true(p->m.frame.number >= c->number);
+    c->number = p->m.frame.number;
+    memcpy(out, p->m.frame.data.data, FRAME_BYTES);
+}
+
+static void open_client(struct tenant_client *c, struct daemon *d)
+{
+    tenant_enter(&c->peer, d, c->token, "hall");
+    build_scene(c);
+    take(c, c->before);
+    c->revision = c->peer.m.frame.scene_revision;
+    c->worker = tenant_worker(d, c->name);
+    assert_true(c->worker > 0);
+    const uint8_t *middle = c->before + (SIDE / 2 * SIDE + SIDE / 2) * 4;
+    assert_true((middle[0] > middle[2]) == (c->color[0] > c->color[2]));
+}
+
+// The same picture of the same state, and the next edit makes the next revision.
+static void check(struct tenant_client *c)
+{
+    uint8_t now[FRAME_BYTES];
+    take(c, now);
+    const uint64_t number = c->number;
+    assert_memory_equal(now, c->before, FRAME_BYTES);
+    assert_int_equal(c->peer.m.frame.scene_revision, c->revision);
+    peer_call(&c->peer, HGP_T_node_set,
+        &(struct hgp_node_set){
+            .node = c->peer.first_id, .has_translation = true, .translation = {5, 0, 0}},
+        HGP_T_ok);
+    assert_int_equal(c->peer.m.ok.revision, c->revision + 1);
+    take(c, now);
+    assert_memory_not_equal(now, c->before, FRAME_BYTES);
+    assert_true(c->number > number);
+}
+
+static double limit_of(pid_t pid)
+{
+    struct rlimit limit;
+    assert_int_equal(prlimit(pid, RLIMIT_DATA, NULL, &limit), 0);
+    return (double)limit.rlim_cur;
+}
+
+// Memory is shared out by weight.
+static void await_weights(struct daemon *d)
+{
+    const uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
+    const pid_t anna = tenant_await_worker(d, "anna", 0), bert = tenant_await_worker(d, "bert", 0);
+    for (double ratio = 0; ratio < HEAVY - 0.01 || ratio > HEAVY + 0.01;) {
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        usleep(20000);
+        ratio = limit_of(anna) / limit_of(bert);
+    }
+}
+
+static void a_new_program_goes_on(void **state)
+{
+    (void)state;
+    static struct tenant_client clients[TENANTS];
+    struct daemon d;
+    begin(&d, clients);
+    for (int i = 0; i < TENANTS; i++)
+        open_client(&clients[i], &d);
+    await_weights(&d);
+    daemon_signal(&d, SIGUSR2);
+    daemon_wait_log(&d, "took over");
+    for (int i = 0; i < TENANTS; i++) {
+        check(&clients[i]);
+        assert_int_equal(tenant_worker(&d, clients[i].name), clients[i].worker);
+        // What is asked for from here on has the token's weight, too.
+        peer_call(&clients[i].peer, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+        peer_scene(&clients[i].peer, "yard");
+    }
+    usleep(200000); // shares are looked at every 50 ms
+    await_weights(&d);
+    for (int i = 0; i < TENANTS; i++)
+        peer_close(&clients[i].peer);
+    daemon_finish(&d);
+}
+
+static void a_killed_daemon_goes_on(void **state)
+{
+    (void)state;
+    static struct tenant_client clients[TENANTS];
+    struct daemon d;
+    begin(&d, clients);
+    for (int i = 0; i < TENANTS; i++) {
+        open_client(&clients[i], &d);
+        peer_call(&clients[i].peer, HGP_T_keep, &(struct hgp_keep){0}, HGP_T_ticket);
+        memcpy(clients[i].ticket, clients[i].peer.m.ticket.secret.data, 32);
+    }
+    usleep(1500000); // cameras are recorded once a second
+    daemon_signal(&d, SIGKILL);
+    daemon_reap(&d);
+    for (int i = 0; i < TENANTS; i++)
+        peer_close(&clients[i].peer);
+    daemon_start(&d);
+    for (int i = 0; i < TENANTS; i++) {
+        struct tenant_client *c = &clients[i];
+        const uint32_t first_id = c->peer.first_id;
+        const uint64_t session = c->peer.session;
+        struct hgp_resume resume = {.secret = {c->ticket, sizeof c->ticket}};
+        tenant_enter(&c->peer, &d, c->token, NULL);
+        peer_call(&c->peer, HGP_T_resume, &resume, HGP_T_resumed);
+        assert_int_equal(c->peer.m.resumed.session, session);
+        assert_int_equal(c->peer.m.resumed.first_id, first_id);
+        c->peer.first_id = first_id;
+        check(c);
+        assert_int_not_equal(tenant_worker(&d, c->name), c->worker);
+    }
+    await_weights(&d);
+    for (int i = 0; i < TENANTS; i++)
+        peer_close(&clients[i].peer);
+    daemon_finish(&d);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_new_program_goes_on),
+        cmocka_unit_test(a_killed_daemon_goes_on),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
