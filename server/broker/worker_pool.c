@@ -107,9 +107,10 @@ static struct hg_link *longest_idle(const struct hg_worker_pool *pool)
 
 static void release(struct hg_link *link, const char *reason)
 {
-    hg_info(WORKER, "worker %d of %s is stopped: %s", (int)link->pid, link->whose.tenant, reason);
+    const pid_t pid = link->pid;
     hg_link_end(link);
     hg_home_leave(&link->whose.home);
+    hg_info(WORKER, "worker %d of %s is stopped: %s", (int)pid, link->whose.tenant, reason);
     link->whose.wanted = false;
     link->whose.tenant[0] = 0;
     link->whose.weight = HG_TOKEN_WEIGHT;
