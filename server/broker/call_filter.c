@@ -89,6 +89,17 @@ static const uint32_t allowed[] = {
 
 enum { CALLS = sizeof allowed / sizeof allowed[0], HEAD = 4, LENGTH = HEAD + 2 * CALLS + 1 };
 
+#if !defined(NATIVE_ARCH)
+bool hg_call_filter_enter(void)
+{
+    return false;
+}
+#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+bool hg_call_filter_enter(void)
+{
+    return true; // they trace the process when it ends
+}
+#else
 static void order(struct sock_filter *at, uint32_t number)
 {
     at[0] = (struct sock_filter)BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, number, 0, 1);
@@ -97,11 +108,6 @@ static void order(struct sock_filter *at, uint32_t number)
 
 bool hg_call_filter_enter(void)
 {
-#if !defined(NATIVE_ARCH)
-    return false;
-#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-    return true; // they trace the process when it ends
-#else
     struct sock_filter code[LENGTH] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, arch)),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, NATIVE_ARCH, 1, 0),
@@ -114,5 +120,5 @@ bool hg_call_filter_enter(void)
         BPF_RET | BPF_K, SECCOMP_RET_ERRNO | (EPERM & SECCOMP_RET_DATA));
     const struct sock_fprog program = {.len = LENGTH, .filter = code};
     return prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program, 0, 0) == 0;
-#endif
 }
+#endif

@@ -253,6 +253,7 @@ int main(int argc, char **argv)
                            .overrides = hg_debug_environment_read(),
                            .loader = {.sandbox = "best-effort"}}};
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)STDERR_FILENO);
+    signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write, of the driver's threads too
     if (!parse_options(&w.options, argc, argv))
         return EXIT_USAGE;
     if (w.options.device_info)
@@ -274,7 +275,6 @@ int main(int argc, char **argv)
     signal(SIGINT, SIG_IGN);
     signal(SIGTERM, SIG_IGN);
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write
     limit_threads(w.options.threads);
     fcntl(w.options.fd, F_SETFL, fcntl(w.options.fd, F_GETFL) | O_NONBLOCK);
     fcntl(w.options.fd, F_SETFD, FD_CLOEXEC);
