@@ -12,6 +12,11 @@
 #include "base/log.h"
 
 enum { THREADS_MAX = 1024 };
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+enum { IS_SANITIZED = true }; // their shadow memory would count
+#else
+enum { IS_SANITIZED = false };
+#endif
 static const uint64_t room_bytes = UINT64_C(256) << 20; // above what a worker has already
 
 // Of the machine, or of the control group where that has less.
@@ -34,7 +39,8 @@ enum hg_status hg_machine_init(
 {
     *machine = (struct hg_machine){0};
     enum hg_status status = hg_cgroup_open(&machine->group, o->cgroup, err);
-    if (!status && !o->memory_limit_bytes) // the rest is for the daemon and the system
+    if (!status && !o->memory_limit_bytes &&
+        !IS_SANITIZED) // the rest is for the daemon and the system
         machine->memory_bytes = whole_memory(&machine->group) / 4 * 3;
     return status;
 }
