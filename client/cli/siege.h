@@ -19,8 +19,8 @@ struct hg_siege_times {
 
 struct hg_siege_client;
 
-// What clients do until they are told to stop: those that attack ask without waiting or reading,
-// those that behave want the same and wait for each answer.
+// The loads of clients, which run until they are stopped: attackers send without waiting or
+// reading, those that behave want the same and wait for each answer.
 struct hg_siege_class {
     const char *name;
     // One round. A failure ends the connection; the client opens another.

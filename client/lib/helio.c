@@ -227,7 +227,7 @@ static enum hg_status connect_on(struct helio *h)
         status = hg_client_transport_continue(&h->transport, h->url, &reason);
     if (status == HG_E_AGAIN || h->error.status)
         return status;
-    if (status && h->resume.deadline_ns) { // nobody listens: later
+    if (status && h->resume.deadline_ns) { // the daemon does not accept connections yet
         hg_client_transport_close(&h->transport);
         return HG_E_AGAIN;
     }

@@ -146,7 +146,7 @@ static void become_worker(const struct hg_worker_start *start, enum hg_confine_l
     report = WORKER_FD + 1;
     hg_worker_process_make_first_victim();
     if (start->seed)
-        setpriority(PRIO_PROCESS, 0, SEED_NICE); // nobody waits for it
+        setpriority(PRIO_PROCESS, 0, SEED_NICE); // no client waits for it
     plan_paths(&plan, start, &arguments);
     if (!failed && plan.impossible && level != HG_CONFINE_NONE) {
         step = "leave out the root";

@@ -89,7 +89,8 @@ void hg_session_check_parked(struct hg_session_table *table)
     for (struct hg_session *it = table->first; it; it = it->next)
         if (it->resume.parked_ns &&
             table->loop->now_ns - it->resume.parked_ns >= table->options->resume_timeout_ns) {
-            hg_session_audit(it, "logout", HG_E_TIMEOUT, "nobody resumed the session in time");
+            hg_session_audit(
+                it, "logout", HG_E_TIMEOUT, "the session was not resumed within resume-timeout");
             end(it);
         }
 }

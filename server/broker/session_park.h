@@ -1,4 +1,4 @@
-// session_park.h - sessions that are kept without a client, and how one gets them back.
+// session_park.h - parked sessions, whose client disconnected, and how they are resumed.
 // Floor 6 (broker). Thread: the loop.
 //
 // A parked session keeps its scene, its range of ids and its views; the worker keeps its scene, but

@@ -13,7 +13,7 @@
 enum hg_state_kind {
     HG_STATE_SCENE = 1,          // was made
     HG_STATE_EDIT = 2,           // was accepted
-    HG_STATE_SCENE_END = 3,      // nobody holds it any more
+    HG_STATE_SCENE_END = 3,      // no session has it open
     HG_STATE_QUARANTINE = 4,     // a file ended a worker; replaces an older record of it
     HG_STATE_QUARANTINE_END = 5, // it was loaded well, or forgiven
     HG_STATE_SESSION = 6,        // a session with a ticket; replaces an older record of it

@@ -86,7 +86,7 @@ enum { WIDTH = 320, HEIGHT = 180 };
 static const struct way {
     struct hg_view_params params;
     uint32_t moving, still;
-    bool final; // nobody looks before it is settled
+    bool final; // only the settled picture matters
 } ways[] = {
     {.params = {.gi = HG_GI_AUTO, .reflections = HG_REFLECTIONS_AUTO, .temporal = HG_TEMPORAL_AUTO},
         .moving = 6,

@@ -90,6 +90,16 @@ static void baked_data_stay_with_their_tenant(void **state)
     daemon_finish(&d);
 }
 
+static void enter_and_upload(
+    struct peer *p, struct daemon *d, struct hgp_upload *upload, char hex[HG_SHA256_HEX])
+{
+    *upload = (struct hgp_upload){.total = 5, .data = {(const uint8_t *)"model", 5}};
+    assert_int_equal(hg_sha256("model", 5, upload->hash), HG_OK);
+    hg_sha256_hex(upload->hash, hex);
+    tenant_enter(p, d, "anna-token-1", "hall");
+    peer_call(p, HGP_T_upload, upload, HGP_T_ok);
+}
+
 // A daemon that is killed leaves homes behind; the next one gives tenants what is theirs.
 static void homes_are_recovered(void **state)
 {
@@ -97,12 +107,9 @@ static void homes_are_recovered(void **state)
     struct daemon d;
     struct peer anna;
     char cache[512], uploads[520], hex[HG_SHA256_HEX];
-    struct hgp_upload upload = {.total = 5, .data = {(const uint8_t *)"model", 5}};
-    assert_int_equal(hg_sha256("model", 5, upload.hash), HG_OK);
-    hg_sha256_hex(upload.hash, hex);
+    struct hgp_upload upload;
     begin_idle(&d);
-    tenant_enter(&anna, &d, "anna-token-1", "hall");
-    peer_call(&anna, HGP_T_upload, &upload, HGP_T_ok);
+    enter_and_upload(&anna, &d, &upload, hex);
     flag_of(tenant_await_worker(&d, "anna", 0), "--cache-dir", cache, sizeof cache);
     test_text_write(cache, entry, "baked");
     test_text_write(cache, code, "compiled");
@@ -129,12 +136,9 @@ static void homes_are_taken_over(void **state)
     struct daemon d;
     struct peer anna;
     char cache[512], uploads[520], hex[HG_SHA256_HEX];
-    struct hgp_upload upload = {.total = 5, .data = {(const uint8_t *)"model", 5}};
-    assert_int_equal(hg_sha256("model", 5, upload.hash), HG_OK);
-    hg_sha256_hex(upload.hash, hex);
+    struct hgp_upload upload;
     begin_idle(&d);
-    tenant_enter(&anna, &d, "anna-token-1", "hall");
-    peer_call(&anna, HGP_T_upload, &upload, HGP_T_ok);
+    enter_and_upload(&anna, &d, &upload, hex);
     pid_t pid = tenant_await_worker(&d, "anna", 0);
     flag_of(pid, "--cache-dir", cache, sizeof cache);
     flag_of(pid, "--upload-dir", uploads, sizeof uploads - 8);
