@@ -17,6 +17,7 @@ enum {
     DEADLINE_NS_PER_PX = 400, // some times as long as slow encoders take
     MAX_THREADS = 16,
     MAX_STAGES = 64,
+    SENT_FRAMES = 4, // of a stream, until the render thread takes notice
 };
 
 // An encoder of a stream between its frames. Used by the thread that runs the stream.
@@ -33,6 +34,8 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the lock
+    uint32_t sent_first, sent_count;
     struct encoder_state states[ENCODER_COUNT];
 };
 
@@ -138,6 +141,51 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
     return n;
 }
 
+static void note_sent(struct encode_stream *stream, const struct hg_control_sent *sent)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    if (stream->sent_count == SENT_FRAMES) {
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    stream->sent[(stream->sent_first + stream->sent_count++) % SENT_FRAMES] = *sent;
+    pthread_mutex_unlock(&q->lock);
+}
+
+bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    const bool found = stream->sent_count > 0;
+    if (found) {
+        *out = stream->sent[stream->sent_first];
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    pthread_mutex_unlock(&q->lock);
+    return found;
+}
+
+// Before it is sent: what the client says of it must not come first.
+static void send_frame(struct encode_stream *stream, const struct encode_request *request,
+    struct hgp_frame *frame, const struct hg_writer *data)
+{
+    const bool has_data = data->size > 0;
+    const size_t size = has_data ? data->size : request->pixels->size;
+    frame->has_encode_end_ns = frame->has_sent_ns = true;
+    frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
+    if (!request->to.request)
+        note_sent(stream, &(struct hg_control_sent){.number = frame->number,
+                              .bytes = size,
+                              .encode_ns = frame->encode_end_ns - frame->encode_begin_ns,
+                              .sent_ns = frame->sent_ns,
+                              .quality = request->quality,
+                              .lossy = !frame->lossless});
+    hg_reply_frame(
+        request->to, frame, request->parts, has_data ? data->data : request->pixels->data, size);
+}
+
 static void encode_and_send(
     struct encode_stream *stream, const struct encode_request *request, struct watch *watch)
 {
@@ -147,6 +195,8 @@ static void encode_and_send(
     struct hg_writer data = {0};
     struct hg_error err = {0};
     const uint64_t start = hg_clock_now_ns();
+    frame.has_encode_begin_ns = true;
+    frame.encode_begin_ns = start;
     hg_watch_begin(
         watch, (struct watch_work){request->to.channel, request->to.request, request->frame.view});
     enum hg_status status = encode(stream, request, &frame, &data, &err);
@@ -158,9 +208,7 @@ static void encode_and_send(
     } else {
         frame.stages.items = stages;
         frame.stages.count = list_stages(request, hg_clock_now_ns() - start, stages);
-        hg_reply_frame(request->to, &frame, request->parts,
-            data.size ? data.data : request->pixels->data,
-            data.size ? data.size : request->pixels->size);
+        send_frame(stream, request, &frame, &data);
         atomic_store(&w->encode_ns, hg_clock_now_ns() - start);
     }
     hg_writer_finish(&data);
