@@ -49,6 +49,7 @@ static const struct {
     {HGP_T_exposure_query, hg_handle_exposure_query},
     {HGP_T_subscribe, hg_handle_subscribe},
     {HGP_T_credit, hg_handle_credit},
+    {HGP_T_key_frame, hg_handle_key_frame},
     {HGP_T_job_query, hg_handle_job_query},
     {HGP_T_checkpoint_query, hg_handle_checkpoint_query},
     {HGP_T_checkpoint_set, hg_handle_checkpoint_set},

@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "server/worker/frame_metadata.h"
+#include "server/worker/view_codec.h"
 #include "server/worker/view_rate.h"
 
 static struct reply_to reply_to(
@@ -89,12 +90,15 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->to = reply_to(s, session, what->request);
     request->quality = what->quality;
     request->parts = what->parts;
+    request->bitrate = view->subscription.bitrate;
+    request->key_frame = !what->request && view->subscription.key_frame;
     request->frame = describe_frame(view, what->encoding);
     enum hg_status status = fill_request(s, session, view, request, err);
     if (status) {
         hg_encode_request_destroy(request);
         return status;
     }
+    view->subscription.key_frame &= what->request != 0;
     hg_encode_stream_push(view->encoder, request);
     return HG_OK;
 }
@@ -102,7 +106,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
 uint32_t hg_output_formats(const struct render_state *s, const struct view_slot *view)
 {
     const struct view_subscription *sub = &view->subscription;
-    uint32_t formats = sub->credit ? 1u << format_of(s, sub->encoding) : 0;
+    uint32_t formats = sub->credit ? 1u << format_of(s, sub->motion) : 0;
     for (const struct frame_wait *it = view->waits; it; it = it->next)
         formats |= it->exposure ? 0 : 1u << format_of(s, it->encoding);
     return formats;
@@ -164,10 +168,12 @@ static void deliver_subscription(
     if (!hg_rate_wants(view) || hg_clock_now_ns() < hg_rate_due_ns(view) ||
         !hg_encode_stream_has_room(view->encoder))
         return;
-    const struct view_subscription *sub = &view->subscription;
+    struct view_subscription *sub = &view->subscription;
     const bool settled = view->progress.info.settled;
+    hg_codec_choose(s, view);
+    hg_codec_tell(s, session, view);
     const struct frame_wait what = {
-        .encoding = settled ? sub->still_encoding : sub->encoding,
+        .encoding = settled ? sub->still_encoding : sub->motion,
         .quality = sub->quality,
     };
     if (!has_pixels(s, view, what.encoding))

@@ -15,6 +15,7 @@ void hg_rate_subscribe(struct view_slot *view, uint32_t credit)
     view->subscription.credit = credit;
     view->subscription.sent_number = 0;
     view->subscription.fresh = true;
+    view->subscription.key_frame = true; // what the client has is not known
     view->progress.failed = false;
 }
 
