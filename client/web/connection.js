@@ -84,6 +84,8 @@ export class Connection extends EventTarget {
         this.state = "idle";
         this.token = null;
         this.ticket = null; // of keep, for resume
+        this.joined = ""; // the only scene of a session that came in by a join ticket
+        this.limits = new Map(); // request -> message `limited` before its error
         this.requests = new Map();
         this.nextRequest = 1;
         this.tries = 0;
@@ -149,14 +151,23 @@ export class Connection extends EventTarget {
             this.askToken(null);
             return false;
         }
+        const { token, ticket } = this;
         try {
-            const { role, name } = await this.call("auth", { token: this.token });
+            // A join ticket may be used up: it still lets its session in again.
+            const { role, name } = ticket ? await this.call("auth_resume", { token, secret: ticket })
+                : await this.call("auth", { token });
             this.role = role;
             this.name = name;
             return true;
         } catch (error) {
             if (error.status !== "auth")
                 throw error;
+            if (ticket) {
+                // The session is gone; with the token there may be another one.
+                this.ticket = null;
+                this.connect();
+                return false;
+            }
             this.askToken(error);
             return false;
         }
@@ -305,6 +316,10 @@ export class Connection extends EventTarget {
                 this.tell(known.name, body);
         } else if (known.name === "ping") {
             this.send("pong", body);
+        } else if (known.name === "limited") {
+            this.limits.set(body.request, body);
+        } else if (known.name === "join_scene") {
+            this.joined = body.scene;
         } else if (known.name === "pong") {
             this.rtt_ms = Math.max(0, performance.now() - Number(body.nonce) / 1000);
         } else if (request) {
@@ -314,6 +329,12 @@ export class Connection extends EventTarget {
         } else {
             this.tell(known.name, body);
         }
+    }
+
+    limitOf(request) {
+        const limit = this.limits.get(request);
+        this.limits.delete(request);
+        return limit;
     }
 
     // Greetings are answered without a request id.
@@ -327,14 +348,14 @@ export class Connection extends EventTarget {
             if (value === request)
                 this.requests.delete(key);
         if (name === "error")
-            request.reject(new RequestError(body));
+            request.reject(new RequestError({ ...body, ...this.limitOf(id) }));
         else
             request.resolve(body);
     }
 
     // The connection as a whole was refused: what waits for a greeting gets the reason.
     refused(body) {
-        const error = new RequestError(body);
+        const error = new RequestError({ ...body, ...this.limitOf(0) });
         this.lastError = error;
         const first = this.isOpen ? null : this.oldest();
         if (first)

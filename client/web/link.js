@@ -1,5 +1,5 @@
 // link.js - what the part of the address behind # says: scene, access, camera, settings.
-// A browser never sends that part to a server. Pure but for the last two functions.
+// A browser never sends that part to a server. The first two functions are pure.
 //
 //   #scene=NAME       a named scene; without it the page has one of its own
 //   &load=PATH        file for a scene that is empty (under an asset root, or demo:)
@@ -55,6 +55,7 @@ export function formatLink({ scene, load, ticket, camera, params }) {
 }
 
 const KEPT = "helio-access";
+const RESUME = "helio-resume";
 
 // Takes the access out of the visible address, where it would be copied by accident, and keeps
 // it for this tab.
@@ -73,4 +74,16 @@ export function keepAccess(token) {
         sessionStorage.setItem(KEPT, token);
     else
         sessionStorage.removeItem(KEPT);
+}
+
+// The ticket of a session that goes on when this page is loaded again: good once.
+export function keepResume(ticket) {
+    if (ticket)
+        sessionStorage.setItem(RESUME, Array.from(ticket, (b) => String.fromCharCode(b)).join(""));
+}
+
+export function takeResume() {
+    const text = sessionStorage.getItem(RESUME);
+    sessionStorage.removeItem(RESUME);
+    return text ? Uint8Array.from(text, (c) => c.charCodeAt(0)) : null;
 }

@@ -42,6 +42,10 @@ export class ViewPanel {
         rows.resolution = selectRow("Resolution", RESOLUTIONS, (v) => on.resolution(Number(v)));
         rows.quality = sliderRow("Quality in motion", { min: 30, max: 100, step: 5,
             format: (v) => `${v} %` }, (quality) => on.later({ quality }));
+        rows.codec = selectRow("Codec in motion", [["auto", "Automatic"], ["JPEG", "JPEG"],
+            ["JPEG_444", "JPEG 4:4:4"], ["H264", "H.264"], ["H264_444", "H.264 4:4:4"],
+            ["AV1", "AV1"], ["TILES_JPEG", "Tiles, JPEG"], ["TILES", "Tiles, lossless"]],
+        (v) => on.codec(v));
         rows.gi = selectRow("Indirect light", choices(Object.keys(enums.gi),
             { AUTO: "Automatic", NONE: "Off", RAYS: "Rays", PROBES: "Probes" }),
         (gi) => on.set({ gi }));
@@ -50,7 +54,7 @@ export class ViewPanel {
         rows.fov = sliderRow("Field of view", { min: 15, max: 110, step: 1,
             format: (v) => `${v}°` }, (v) => on.lens({ vfov_rad: v * Math.PI / 180 }));
         return section("Rendering", true, ...["mode", "samples", "denoise", "gi", "resolution",
-            "quality", "kind", "fov"].map((k) => rows[k].row));
+            "codec", "quality", "kind", "fov"].map((k) => rows[k].row));
     }
 
     light() {

@@ -5,6 +5,7 @@
 // error), "params" (settings changed).
 import { isSame, makeCamera } from "./camera.js";
 import { FramePainter, hexOf } from "./decode.js";
+import { enums } from "./hgp.js";
 
 const VIEW = 1;
 const CREDIT_FRAMES = 2;
@@ -13,6 +14,7 @@ const LEAST_SIDE_PX = 16;
 const GREATEST_SIDE_PX = 16384;
 const REMEMBERED_INPUTS = 256;
 const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to be sent
+const FAILURES = 3; // of one encoding before the next of the list takes its place
 
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
@@ -23,6 +25,8 @@ export class View extends EventTarget {
         this.canvas = canvas;
         this.params = { encoding: "JPEG", quality: 85, max_fps: 60,
             still_encoding: isLoopback() ? "RAW_RGBA8" : "PNG8" };
+        this.codec = "auto";
+        this.failures = new Map(); // encoding -> frames that could not be decoded in a row
         this.resolution = 1;
         this.maxPixels = 2560 * 1440;
         this.camera = makeCamera();
@@ -34,6 +38,8 @@ export class View extends EventTarget {
         this.frame = null;
         this.isStarted = false;
         this.isHidden = false;
+        this.isEmpty = false;
+        this.isFollowing = false; // another session moves its camera
         this.painter = new FramePainter(canvas, (f, t) => this.onShown(f, t),
             (f, e) => this.onFailed(f, e));
         connection.addEventListener("frame", (e) => this.onFrame(e.detail));
@@ -43,7 +49,8 @@ export class View extends EventTarget {
 
     // Makes the view in a session that has just opened its scene.
     async start() {
-        await this.setSize();
+        this.setSize();
+        this.params.codecs ??= await this.codecs();
         await this.connection.call("view_set", this.settings());
         this.isStarted = true;
         if (this.sent)
@@ -59,6 +66,8 @@ export class View extends EventTarget {
         await this.connection.call("view_set", this.settings());
         if (this.sent)
             this.sendCamera(true);
+        else
+            await this.readCamera();
         this.subscribe();
     }
 
@@ -70,7 +79,19 @@ export class View extends EventTarget {
     subscribe() {
         if (this.isStarted)
             this.connection.send("subscribe",
-                { view: VIEW, credit_frames: this.isHidden ? 0 : CREDIT_FRAMES });
+                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES });
+    }
+
+    get isIdle() {
+        return this.isHidden || this.isEmpty;
+    }
+
+    // Nothing is rendered of a scene without geometry.
+    setEmpty(isEmpty) {
+        if (isEmpty === this.isEmpty)
+            return;
+        this.isEmpty = isEmpty;
+        this.subscribe();
     }
 
     // A hidden page asks for no frames, so none are rendered for it.
@@ -99,6 +120,19 @@ export class View extends EventTarget {
             this.dispatchEvent(new Event("params"));
             throw error;
         }
+    }
+
+    // Encodings in motion, the best first: without a network between, what is encoded fastest.
+    async codecs() {
+        const known = await FramePainter.motionEncodings();
+        const names = this.codec !== "auto" ? [this.codec, "JPEG"]
+            : isLoopback() ? ["JPEG"] : known;
+        return Uint8Array.from(names, (name) => enums.encoding[name]);
+    }
+
+    async setCodec(codec) {
+        this.codec = codec;
+        await this.set({ codecs: await this.codecs() });
     }
 
     // ---- size ----------------------------------------------------------------------------------
@@ -155,7 +189,6 @@ export class View extends EventTarget {
 
     async fitFirst() {
         const fit = await this.fitted({ cameras: true });
-        this.isEmpty = fit.empty;
         if (fit.camera) {
             await this.follow(fit.camera);
         } else {
@@ -168,6 +201,12 @@ export class View extends EventTarget {
     async follow(node) {
         this.node = node;
         this.sendCamera(true);
+        await this.readCamera();
+        this.needsPivot = true;
+    }
+
+    // The camera that the server has for the view.
+    async readCamera() {
         const { text } = await this.connection.call("stats_query", { view: VIEW });
         const at = JSON.parse(text).camera;
         this.camera = makeCamera({ eye: at.eye, target: at.target,
@@ -175,14 +214,13 @@ export class View extends EventTarget {
             half_height: at.half_height });
         this.sent = structuredClone(this.camera);
         this.remember(this.seq);
-        this.needsPivot = true;
     }
 
     // Sends the camera when it moved since; the newest one wins, so it never waits in a queue.
     sendCamera(force = false) {
         if (!force && (this.sent && isSame(this.sent, this.camera)))
             return false;
-        if (!this.isStarted || (!force && this.connection.backlog_bytes > BACKLOG_BYTES))
+        if (!this.isStarted || this.isFollowing || (!force && this.connection.backlog_bytes > BACKLOG_BYTES))
             return false;
         if (!force)
             this.node = 0n;
@@ -194,6 +232,14 @@ export class View extends EventTarget {
         this.sent = structuredClone(this.camera);
         this.remember(this.seq);
         return true;
+    }
+
+    // The shared camera moved: frames of this view will show it under its mover's numbers.
+    takeShared(camera, seq) {
+        this.camera = camera;
+        this.sent = structuredClone(camera);
+        this.inputs.clear();
+        this.remember(Number(seq));
     }
 
     remember(seq) {
@@ -211,6 +257,7 @@ export class View extends EventTarget {
 
     onShown(frame, { decode_ms }) {
         this.giveCredit();
+        this.failures.delete(frame.encoding);
         this.frame = frame;
         const seq = Number(frame.input_seq);
         const input = this.inputs.get(seq);
@@ -228,13 +275,21 @@ export class View extends EventTarget {
             this.verify(frame);
     }
 
+    // A frame that cannot be decoded: the next one is to be a key frame; after some of them in a
+    // row the server takes the next encoding of the list.
     onFailed(frame, error) {
+        const count = (this.failures.get(frame.encoding) ?? 0) + 1;
+        const isOver = count >= FAILURES;
+        this.failures.set(frame.encoding, isOver ? 0 : count);
+        this.connection.send("key_frame", { view: VIEW,
+            ...isOver ? { failed: enums.encoding[frame.encoding] } : {} });
         this.giveCredit();
-        this.trouble(error);
+        if (isOver)
+            this.trouble(error);
     }
 
     giveCredit() {
-        if (!this.isHidden)
+        if (!this.isIdle)
             this.connection.send("credit", { view: VIEW, frames: 1 });
     }
 
