@@ -164,7 +164,7 @@ static void relay_unasked(struct hg_session *s, struct hg_packet *packet, const 
 {
     if (!s->conn)
         return;
-    if (packet->header.type == HGP_T_notice)
+    if (packet->header.type == HGP_T_notice || packet->header.type == HGP_T_view_codec)
         hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
     else if (packet->header.type == HGP_T_error)
         hg_conn_send(s->conn, 0, HGP_T_notice,

@@ -20,7 +20,7 @@ enum hg_status hg_encode_queue_create(struct worker *w, uint32_t threads, encode
 // After all streams were closed. What is being encoded is waited for, the rest is dropped.
 void hg_encode_queue_destroy(struct encode_queue *queue); // accepts NULL
 
-// The encoder of an encoding.
+// The encoder of an encoding; NULL: not in this build.
 const struct encoder_ops *hg_encode_queue_encoder(
     const struct encode_queue *queue, enum hgp_encoding encoding);
 
@@ -34,5 +34,16 @@ bool hg_encode_stream_has_room(const struct encode_stream *stream);
 bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out);
 // Queues the request; there must be room.
 void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *request);
+
+// What became of the newest frame of a stream, for whoever decides on the next one.
+struct encode_last {
+    uint64_t frames; // so far
+    uint64_t bytes, encode_ns;
+    uint8_t quality; // after the bit rate
+    enum hgp_encoding encoding;
+};
+void hg_encode_stream_last(struct encode_stream *stream, struct encode_last *out);
+// Encodings (1 << enum hgp_encoding) that have failed for this stream: JPEG was sent instead.
+uint32_t hg_encode_stream_failed(const struct encode_stream *stream);
 
 #endif

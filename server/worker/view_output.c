@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "server/worker/frame_metadata.h"
+#include "server/worker/view_codec.h"
 #include "server/worker/view_rate.h"
 
 static struct reply_to reply_to(
@@ -97,6 +98,9 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->to = reply_to(s, session, what->request);
     request->quality = what->quality;
     request->parts = what->parts;
+    request->bitrate = view->control.now.bitrate && !what->request ? view->control.now.bitrate
+                                                                    : view->subscription.bitrate;
+    request->key_frame = !what->request && view->subscription.key_frame;
     request->frame = describe_frame(view, what->encoding);
     request->frame.settled &= what->settled || what->request; // one without loss is still to come
     enum hg_status status = fill_request(s, session, view, request, err);
@@ -104,6 +108,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
         hg_encode_request_destroy(request);
         return status;
     }
+    view->subscription.key_frame &= what->request != 0;
     hg_encode_stream_push(view->encoder, request);
     return HG_OK;
 }
@@ -111,7 +116,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
 uint32_t hg_output_formats(const struct render_state *s, const struct view_slot *view)
 {
     const struct view_subscription *sub = &view->subscription;
-    uint32_t formats = hg_view_slot_is_watched(view) ? 1u << format_of(s, sub->encoding) : 0;
+    uint32_t formats = hg_view_slot_is_watched(view) ? 1u << format_of(s, sub->motion) : 0;
     for (const struct frame_wait *it = view->waits; it; it = it->next)
         formats |= it->exposure ? 0 : 1u << format_of(s, it->encoding);
     return formats;
@@ -180,9 +185,11 @@ static void deliver_subscription(
         info->settled && sub->sent_number != info->number
             ? hg_control_rest_ns(&view->control, (uint64_t)info->width * info->height)
             : 0;
+    hg_codec_choose(s, view);
+    hg_codec_tell(s, session, view);
     const struct frame_wait what = {
         .settled = info->settled && !rest_ns,
-        .encoding = info->settled && !rest_ns ? sub->still_encoding : sub->encoding,
+        .encoding = info->settled && !rest_ns ? sub->still_encoding : sub->motion,
         .quality = view->control.now.quality ? view->control.now.quality : sub->quality,
     };
     if (!has_pixels(s, view, what.encoding))

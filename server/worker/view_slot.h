@@ -41,11 +41,23 @@ struct view_settings {
     bool has_temporal;      // likewise
 };
 
+// What the client can decode, the best first; see view_codec.h.
+struct view_codecs {
+    uint8_t items[16];
+    uint32_t count;
+    uint32_t refused, slow; // 1 << enum hgp_encoding; slow: does not hold target_fps here
+    int told;         // encoding that the client was told, or -1
+};
+
 // Frame delivery to a subscriber.
 struct view_subscription {
     enum hgp_encoding encoding, still_encoding;
-    uint8_t quality, hidden;
+    struct view_codecs codecs;
+    enum hgp_encoding motion; // chosen of `codecs`, or `encoding`
+    uint8_t quality, hidden, names;
+    uint32_t bitrate; // bit/s, 0 = by quality alone
     float max_fps, target_fps;
+    bool key_frame;  // the next frame depends on none before it
     uint32_t credit; // frames that may still be sent
     uint64_t sent_ns, sent_number, sent_samples;
     float sent_ev; // exposure

@@ -24,6 +24,7 @@
 //   scene_slot
 //   session
 //   view_slot
+//   view_codec                              negotiation of codecs
 //   request                                 a decoded message, and who is answered
 //   view_fit                                cameras that show the scene; that of a view without one
 //   frame_key                               the hash of what a frame is made from
