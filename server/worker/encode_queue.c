@@ -36,8 +36,9 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
-    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the queue's lock
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the lock
     uint32_t sent_first, sent_count;
+    struct encode_last last; // under the queue's lock
     _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
 };
@@ -204,6 +205,15 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
     return n;
 }
 
+static void note_last(
+    struct encode_stream *stream, const struct encode_request *request, uint64_t bytes, uint64_t ns)
+{
+    pthread_mutex_lock(&stream->queue->lock);
+    stream->last = (struct encode_last){
+        stream->last.frames + 1, bytes, ns, request->quality, request->frame.encoding};
+    pthread_mutex_unlock(&stream->queue->lock);
+}
+
 static void note_sent(struct encode_stream *stream, const struct hg_control_sent *sent)
 {
     struct encode_queue *q = stream->queue;
@@ -230,7 +240,7 @@ bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_
     return found;
 }
 
-// Before it is sent: what the client says of it must not come first.
+// What became of it is noted first: what the client says of it must not come before.
 static void send_frame(struct encode_stream *stream, const struct encode_request *request,
     struct hgp_frame *frame, const struct encode_output *out, uint64_t encode_ns)
 {
@@ -241,10 +251,11 @@ static void send_frame(struct encode_stream *stream, const struct encode_request
     frame->stages.count = list_stages(request, encode_ns, stages);
     frame->has_encode_end_ns = frame->has_sent_ns = true;
     frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
+    note_last(stream, request, size, encode_ns);
     if (!request->to.request)
         note_sent(stream, &(struct hg_control_sent){.number = frame->number,
                               .bytes = size,
-                              .encode_ns = frame->encode_end_ns - frame->encode_begin_ns,
+                              .encode_ns = encode_ns,
                               .sent_ns = frame->sent_ns,
                               .quality = request->quality,
                               .lossy = !frame->lossless});
@@ -268,6 +279,8 @@ static void encode_and_send(
     if (status) {
         if (!err.status)
             hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
+        if (!request->to.request)
+            note_sent(stream, &(struct hg_control_sent){.failed = true});
         hg_reply_error(request->to, &err);
     } else {
         send_frame(stream, request, &frame, &out, hg_clock_now_ns() - start);
@@ -350,6 +363,13 @@ void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *
     if (ready)
         make_ready(stream);
     pthread_mutex_unlock(&q->lock);
+}
+
+void hg_encode_stream_last(struct encode_stream *stream, struct encode_last *out)
+{
+    pthread_mutex_lock(&stream->queue->lock);
+    *out = stream->last;
+    pthread_mutex_unlock(&stream->queue->lock);
 }
 
 uint32_t hg_encode_stream_failed(const struct encode_stream *stream)
