@@ -79,6 +79,8 @@ void hg_cli_args_finish(struct hg_cli_args *args); // accepts a zeroed one
 // when `with_scene`. On failure *err is filled and *doing says what failed.
 enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct hg_cli_texts *files,
     bool with_scene, struct hg_error *err) HG_MUST_CHECK;
+// Takes over a connection that was made otherwise (cli->h): its handlers, and Ctrl-C.
+void hg_cli_attach(struct hg_cli *cli);
 // True once Ctrl-C (or SIGTERM) was seen.
 bool hg_cli_is_stopped(void);
 
@@ -189,6 +191,7 @@ enum hg_cli_exit hg_cli_window(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_cache(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_serve(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options);

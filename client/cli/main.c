@@ -17,6 +17,7 @@ static enum hg_cli_exit (*const run_command[HG_CLI_COMMAND_COUNT])(
     [HG_CLI_INDEX_BAKE] = hg_cli_bake,
     [HG_CLI_INDEX_CACHE] = hg_cli_cache,
     [HG_CLI_INDEX_BENCH] = hg_cli_bench,
+    [HG_CLI_INDEX_SERVE] = hg_cli_serve,
     [HG_CLI_INDEX_PING] = hg_cli_ping,
     [HG_CLI_INDEX_STATS] = hg_cli_stats_command,
     [HG_CLI_INDEX_QUARANTINE] = hg_cli_quarantine,

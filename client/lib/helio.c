@@ -295,3 +295,20 @@ void helio_interrupt(struct helio *h)
     ssize_t n = write(h->wake_fd, &one, sizeof one);
     (void)n; // full counter: the interrupt is pending already
 }
+
+enum hg_status helio_taken(struct helio *h, const struct helio_message *frame, struct hg_error *err)
+{
+    if (frame->type != HGP_T_frame || frame->request)
+        return hg_error_set(err, HG_E_INVAL, "credit", NULL, "is for frames of a subscription");
+    const struct hgp_credit credit = {.view = frame->body->frame.view,
+        .frames = 1,
+        .has_number = true,
+        .number = frame->body->frame.number,
+        .has_begun_ns = true,
+        .begun_ns = frame->begun_ns,
+        .has_received_ns = true,
+        .received_ns = frame->received_ns,
+        .has_rtt_ns = h->rtt_ns > 0,
+        .rtt_ns = h->rtt_ns};
+    return helio_send(h, HGP_T_credit, &credit, NULL, err);
+}

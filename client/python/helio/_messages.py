@@ -81,6 +81,12 @@ class Encoding(enum.IntEnum):
     JPEG = 5
     EXR_HALF = 6
     EXR_FLOAT = 7
+    JPEG_444 = 8
+    H264 = 9
+    H264_444 = 10
+    AV1 = 11
+    TILES = 12
+    TILES_JPEG = 13
 
 
 class RenderMode(enum.IntEnum):
@@ -294,6 +300,24 @@ class DebugView(enum.IntEnum):
     SHADOW_PAGES = 14
 
 
+class CameraChange(enum.IntEnum):
+    NONE = 0
+    REQUESTED = 1
+    TAKEN = 2
+    GIVEN = 3
+    RELEASED = 4
+    INACTIVE = 5
+    TURN_OVER = 6
+    LEFT = 7
+    LOCK = 8
+    WAITING = 9
+
+
+class AnnotationKind(enum.IntEnum):
+    MARKER = 0
+    TEXT = 1
+
+
 class Metric(enum.IntEnum):
     PSNR = 0
     SSIM = 1
@@ -331,6 +355,8 @@ ENUMS: Dict[str, type[enum.IntEnum]] = {
     "wrap": Wrap,
     "object_kind": ObjectKind,
     "debug_view": DebugView,
+    "camera_change": CameraChange,
+    "annotation_kind": AnnotationKind,
     "metric": Metric,
 }
 
@@ -373,6 +399,31 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("colors", "BYTES", "", False),
         ("indices", "BYTES", "", False),
     ]),
+    "participant": (0x0000, "", [
+        ("session", "U64", "", False),
+        ("role", "ENUM", "role", False),
+        ("name", "STR", "", False),
+        ("label", "STR", "", False),
+        ("color", "U32", "", False),
+        ("away", "BOOL", "", False),
+    ]),
+    "waiting_session": (0x0000, "", [
+        ("session", "U64", "", False),
+    ]),
+    "annotation_entry": (0x0000, "", [
+        ("annotation", "U64", "", False),
+        ("kind", "ENUM", "annotation_kind", False),
+        ("position", "VEC3", "", False),
+        ("normal", "VEC3", "", False),
+        ("node", "U64", "", False),
+        ("color", "U32", "", False),
+        ("text", "STR", "", False),
+        ("author", "STR", "", False),
+        ("label", "STR", "", False),
+        ("own", "BOOL", "", False),
+        ("time_ms", "U64", "", False),
+        ("changed_ms", "U64", "", False),
+    ]),
     "hello": (0x0101, "C2S", [
         ("version_min", "U16", "", False),
         ("version_max", "U16", "", False),
@@ -409,6 +460,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     ]),
     "pong": (0x0108, "ANY", [
         ("nonce", "U64", "", False),
+        ("time_ns", "U64", "", True),
     ]),
     "drain": (0x0109, "S2C", [
         ("deadline_ms", "U32", "", False),
@@ -444,6 +496,159 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("revision", "U64", "", False),
         ("first_id", "U32", "", False),
         ("id_count", "U32", "", False),
+    ]),
+    "scene_watch": (0x0130, "C2S", [
+        ("participants", "BOOL", "", True),
+        ("cursors", "BOOL", "", True),
+        ("camera", "BOOL", "", True),
+        ("annotations", "BOOL", "", True),
+        ("edits", "BOOL", "", True),
+    ]),
+    "participant_set": (0x0131, "C2S", [
+        ("label", "STR", "", True),
+        ("color", "U32", "", True),
+    ]),
+    "participants": (0x0132, "S2C", [
+        ("sessions", "LIST", "participant", False),
+    ]),
+    "cursor_set": (0x0133, "C2S", [
+        ("shown", "BOOL", "", False),
+        ("position", "VEC3", "", False),
+        ("normal", "VEC3", "", False),
+        ("node", "U64", "", False),
+    ]),
+    "cursor": (0x0134, "S2C", [
+        ("session", "U64", "", False),
+        ("shown", "BOOL", "", False),
+        ("position", "VEC3", "", False),
+        ("normal", "VEC3", "", False),
+        ("node", "U64", "", False),
+    ]),
+    "edited": (0x0135, "S2C", [
+        ("number", "U64", "", False),
+        ("revision", "U64", "", False),
+        ("session", "U64", "", False),
+        ("message", "U16", "", False),
+        ("object", "U64", "", False),
+    ]),
+    "camera_request": (0x0136, "C2S", [
+    ]),
+    "camera_take": (0x0137, "C2S", [
+    ]),
+    "camera_give": (0x0138, "C2S", [
+        ("session", "U64", "", True),
+    ]),
+    "camera_lock": (0x0139, "C2S", [
+        ("locked", "BOOL", "", False),
+    ]),
+    "camera_follow": (0x013a, "C2S", [
+        ("view", "U32", "", False),
+        ("follow", "BOOL", "", False),
+    ]),
+    "camera_state": (0x013b, "S2C", [
+        ("holder", "U64", "", False),
+        ("locked", "BOOL", "", False),
+        ("change", "ENUM", "camera_change", False),
+        ("waiting", "LIST", "waiting_session", False),
+    ]),
+    "camera_moved": (0x013c, "S2C", [
+        ("session", "U64", "", False),
+        ("input_seq", "U64", "", False),
+        ("camera", "U64", "", True),
+        ("eye", "VEC3", "", True),
+        ("target", "VEC3", "", True),
+        ("up", "VEC3", "", True),
+        ("kind", "ENUM", "camera_kind", True),
+        ("vfov_rad", "F32", "", True),
+        ("half_height", "F32", "", True),
+        ("near", "F32", "", True),
+        ("far", "F32", "", True),
+    ]),
+    "annotation_set": (0x0140, "C2S", [
+        ("annotation", "U64", "", False),
+        ("kind", "ENUM", "annotation_kind", True),
+        ("position", "VEC3", "", True),
+        ("normal", "VEC3", "", True),
+        ("node", "U64", "", True),
+        ("color", "U32", "", True),
+        ("text", "STR", "", True),
+    ]),
+    "annotation_remove": (0x0141, "C2S", [
+        ("annotation", "U64", "", False),
+    ]),
+    "annotations_query": (0x0142, "C2S", [
+    ]),
+    "annotations": (0x0143, "S2C", [
+        ("annotations", "LIST", "annotation_entry", False),
+    ]),
+    "annotation": (0x0144, "S2C", [
+        ("annotation", "LIST", "annotation_entry", False),
+    ]),
+    "annotation_removed": (0x0145, "S2C", [
+        ("annotation", "U64", "", False),
+    ]),
+    "join_make": (0x0148, "C2S", [
+        ("scene", "STR", "", True),
+        ("role", "ENUM", "role", True),
+        ("uses", "U32", "", True),
+        ("valid_s", "U32", "", True),
+        ("label", "STR", "", True),
+    ]),
+    "join_ticket": (0x0149, "S2C", [
+        ("ticket", "U64", "", False),
+        ("secret", "STR", "", False),
+        ("scene", "STR", "", False),
+        ("role", "ENUM", "role", False),
+        ("uses", "U32", "", False),
+        ("valid_s", "U32", "", False),
+    ]),
+    "join_scene": (0x014a, "S2C", [
+        ("scene", "STR", "", False),
+    ]),
+    "auth_resume": (0x014b, "C2S", [
+        ("token", "STR", "", False),
+        ("secret", "BYTES", "", False),
+    ]),
+    "join_query": (0x014c, "C2S", [
+    ]),
+    "join_revoke": (0x014d, "C2S", [
+        ("ticket", "U64", "", False),
+    ]),
+    "message_send": (0x0150, "C2S", [
+        ("text", "STR", "", False),
+        ("session", "U64", "", True),
+        ("scene", "STR", "", True),
+    ]),
+    "message": (0x0151, "S2C", [
+        ("from", "STR", "", False),
+        ("text", "STR", "", False),
+    ]),
+    "kick": (0x0152, "C2S", [
+        ("session", "U64", "", False),
+        ("reason", "STR", "", False),
+        ("block_s", "U32", "", True),
+    ]),
+    "drain_set": (0x0153, "C2S", [
+        ("deadline_ms", "U32", "", False),
+        ("reason", "STR", "", False),
+        ("stay", "BOOL", "", True),
+        ("cancel", "BOOL", "", True),
+    ]),
+    "sessions_watch": (0x0154, "C2S", [
+        ("interval_ms", "U32", "", False),
+    ]),
+    "statistics": (0x0155, "S2C", [
+        ("text", "STR", "", False),
+    ]),
+    "idle_warning": (0x0156, "S2C", [
+        ("remaining_ms", "U32", "", False),
+    ]),
+    "limited": (0x0157, "S2C", [
+        ("request", "U32", "", False),
+        ("limit", "STR", "", False),
+        ("retry_after_ms", "U32", "", False),
+    ]),
+    "drain_cancelled": (0x0158, "S2C", [
     ]),
     "scene_open": (0x0201, "C2S", [
         ("name", "STR", "", False),
@@ -650,6 +855,10 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("mirrors", "ENUM", "mirrors", True),
         ("shadow_maps", "ENUM", "shadow_maps", True),
         ("sharpen", "F32", "", True),
+        ("codecs", "BYTES", "", True),
+        ("bitrate", "U32", "", True),
+        ("target_fps", "F32", "", True),
+        ("hidden", "U8", "", True),
     ]),
     "view_close": (0x0302, "C2S", [
         ("view", "U32", "", False),
@@ -671,6 +880,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("next_up", "VEC3", "", True),
         ("lens_radius", "F32", "", True),
         ("focus_distance", "F32", "", True),
+        ("received_ns", "U64", "", True),
     ]),
     "frame_request": (0x0304, "C2S", [
         ("view", "U32", "", False),
@@ -682,10 +892,15 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "subscribe": (0x0305, "C2S", [
         ("view", "U32", "", False),
         ("credit_frames", "U32", "", False),
+        ("named", "BOOL", "", True),
     ]),
     "credit": (0x0306, "C2S", [
         ("view", "U32", "", False),
         ("frames", "U32", "", False),
+        ("number", "U64", "", True),
+        ("begun_ns", "U64", "", True),
+        ("received_ns", "U64", "", True),
+        ("rtt_ns", "U64", "", True),
     ]),
     "frame": (0x0307, "S2C", [
         ("view", "U32", "", False),
@@ -712,6 +927,15 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("exposure_ev", "F32", "", True),
         ("black", "F32", "", True),
         ("clipped", "F32", "", True),
+        ("depends", "U32", "", True),
+        ("codec", "STR", "", True),
+        ("input_ns", "U64", "", True),
+        ("taken_ns", "U64", "", True),
+        ("render_begin_ns", "U64", "", True),
+        ("render_end_ns", "U64", "", True),
+        ("encode_begin_ns", "U64", "", True),
+        ("encode_end_ns", "U64", "", True),
+        ("sent_ns", "U64", "", True),
     ]),
     "job_query": (0x0308, "C2S", [
         ("view", "U32", "", False),
@@ -773,6 +997,14 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "exposure": (0x0311, "S2C", [
         ("mode", "ENUM", "exposure_mode", False),
         ("exposure_ev", "F32", "", False),
+    ]),
+    "key_frame": (0x0318, "C2S", [
+        ("view", "U32", "", False),
+        ("failed", "U8", "", True),
+    ]),
+    "view_codec": (0x0319, "S2C", [
+        ("view", "U32", "", False),
+        ("encoding", "ENUM", "encoding", False),
     ]),
     "pick": (0x0401, "C2S", [
         ("view", "U32", "", False),
@@ -877,5 +1109,13 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("channel", "U32", "", False),
         ("request", "U32", "", False),
         ("view", "U32", "", False),
+    ]),
+    "delivered": (0x0312, "B2W", [
+        ("view", "U32", "", False),
+        ("number", "U64", "", False),
+        ("at_ns", "U64", "", False),
+        ("begun_ns", "U64", "", True),
+        ("received_ns", "U64", "", True),
+        ("rtt_ns", "U64", "", True),
     ]),
 }
