@@ -88,6 +88,7 @@ struct helio {
     struct hg_client_queue queue;
     struct helio_handlers handlers;
     struct hg_client_resume resume;
+    struct helio_tap tap;
 };
 
 // Ends the connection for a reason (the first one is kept) and reports it.

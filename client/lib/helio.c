@@ -179,7 +179,10 @@ enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *messa
         return hg_error_set(err, HG_E_INVAL, info ? info->name : "message", NULL,
             "not a message that clients send");
     uint32_t id = request ? h->next_request : 0;
+    const size_t before = h->out.size;
     enum hg_status status = hg_client_enqueue(h, type, id, message, err);
+    if (!status && h->tap.sent)
+        h->tap.sent(h->tap.user, h->out.data + before, h->out.size - before);
     if (!status && request) {
         *request = id;
         h->next_request = id + 1 == HG_CLIENT_OWN_REQUEST ? 1 : id + 1;
@@ -274,6 +277,11 @@ void helio_message_free(struct helio_message *message)
 void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers)
 {
     h->handlers = handlers ? *handlers : (struct helio_handlers){0};
+}
+
+void helio_set_tap(struct helio *h, const struct helio_tap *tap)
+{
+    h->tap = tap ? *tap : (struct helio_tap){0};
 }
 
 void helio_set_timeout(struct helio *h, uint64_t timeout_ns)

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/log.h"
+#include "server/broker/counters.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_record.h"
@@ -214,6 +215,7 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
     note_revision(s, type, m);
     if (type == HGP_T_frame) {
         struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
+        hg_count(HG_COUNT_FRAMES);
         if (view) {
             renumber(view, packet, &m->frame);
             stamp_sent(packet);

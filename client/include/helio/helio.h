@@ -167,6 +167,17 @@ struct helio_handlers {
 
 HELIO_API void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers);
 
+// Sees what helio_send takes (the whole message with its header, as it goes out) and what comes for
+// the caller, before it is taken: for recordings and protocols of a conversation. Tokens and
+// tickets do not pass here. Each may be NULL; NULL as a whole ends it. Must not call this library.
+struct helio_tap {
+    void *user;
+    void (*sent)(void *user, const uint8_t *message, size_t size);
+    void (*received)(void *user, const struct helio_message *message);
+};
+
+HELIO_API void helio_set_tap(struct helio *h, const struct helio_tap *tap);
+
 // Deadline of each blocking call below; default HELIO_NO_TIMEOUT.
 HELIO_API void helio_set_timeout(struct helio *h, uint64_t timeout_ns);
 
