@@ -21,8 +21,8 @@ static enum hg_status take_offset(struct hg_viewer *v, struct hg_error *err)
         enum hg_status status = helio_ping(v->h, &rtt_ns, err); // the library notes the round trip
         const uint64_t begin_ns = hg_clock_now_ns();
         if (!status)
-            status = helio_call_for(v->h, HGP_T_clock_query, &(struct hgp_clock_query){0},
-                HGP_T_clock, &answer, err);
+            status = helio_call_for(
+                v->h, HGP_T_clock_query, &(struct hgp_clock_query){0}, HGP_T_clock, &answer, err);
         if (status)
             return status;
         const uint64_t took_ns = answer->received_ns - begin_ns;
@@ -100,8 +100,8 @@ enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
     if (status)
         return status;
     return helio_call_for(v->h, HGP_T_subscribe,
-        &(struct hgp_subscribe){.view = HG_VIEWER_VIEW, .credit_frames = CREDIT},
-        HGP_T_ok, NULL, err);
+        &(struct hgp_subscribe){.view = HG_VIEWER_VIEW, .credit_frames = CREDIT}, HGP_T_ok, NULL,
+        err);
 }
 
 void hg_viewer_close(struct hg_viewer *v)

@@ -8,7 +8,7 @@ import { FramePainter, hexOf } from "./decode.js";
 import { enums } from "./hgp.js";
 
 const VIEW = 1;
-const CREDIT_FRAMES = 2;
+const CREDIT_FRAMES = 16; // the daemon keeps to what the network and the decoder take
 const RESIZE_MS = 120;
 const LEAST_SIDE_PX = 16;
 const GREATEST_SIDE_PX = 16384;
@@ -101,7 +101,7 @@ export class View extends EventTarget {
     }
 
     settings() {
-        return { view: VIEW, width: this.width, height: this.height, ...this.params };
+        return { view: VIEW, width: this.width, height: this.height, names: 1, ...this.params };
     }
 
     // ---- settings ------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ export class View extends EventTarget {
     }
 
     onShown(frame, { decode_ms }) {
-        this.giveCredit();
+        this.giveCredit(frame);
         this.failures.delete(frame.encoding);
         this.frame = frame;
         const seq = Number(frame.input_seq);
@@ -283,14 +283,17 @@ export class View extends EventTarget {
         this.failures.set(frame.encoding, isOver ? 0 : count);
         this.connection.send("key_frame", { view: VIEW,
             ...isOver ? { failed: enums.encoding[frame.encoding] } : {} });
-        this.giveCredit();
+        this.giveCredit(frame);
         if (isOver)
             this.trouble(error);
     }
 
-    giveCredit() {
+    // The frame is shown: credit for one more, and what the network delivers is known.
+    giveCredit(frame) {
+        const rtt_ns = BigInt(Math.round(this.connection.rtt_ms * 1e6));
         if (!this.isIdle)
-            this.connection.send("credit", { view: VIEW, frames: 1 });
+            this.connection.send("taken", { view: VIEW, number: frame.number,
+                ...rtt_ns > 0n ? { rtt_ns } : {} });
     }
 
     // What the canvas shows, readable for tests and scripts.

@@ -10,7 +10,7 @@
 
 #define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
 #define MOVE_RAYS 8000  // of a picture in motion
-#define LEAST_RAYS 256  // also of one of many
+#define LEAST_RAYS 256   // also of one of many
 
 static struct hg_gi_key key_of(const struct hg_view_state *view)
 {

@@ -36,9 +36,8 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
-    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the lock
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the queue's lock
     uint32_t sent_first, sent_count;
-    struct encode_last last; // under the queue's lock
     _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
 };
@@ -205,15 +204,6 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
     return n;
 }
 
-static void note_last(
-    struct encode_stream *stream, const struct encode_request *request, uint64_t bytes, uint64_t ns)
-{
-    pthread_mutex_lock(&stream->queue->lock);
-    stream->last = (struct encode_last){
-        stream->last.frames + 1, bytes, ns, request->quality, request->frame.encoding};
-    pthread_mutex_unlock(&stream->queue->lock);
-}
-
 static void note_sent(struct encode_stream *stream, const struct hg_control_sent *sent)
 {
     struct encode_queue *q = stream->queue;
@@ -251,7 +241,6 @@ static void send_frame(struct encode_stream *stream, const struct encode_request
     frame->stages.count = list_stages(request, encode_ns, stages);
     frame->has_encode_end_ns = frame->has_sent_ns = true;
     frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
-    note_last(stream, request, size, encode_ns);
     if (!request->to.request)
         note_sent(stream, &(struct hg_control_sent){.number = frame->number,
                               .bytes = size,
@@ -363,13 +352,6 @@ void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *
     if (ready)
         make_ready(stream);
     pthread_mutex_unlock(&q->lock);
-}
-
-void hg_encode_stream_last(struct encode_stream *stream, struct encode_last *out)
-{
-    pthread_mutex_lock(&stream->queue->lock);
-    *out = stream->last;
-    pthread_mutex_unlock(&stream->queue->lock);
 }
 
 uint32_t hg_encode_stream_failed(const struct encode_stream *stream)

@@ -35,14 +35,6 @@ bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_
 // Queues the request; there must be room.
 void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *request);
 
-// What became of the newest frame of a stream, for whoever decides on the next one.
-struct encode_last {
-    uint64_t frames; // so far
-    uint64_t bytes, encode_ns;
-    uint8_t quality; // after the bit rate
-    enum hgp_encoding encoding;
-};
-void hg_encode_stream_last(struct encode_stream *stream, struct encode_last *out);
 // Encodings (1 << enum hgp_encoding) that have failed for this stream: JPEG was sent instead.
 uint32_t hg_encode_stream_failed(const struct encode_stream *stream);
 

@@ -79,7 +79,7 @@ struct hg_control {
     double usual_bytes;                  // of a lossy frame at quality 80
     double still_bytes;                  // of a lossless one
     struct hg_control_choice now;        // the newest
-    uint32_t encoding, encoded; // of lossy frames now; how many had it
+    uint32_t encoding, encoded;          // of lossy frames now; how many had it
     uint64_t sent, delivered, held;      // frames; held: times that one had to wait for a delivery
     bool holds;
 };

@@ -99,7 +99,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->quality = what->quality;
     request->parts = what->parts;
     request->bitrate = view->control.now.bitrate && !what->request ? view->control.now.bitrate
-                                                                    : view->subscription.bitrate;
+                                                                   : view->subscription.bitrate;
     request->key_frame = !what->request && view->subscription.key_frame;
     request->frame = describe_frame(view, what->encoding);
     request->frame.settled &= what->settled || what->request; // one without loss is still to come
@@ -180,13 +180,13 @@ static void deliver_subscription(
         !hg_encode_stream_has_room(view->encoder))
         return;
     struct view_subscription *sub = &view->subscription;
+    hg_codec_choose(s, view);
+    hg_codec_tell(s, session, view);
     const struct hg_frame_info *info = &view->progress.info;
     const uint64_t rest_ns =
         info->settled && sub->sent_number != info->number
             ? hg_control_rest_ns(&view->control, (uint64_t)info->width * info->height)
             : 0;
-    hg_codec_choose(s, view);
-    hg_codec_tell(s, session, view);
     const struct frame_wait what = {
         .settled = info->settled && !rest_ns,
         .encoding = info->settled && !rest_ns ? sub->still_encoding : sub->motion,

@@ -77,12 +77,10 @@ struct hg_control_choice hg_rate_choose(struct view_slot *view, uint32_t sharing
 {
     const struct view_subscription *sub = &view->subscription;
     hg_rate_note_sent(view);
-    return hg_control_choose(
-        &view->control, &(struct hg_control_goal){
-                            .fps = sub->target_fps,
-            .quality = sub->quality,
-            .bitrate = sub->bitrate,
-            .sharing = sharing});
+    return hg_control_choose(&view->control, &(struct hg_control_goal){.fps = sub->target_fps,
+                                                 .quality = sub->quality,
+                                                 .bitrate = sub->bitrate,
+                                                 .sharing = sharing});
 }
 
 void hg_rate_delivered(struct view_slot *view, const struct hg_control_delivery *delivery)

@@ -46,7 +46,7 @@ struct view_codecs {
     uint8_t items[16];
     uint32_t count;
     uint32_t refused, slow; // 1 << enum hgp_encoding; slow: does not hold target_fps here
-    int told;         // encoding that the client was told, or -1
+    int told;               // encoding that the client was told, or -1
 };
 
 // Frame delivery to a subscriber.

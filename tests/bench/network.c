@@ -1,6 +1,6 @@
-// network.c - what a viewer sees behind a slow network: frame rates, latencies and how soon they are
-// back after the rate fell from 20 to 1 Mbit/s and rose again, at a round trip of 300 ms, and after
-// stalls. Prints JSON; --json FILE writes it. --seconds N: of each phase (5); --scene ASSET;
+// network.c - what a viewer sees behind a slow network: frame rates, latencies and how soon they
+// are back after the rate fell from 20 to 1 Mbit/s and rose again, at a round trip of 300 ms, and
+// after stalls. Prints JSON; --json FILE writes it. --seconds N: of each phase (5); --scene ASSET;
 // --size WxH.
 #include <jansson.h>
 #include <stdio.h>
@@ -217,8 +217,8 @@ int main(int argc, char **argv)
     json_t *root = json_pack("{s:o, s:o, s:o}", "trace", run_trace(&n), "rtt_300_ms", run_long(&n),
         "stalls", run_stalls(&n));
     hg_bench_daemon_stop(&n.daemon);
-    const int failed =
-        file ? json_dump_file(root, file, JSON_INDENT(2)) : json_dumpf(root, stdout, JSON_INDENT(2));
+    const int failed = file ? json_dump_file(root, file, JSON_INDENT(2))
+                            : json_dumpf(root, stdout, JSON_INDENT(2));
     json_decref(root);
     return failed ? 1 : 0;
 }

@@ -460,7 +460,6 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     ]),
     "pong": (0x0108, "ANY", [
         ("nonce", "U64", "", False),
-        ("time_ns", "U64", "", True),
     ]),
     "drain": (0x0109, "S2C", [
         ("deadline_ms", "U32", "", False),
@@ -859,6 +858,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("bitrate", "U32", "", True),
         ("target_fps", "F32", "", True),
         ("hidden", "U8", "", True),
+        ("names", "U8", "", True),
     ]),
     "view_close": (0x0302, "C2S", [
         ("view", "U32", "", False),
@@ -892,15 +892,10 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "subscribe": (0x0305, "C2S", [
         ("view", "U32", "", False),
         ("credit_frames", "U32", "", False),
-        ("named", "BOOL", "", True),
     ]),
     "credit": (0x0306, "C2S", [
         ("view", "U32", "", False),
         ("frames", "U32", "", False),
-        ("number", "U64", "", True),
-        ("begun_ns", "U64", "", True),
-        ("received_ns", "U64", "", True),
-        ("rtt_ns", "U64", "", True),
     ]),
     "frame": (0x0307, "S2C", [
         ("view", "U32", "", False),
@@ -997,6 +992,18 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "exposure": (0x0311, "S2C", [
         ("mode", "ENUM", "exposure_mode", False),
         ("exposure_ev", "F32", "", False),
+    ]),
+    "taken": (0x0313, "C2S", [
+        ("view", "U32", "", False),
+        ("number", "U64", "", False),
+        ("begun_ns", "U64", "", True),
+        ("received_ns", "U64", "", True),
+        ("rtt_ns", "U64", "", True),
+    ]),
+    "clock_query": (0x0314, "C2S", [
+    ]),
+    "clock": (0x0315, "S2C", [
+        ("time_ns", "U64", "", False),
     ]),
     "key_frame": (0x0318, "C2S", [
         ("view", "U32", "", False),
@@ -1110,7 +1117,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("request", "U32", "", False),
         ("view", "U32", "", False),
     ]),
-    "delivered": (0x0312, "B2W", [
+    "delivered": (0x0508, "B2W", [
         ("view", "U32", "", False),
         ("number", "U64", "", False),
         ("at_ns", "U64", "", False),
