@@ -154,7 +154,8 @@ export class Connection extends EventTarget {
         const { token, ticket } = this;
         try {
             // A join ticket may be used up: it still lets its session in again.
-            const { role, name } = ticket ? await this.call("auth_resume", { token, secret: ticket })
+            const { role, name } = ticket
+                ? await this.call("auth_resume", { token, secret: ticket })
                 : await this.call("auth", { token });
             this.role = role;
             this.name = name;

@@ -50,7 +50,7 @@ export class Stats {
         const stages = (last?.stages ?? []).map((s) => [words(s.name), ms(Number(s.ns) / 1e6)]);
         return [
             ["Frames", `${(frames.length / seconds).toFixed(1)} fps`],
-            ["Input to picture", ms(median(this.latencies))],
+            ["Latency", ms(median(this.latencies))],
             ["Round trip", ms(connection.rtt_ms)],
             ["Decoding", ms(median(frames.map((f) => f.decode_ms)))],
             ...stages.slice(0, 12),
@@ -76,7 +76,8 @@ export class Stats {
         const most = Math.max(50, ...this.latencies);
         const points = this.latencies.map((v, i) => `${i},${(39 - v / most * 37).toFixed(1)}`);
         this.graph.replaceChildren(svg("polyline", { points: points.join(" "), fill: "none",
-            stroke: "currentColor", "stroke-width": "1.2", "vector-effect": "non-scaling-stroke" }));
+            stroke: "currentColor", "stroke-width": "1.2",
+            "vector-effect": "non-scaling-stroke" }));
     }
 }
 

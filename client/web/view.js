@@ -220,7 +220,9 @@ export class View extends EventTarget {
     sendCamera(force = false) {
         if (!force && (this.sent && isSame(this.sent, this.camera)))
             return false;
-        if (!this.isStarted || this.isFollowing || (!force && this.connection.backlog_bytes > BACKLOG_BYTES))
+        if (!this.isStarted || this.isFollowing)
+            return false;
+        if (!force && this.connection.backlog_bytes > BACKLOG_BYTES)
             return false;
         if (!force)
             this.node = 0n;
