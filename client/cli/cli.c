@@ -45,7 +45,7 @@ void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
     if (sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler != SIG_IGN)
         sigaction(SIGHUP, &action, NULL);
     signal(SIGXFSZ, SIG_IGN); // ulimit -f: writing fails and names the file
-    *cli = (struct hg_cli){.options = options, .begin_ns = hg_clock_now_ns()};
+    *cli = (struct hg_cli){.options = options, .view = HG_CLI_VIEW, .begin_ns = hg_clock_now_ns()};
     hg_cli_progress_init(&cli->progress, options->progress);
     cli->progress.quiet = options->quiet;
     cli->progress.verbose = options->verbose;

@@ -13,6 +13,7 @@ static enum hg_cli_exit (*const run_command[HG_CLI_COMMAND_COUNT])(
     [HG_CLI_INDEX_INFO] = hg_cli_info,
     [HG_CLI_INDEX_COMPARE] = hg_cli_compare_command,
     [HG_CLI_INDEX_RUN] = hg_cli_run,
+    [HG_CLI_INDEX_WINDOW] = hg_cli_window,
     [HG_CLI_INDEX_BAKE] = hg_cli_bake,
     [HG_CLI_INDEX_CACHE] = hg_cli_cache,
     [HG_CLI_INDEX_BENCH] = hg_cli_bench,

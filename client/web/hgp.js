@@ -213,6 +213,7 @@ export const messages = {
         type: 0x0108, direction: "ANY", state: "HELLO", role: "NONE", since: 1,
         fields: [
             { name: "nonce", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // the server stops soon; no new scenes or views
@@ -856,6 +857,8 @@ export const messages = {
             { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
             { name: "codecs", kind: "bytes", max: 16, since: 1, optional: true },
             { name: "bitrate", kind: "u32", least: 0, most: 1000000000, since: 1, optional: true },
+            { name: "target_fps", kind: "f32", least: 0, most: 1e+03, since: 1, optional: true },
+            { name: "hidden", kind: "u8", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -885,6 +888,7 @@ export const messages = {
             { name: "next_up", kind: "vec3", since: 1, optional: true },
             { name: "lens_radius", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "focus_distance", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // one frame, answered by frame with this request id
@@ -904,6 +908,7 @@ export const messages = {
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "credit_frames", kind: "u32", least: 0, most: 1024, since: 1 },
+            { name: "named", kind: "bool", since: 1, optional: true },
         ],
     },
     // frames the client has taken
@@ -912,6 +917,10 @@ export const messages = {
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "frames", kind: "u32", least: 1, most: 1024, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // a picture and where it comes from
@@ -944,6 +953,13 @@ export const messages = {
             { name: "clipped", kind: "f32", least: 0, most: 1, since: 1, optional: true },
             { name: "depends", kind: "u32", least: 1, most: 4294967295, since: 1, optional: true },
             { name: "codec", kind: "str", max: 32, since: 1, optional: true },
+            { name: "input_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "taken_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "render_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "render_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "encode_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "encode_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "sent_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // what would a settled frame of this view be made from? From here on its settled frames say it, too
@@ -1045,6 +1061,18 @@ export const messages = {
         fields: [
             { name: "mode", kind: "enum", values: "exposure_mode", since: 1 },
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
+        ],
+    },
+    // the client of the channel has a frame of its subscription, and all before it
+    delivered: {
+        type: 0x0312, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "at_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got

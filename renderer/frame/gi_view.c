@@ -105,7 +105,7 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
 
 uint32_t hg_gi_view_rays(const struct hg_view_state *view)
 {
-    const float share = hg_quality_choose(&view->motion.quality, view->settings.target_ms).rays;
+    const float share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
     return (uint32_t)(share * MOVE_RAYS);
 }
 

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/clock.h"
 #include "server/broker/counters.h"
 #include "server/broker/resume.h"
 #include "server/broker/session.h"
@@ -281,7 +282,9 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         handle_auth(conn, request, &m->auth);
         return;
     case HGP_T_ping:
-        hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        hg_conn_send_urgent(conn, request, HGP_T_pong,
+            &(struct hgp_pong){
+                .nonce = m->ping.nonce, .has_time_ns = true, .time_ns = hg_clock_now_ns()});
         return;
     case HGP_T_pong:
         return;

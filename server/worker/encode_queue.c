@@ -18,6 +18,7 @@ enum {
     DEADLINE_NS_PER_PX = 400, // some times as long as slow encoders take
     MAX_THREADS = 16,
     MAX_STAGES = 64,
+    SENT_FRAMES = 4, // of a stream, until the render thread takes notice
 };
 
 // An encoder of a stream between its frames. Used by the thread that runs the stream.
@@ -35,7 +36,8 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
-    struct encode_last last; // under the queue's lock
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the queue's lock
+    uint32_t sent_first, sent_count;
     _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
 };
@@ -202,15 +204,33 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
     return n;
 }
 
-static void note_last(
-    struct encode_stream *stream, const struct encode_request *request, uint64_t bytes, uint64_t ns)
+static void note_sent(struct encode_stream *stream, const struct hg_control_sent *sent)
 {
-    pthread_mutex_lock(&stream->queue->lock);
-    stream->last = (struct encode_last){
-        stream->last.frames + 1, bytes, ns, request->quality, request->frame.encoding};
-    pthread_mutex_unlock(&stream->queue->lock);
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    if (stream->sent_count == SENT_FRAMES) {
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    stream->sent[(stream->sent_first + stream->sent_count++) % SENT_FRAMES] = *sent;
+    pthread_mutex_unlock(&q->lock);
 }
 
+bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    const bool found = stream->sent_count > 0;
+    if (found) {
+        *out = stream->sent[stream->sent_first];
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    pthread_mutex_unlock(&q->lock);
+    return found;
+}
+
+// Before it is sent: what the client says of it must not come first.
 static void send_frame(struct encode_stream *stream, const struct encode_request *request,
     struct hgp_frame *frame, const struct encode_output *out, uint64_t encode_ns)
 {
@@ -219,7 +239,15 @@ static void send_frame(struct encode_stream *stream, const struct encode_request
     const size_t size = out->data.size ? out->data.size : request->pixels->size;
     frame->stages.items = stages;
     frame->stages.count = list_stages(request, encode_ns, stages);
-    note_last(stream, request, size, encode_ns);
+    frame->has_encode_end_ns = frame->has_sent_ns = true;
+    frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
+    if (!request->to.request)
+        note_sent(stream, &(struct hg_control_sent){.number = frame->number,
+                              .bytes = size,
+                              .encode_ns = frame->encode_end_ns - frame->encode_begin_ns,
+                              .sent_ns = frame->sent_ns,
+                              .quality = request->quality,
+                              .lossy = !frame->lossless});
     hg_reply_frame(request->to, frame, request->parts, data, size);
 }
 
@@ -231,6 +259,8 @@ static void encode_and_send(
     struct encode_output out = {0};
     struct hg_error err = {0};
     const uint64_t start = hg_clock_now_ns();
+    frame.has_encode_begin_ns = true;
+    frame.encode_begin_ns = start;
     hg_watch_begin(
         watch, (struct watch_work){request->to.channel, request->to.request, request->frame.view});
     enum hg_status status = encode(stream, request, &frame, &out, &err);
@@ -320,13 +350,6 @@ void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *
     if (ready)
         make_ready(stream);
     pthread_mutex_unlock(&q->lock);
-}
-
-void hg_encode_stream_last(struct encode_stream *stream, struct encode_last *out)
-{
-    pthread_mutex_lock(&stream->queue->lock);
-    *out = stream->last;
-    pthread_mutex_unlock(&stream->queue->lock);
 }
 
 uint32_t hg_encode_stream_failed(const struct encode_stream *stream)

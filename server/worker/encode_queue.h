@@ -8,6 +8,7 @@
 #define HG_SERVER_WORKER_ENCODE_QUEUE_H
 
 #include "server/worker/encoder.h"
+#include "server/worker/view_control.h"
 
 struct encode_queue;
 struct encode_stream;
@@ -29,17 +30,11 @@ struct encode_stream *hg_encode_stream_open(struct encode_queue *queue);
 void hg_encode_stream_close(struct encode_stream *stream);
 // Is there room for one more frame? After no, hg_worker_wake is called as soon as there is.
 bool hg_encode_stream_has_room(const struct encode_stream *stream);
+// What became of the subscribed frames of the stream, oldest first. False: no more is known.
+bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out);
 // Queues the request; there must be room.
 void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *request);
 
-// What became of the newest frame of a stream, for whoever decides on the next one.
-struct encode_last {
-    uint64_t frames; // so far
-    uint64_t bytes, encode_ns;
-    uint8_t quality; // after the bit rate
-    enum hgp_encoding encoding;
-};
-void hg_encode_stream_last(struct encode_stream *stream, struct encode_last *out);
 // Encodings (1 << enum hgp_encoding) that have failed for this stream: JPEG was sent instead.
 uint32_t hg_encode_stream_failed(const struct encode_stream *stream);
 
