@@ -46,7 +46,7 @@ export class Daemon {
         this.process = spawn(join(build, "bin/heliod"), ["--listen", `tcp:127.0.0.1:${this.port}`,
             "--port-file", ports, "--tokens", join(this.folder, "tokens"), "--asset-root", models,
             "--state-dir", join(this.folder, "state"), "--cache-dir", join(this.folder, "cache"),
-            "--isolation", "shared", "--sandbox", "best-effort", "--hang-timeout", "3600",
+            "--isolation", "shared", "--sandbox", "best-effort", "--no-seed-shaders", "--hang-timeout", "3600",
             "--log", "warn"], { stdio: ["ignore", "inherit", "inherit"] });
         this.ended = new Promise((done) => this.process.on("exit", done));
         await until(() => existsSync(ports) && readFileSync(ports, "utf8").trim(), "the daemon listens");
