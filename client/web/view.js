@@ -79,7 +79,7 @@ export class View extends EventTarget {
     subscribe() {
         if (this.isStarted)
             this.connection.send("subscribe",
-                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES, named: true });
+                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES });
     }
 
     get isIdle() {
