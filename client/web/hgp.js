@@ -1058,18 +1058,6 @@ export const messages = {
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
         ],
     },
-    // the client of the channel has a frame of its subscription, and all before it
-    delivered: {
-        type: 0x0312, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
-        fields: [
-            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
-            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
-            { name: "at_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
-            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
-            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
-            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
-        ],
-    },
     // the client has this frame of the view's subscription, and gives credit for one more. Of every frame, for views with names 1
     taken: {
         type: 0x0313, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
@@ -1299,6 +1287,18 @@ export const messages = {
             { name: "channel", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // the client of the channel has a frame of its subscription, and all before it
+    delivered: {
+        type: 0x0508, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "at_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
 };

@@ -1,6 +1,6 @@
 // view.js - the view of the scene: its size and settings, its camera, its frames and their credit.
 //
-// Events: "shown" (detail: { frame, latency_ms, decode_ms }), "verified" (detail: boolean: the
+// Events: "shown" (detail: { frame, latency_ms, decode_ms, split }), "verified" (boolean: the
 // settled pixels on the canvas have the hash that the server states), "trouble" (detail: an
 // error), "params" (settings changed).
 import { isSame, makeCamera } from "./camera.js";
@@ -79,7 +79,7 @@ export class View extends EventTarget {
     subscribe() {
         if (this.isStarted)
             this.connection.send("subscribe",
-                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES });
+                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES, named: true });
     }
 
     get isIdle() {
@@ -220,7 +220,9 @@ export class View extends EventTarget {
     sendCamera(force = false) {
         if (!force && (this.sent && isSame(this.sent, this.camera)))
             return false;
-        if (!this.isStarted || this.isFollowing || (!force && this.connection.backlog_bytes > BACKLOG_BYTES))
+        if (!this.isStarted || this.isFollowing)
+            return false;
+        if (!force && this.connection.backlog_bytes > BACKLOG_BYTES)
             return false;
         if (!force)
             this.node = 0n;
@@ -250,9 +252,11 @@ export class View extends EventTarget {
 
     // ---- frames --------------------------------------------------------------------------------
 
-    onFrame(frame) {
-        if (frame.view === VIEW)
-            this.painter.push(frame);
+    onFrame({ frame, begun_ms, received_ms }) {
+        if (frame.view !== VIEW)
+            return;
+        frame.times = { begun_ms, received_ms };
+        this.painter.push(frame);
     }
 
     onShown(frame, { decode_ms }) {
@@ -263,14 +267,17 @@ export class View extends EventTarget {
         const input = this.inputs.get(seq);
         if (input)
             this.shown = input.camera;
-        const latency_ms = input && !input.seen ? performance.now() - input.time_ms : null;
+        const now_ms = performance.now();
+        const latency_ms = input && !input.seen ? now_ms - input.time_ms : null;
+        const split = latency_ms === null ? null : this.split(frame, input.time_ms, now_ms);
         if (input)
             input.seen = true;
         for (const old of this.inputs.keys())
             if (old < seq)
                 this.inputs.delete(old);
         this.label(frame);
-        this.dispatchEvent(new CustomEvent("shown", { detail: { frame, latency_ms, decode_ms } }));
+        this.dispatchEvent(new CustomEvent("shown",
+            { detail: { frame, latency_ms, decode_ms, split } }));
         if (frame.settled && frame.hash)
             this.verify(frame);
     }
@@ -288,12 +295,26 @@ export class View extends EventTarget {
             this.trouble(error);
     }
 
-    // The frame is shown: credit for one more, and what the network delivers is known.
-    giveCredit(frame) {
-        const rtt_ns = BigInt(Math.round(this.connection.rtt_ms * 1e6));
-        if (!this.isIdle)
-            this.connection.send("taken", { view: VIEW, number: frame.number,
-                ...rtt_ns > 0n ? { rtt_ns } : {} });
+    // Says when the frame came as well: the server holds its rate to what the network delivers.
+    giveCredit({ number, times }) {
+        if (this.isIdle || !times)
+            return;
+        const ns = (ms) => BigInt(Math.round(ms * 1000)) * 1000n;
+        const { best } = this.connection;
+        this.connection.send("taken", { view: VIEW, number,
+            begun_ns: ns(times.begun_ms), received_ns: ns(times.received_ms), ...best ? { rtt_ns: ns(best.rtt_ms) } : {} });
+    }
+
+    // Where the time from input to picture went, in ms by stage; null: the server does not say.
+    split(frame, input_ms, shown_ms) {
+        const at = (field) => this.connection.toPageTime(frame[field]);
+        const [came, begin, end, encoded, sent] = ["input_ns", "render_begin_ns", "render_end_ns",
+            "encode_end_ns", "sent_ns"].map(at);
+        if ([came, begin, end, encoded, sent].includes(null))
+            return null;
+        return { uplink: came - input_ms, wait: begin - came, render: end - begin,
+            encode: encoded - end, send: sent - encoded,
+            network: frame.times.received_ms - sent, show: shown_ms - frame.times.received_ms };
     }
 
     // What the canvas shows, readable for tests and scripts.
