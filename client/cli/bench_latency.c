@@ -11,7 +11,8 @@
 #include "client/cli/viewer.h"
 
 enum { WARM_POSES = 30, SAMPLES = HG_VIEWER_POSES };
-#define POSE_NS 60000000000u // until a pose is shown, at most
+#define POSE_NS   60000000000u           // until a pose is shown, at most
+#define SETTLE_NS UINT64_C(600000000000) // and until all that is needed for that is there
 
 struct latency {
     struct hg_cli *cli;
@@ -102,7 +103,7 @@ static enum hg_status measure(struct latency *l, struct hg_error *err)
     struct hg_viewer *v = &l->viewer;
     enum hg_status status = hg_viewer_open(v, err);
     if (!status)
-        status = hg_viewer_await(v, true, POSE_NS, err); // pipelines, geometry, textures
+        status = hg_viewer_await(v, true, SETTLE_NS, err); // pipelines, geometry, textures
     if (!status)
         status = turn(l, WARM_POSES, err);
     if (status)

@@ -12,7 +12,7 @@
 #include "client/cli/viewer.h"
 
 enum { MOST = 64, MOST_COUNTS = 16, TOKEN_BYTES = 32, BESIDE = 4 };
-#define OPEN_NS  120000000000u
+#define OPEN_NS  UINT64_C(600000000000)
 #define PULSE_NS 1200000000u // after which the worker's memory has been told
 
 enum kind { MOVES, STUCK, HIDDEN, FILM };

@@ -16,7 +16,7 @@
 enum { SAMPLES = 1 << 16 };
 #define MS        UINT64_C(1000000)
 #define SECOND_NS UINT64_C(1000000000)
-#define WAIT_NS   (120 * SECOND_NS)
+#define WAIT_NS   (600 * SECOND_NS)
 #define MBIT      125000.0 // bytes a second
 
 struct network {
