@@ -249,14 +249,14 @@ export class Connection extends EventTarget {
         this.setState("closed");
     }
 
-    // Pings, and gives up on a connection that has been silent for long.
+    // Asks for the server's clock, and gives up on a connection that has been silent for long.
     beat() {
         if (performance.now() - this.heard_ms > SILENCE_MS && this.socket) {
             this.lastError = closedError("the server does not answer");
             const { socket } = this;
             this.lost(socket);
         } else if (this.isOpen) {
-            this.send("ping", { nonce: BigInt(Math.round(performance.now() * 1000)) });
+            this.askClock().catch(() => {}); // a lost connection says so itself
         }
     }
 
@@ -324,8 +324,6 @@ export class Connection extends EventTarget {
             this.limits.set(body.request, body);
         } else if (known.name === "join_scene") {
             this.joined = body.scene;
-        } else if (known.name === "pong") {
-            this.takePong(body);
         } else if (known.name === "frame" && !request) {
             this.dispatchEvent(new CustomEvent("frame", { detail:
                 { frame: body, begun_ms, received_ms: performance.now() } }));
@@ -339,12 +337,12 @@ export class Connection extends EventTarget {
     }
 
     // The round trip, and how far the server's clock is ahead: the fastest one tells it best.
-    takePong({ nonce, time_ns }) {
-        const sent_ms = Number(nonce) / 1000;
-        this.rtt_ms = Math.max(0, performance.now() - sent_ms);
-        const offset_ms = time_ns === undefined ? null
-            : Number(time_ns) / 1e6 - (sent_ms + this.rtt_ms / 2);
-        this.pings.push({ rtt_ms: this.rtt_ms, offset_ms });
+    async askClock() {
+        const sent_ms = performance.now();
+        const { time_ns } = await this.call("clock_query", {});
+        this.rtt_ms = performance.now() - sent_ms;
+        this.pings.push({ rtt_ms: this.rtt_ms,
+            offset_ms: Number(time_ns) / 1e6 - (sent_ms + this.rtt_ms / 2) });
         if (this.pings.length > KEPT_PINGS)
             this.pings.shift();
     }

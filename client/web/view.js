@@ -8,7 +8,7 @@ import { FramePainter, hexOf } from "./decode.js";
 import { enums } from "./hgp.js";
 
 const VIEW = 1;
-const CREDIT_FRAMES = 2;
+const CREDIT_FRAMES = 16; // the daemon keeps to what the network and the decoder take
 const RESIZE_MS = 120;
 const LEAST_SIDE_PX = 16;
 const GREATEST_SIDE_PX = 16384;
@@ -79,7 +79,7 @@ export class View extends EventTarget {
     subscribe() {
         if (this.isStarted)
             this.connection.send("subscribe",
-                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES, named: true });
+                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES });
     }
 
     get isIdle() {
@@ -101,7 +101,7 @@ export class View extends EventTarget {
     }
 
     settings() {
-        return { view: VIEW, width: this.width, height: this.height, ...this.params };
+        return { view: VIEW, width: this.width, height: this.height, names: 1, ...this.params };
     }
 
     // ---- settings ------------------------------------------------------------------------------
@@ -301,7 +301,7 @@ export class View extends EventTarget {
             return;
         const ns = (ms) => BigInt(Math.round(ms * 1000)) * 1000n;
         const { best } = this.connection;
-        this.connection.send("credit", { view: VIEW, frames: 1, number,
+        this.connection.send("taken", { view: VIEW, number,
             begun_ns: ns(times.begun_ms), received_ns: ns(times.received_ms), ...best ? { rtt_ns: ns(best.rtt_ms) } : {} });
     }
 
