@@ -9,6 +9,7 @@ const CLICK_MS = 450;
 const DOUBLE_MS = 350;
 const DEAD_ZONE = 0.15;
 const KEY_TURN_RAD_S = 1.2;
+const TAP_S = 1 / 30; // that a key counts for at least, however soon it is up again
 
 // Keys by their place on the keyboard: what they do while they are held.
 const HELD = {
@@ -27,6 +28,7 @@ export class Controls {
         this.mode = "orbit";
         this.speed_mps = 1;
         this.held = new Set();
+        this.tapped = new Set(); // since the last animation frame
         this.pointers = new Map();
         this.lastClick_ms = 0;
         this.hasPad = false;
@@ -164,6 +166,8 @@ export class Controls {
             return;
         if (event.code in HELD || event.code in TURNS || event.code in ZOOMS) {
             this.held.add(event.code);
+            if (!event.repeat)
+                this.tapped.add(event.code);
             this.isShifted = event.shiftKey;
             event.preventDefault();
             this.on.change();
@@ -188,9 +192,13 @@ export class Controls {
     }
 
     tickKeys(dt_s) {
+        if (!this.held.size && !this.tapped.size)
+            return false;
         const camera = this.getCamera();
         const go = [0, 0, 0];
-        for (const code of this.held) {
+        if (this.tapped.size)
+            dt_s = Math.max(dt_s, TAP_S);
+        for (const code of new Set([...this.held, ...this.tapped])) {
             (HELD[code] ?? []).forEach((v, i) => { go[i] += v; });
             if (code in TURNS)
                 this.turnByKey(camera, TURNS[code], dt_s);
@@ -201,7 +209,8 @@ export class Controls {
             const metres = this.step_m() * dt_s * (this.isShifted ? 4 : 1);
             move(camera, go[0] * metres, go[1] * metres, go[2] * metres, this.mode === "walk");
         }
-        return this.held.size > 0;
+        this.tapped.clear();
+        return true;
     }
 
     turnByKey(camera, [x, y], dt_s) {
@@ -226,6 +235,12 @@ export class Controls {
         };
         const rise = (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
         const turn = [stick(2), stick(3)].map((v) => v * 2 * dt_s);
+        const isStill = !rise && [0, 1, 2, 3].every((i) => stick(i) === 0);
+        if (pad.buttons[0]?.pressed && !this.padPressed)
+            this.on.key({ code: "KeyF", key: "f" });
+        this.padPressed = pad.buttons[0]?.pressed;
+        if (isStill)
+            return true;
         const camera = this.getCamera();
         if (this.isFlying)
             look(camera, -turn[0], -turn[1]);
@@ -233,9 +248,6 @@ export class Controls {
             orbit(camera, -turn[0], turn[1]);
         const metres = this.step_m() * dt_s;
         move(camera, stick(0) * metres, rise * metres, -stick(1) * metres, this.mode === "walk");
-        if (pad.buttons[0]?.pressed && !this.padPressed)
-            this.on.key({ code: "KeyF", key: "f" });
-        this.padPressed = pad.buttons[0]?.pressed;
         return true;
     }
 }

@@ -13,7 +13,7 @@ import {
     until, waitExact, waitFor, waitPicture,
 } from "./rig.mjs";
 
-const MODEL = "leaves.glb"; // a few quads
+const MODEL = "morph.glb"; // a plate with an animation
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const SETTINGS = "gi=NONE&samples=4";
 
@@ -24,6 +24,15 @@ const link = (words, role = "edit") =>
     `${daemon.origin}/#${words}&ticket=${daemon.tokens[role]}&${SETTINGS}`;
 const status = () => page.$eval("#status", (s) => s.textContent.trim());
 const evaluate = (...args) => page.evaluate(...args);
+
+// A key that moves the camera, until the picture of it is there to the last bit.
+async function turn(key) {
+    const seq = await evaluate(() => window.helio.view.seq);
+    await page.focus("#picture");
+    await page.keyboard.press(key);
+    await waitFor(page, (before) => window.helio.view.seq > before, seq);
+    await waitExact(page);
+}
 
 before(async () => {
     await daemon.start();
@@ -90,9 +99,7 @@ test("every codec that browser and server share shows the same picture", async (
             window.helio.view.addEventListener("shown", (e) =>
                 window.codecSeen.push(e.detail.frame.encoding));
         });
-        await page.focus("#picture");
-        await page.keyboard.press("ArrowLeft");
-        await waitExact(page);
+        await turn("ArrowLeft");
         const seen = await evaluate(() => window.codecSeen);
         assert.ok(seen.every((e) => e === codec || e === "JPEG" || e === "RAW_RGBA8"),
             `${codec}: ${seen}`);
@@ -186,9 +193,7 @@ test("goes on when the worker is killed", async () => {
     assert.ok(pid, "no worker found");
     process.kill(pid, "SIGKILL");
     await until(() => daemon.workers().some((p) => p !== pid), "another worker starts");
-    await page.focus("#picture");
-    await page.keyboard.press("ArrowRight");
-    await waitExact(page);
+    await turn("ArrowRight");
 });
 
 test("resumes its session when the daemon is killed and started again", async () => {
@@ -204,9 +209,7 @@ test("resumes its session when the daemon is killed and started again", async ()
     await waitFor(page, () => window.resumedSession);
     assert.equal(await evaluate(() => window.resumedSession), session);
     await page.waitForSelector("#curtain", { hidden: true });
-    await page.focus("#picture");
-    await page.keyboard.press("ArrowRight");
-    await waitExact(page);
+    await turn("ArrowRight");
 });
 
 // What the browser does when files are dropped on the page.
@@ -275,7 +278,7 @@ test("helio serve: one command, one address, Ctrl-C ends it", async () => {
     const ended = new Promise((done) => child.on("exit", done));
     const [url] = await new Promise((done) =>
         createInterface({ input: child.stdout }).once("line", (...line) => done(line)));
-    assert.match(url, /^http:\/\/127\.0\.0\.1:\d+\/#scene=leaves\.glb&ticket=[0-9a-f]{48}$/);
+    assert.match(url, /^http:\/\/127\.0\.0\.1:\d+\/#scene=morph\.glb&ticket=[0-9a-f]{48}$/);
     const served = await openPage(browser, `${url}&${SETTINGS}`);
     await waitPicture(served, (d) => d.frame);
     await served.close();
