@@ -52,6 +52,8 @@ static enum hg_status step(
     if (status)
         return status;
     progress->stepped_ns = hg_clock_now_ns();
+    if (restarted)
+        progress->first_number = progress->info.number;
     uint64_t took_ns = progress->stepped_ns - start;
     progress->spent_ns = restarted ? took_ns : progress->spent_ns + took_ns;
     progress->sample_ns = took_ns / samples;
