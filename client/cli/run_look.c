@@ -8,14 +8,14 @@ enum hg_status hg_cli_run_look(
 {
     enum hg_status status = HG_OK;
     struct helio *h = r->cli.h;
-    r->scene.dirty = true;
+    hg_cli_run_now(r)->dirty = true;
     if (s->kind == HG_CLI_STEP_CLIP) {
         struct hgp_view_clip clip = s->clip;
-        clip.view = HG_CLI_VIEW;
+        clip.view = r->cli.view;
         return helio_call_for(h, HGP_T_view_clip, &clip, HGP_T_ok, NULL, err);
     }
     if (s->kind == HG_CLI_STEP_VIEW_VARIANT) {
-        const struct hgp_view_variant variant = {.view = HG_CLI_VIEW,
+        const struct hgp_view_variant variant = {.view = r->cli.view,
             .asset = r->cli.scene.first_id + (s->asset ? s->asset : 1) - 1,
             .has_variant = true,
             .variant = hgp_str_make(s->name)};
@@ -23,7 +23,7 @@ enum hg_status hg_cli_run_look(
     }
     struct hgp_node_override one = s->override;
     struct hgp_view_overrides m = {
-        .view = HG_CLI_VIEW, .has_clear = s->name == NULL, .clear = s->name == NULL};
+        .view = r->cli.view, .has_clear = s->name == NULL, .clear = s->name == NULL};
     if (s->name)
         status = hg_cli_find_node(&r->cli, s->name, &one.node, err);
     m.overrides.items = &one;
@@ -37,7 +37,7 @@ enum hg_status hg_cli_run_seen(
     uint64_t node;
     struct helio_message *answer;
     struct hgp_pixel_rect rect = {s->x, s->y, s->width, s->height};
-    struct hgp_box_select m = {.view = HG_CLI_VIEW};
+    struct hgp_box_select m = {.view = r->cli.view};
     m.rects.items = &rect;
     m.rects.count = 1;
     *pixels = 0;
@@ -59,7 +59,7 @@ enum hg_status hg_cli_run_distance(struct hg_cli_run *r, const struct hg_cli_ste
 {
     struct helio_message *answer;
     const struct hgp_measure m = {
-        .view = HG_CLI_VIEW, .x0 = s->x, .y0 = s->y, .x1 = s->width, .y1 = s->height};
+        .view = r->cli.view, .x0 = s->x, .y0 = s->y, .x1 = s->width, .y1 = s->height};
     *hit = false;
     const enum hg_status status =
         helio_call_for(r->cli.h, HGP_T_measure, &m, HGP_T_measured, &answer, err);
