@@ -20,6 +20,7 @@ struct hg_view {
     struct hg_view_state state;
     struct hg_view_params params; // as they were set, if has_params
     bool has_params;
+    struct hg_look *look; // NULL: it shows the scene as it is
     struct hg_camera_optics
         optics; // of the scene's camera that it has; they stand for parameters of 0
 };
@@ -53,6 +54,9 @@ void hg_view_print_graph(
 // Exchanges the optics, and what follows from them. The errors of hg_view_set_params.
 enum hg_status hg_view_set_optics(struct hg_view *view, const struct hg_camera_optics *optics,
     struct hg_error *err) HG_MUST_CHECK;
+// Parameter layers (view_look.c). HG_E_NOMEM.
+enum hg_status hg_view_set_layers(
+    struct hg_view *view, uint32_t layers, struct hg_error *err) HG_MUST_CHECK;
 // HG_E_INVAL of a value outside its range.
 enum hg_status hg_renderer_out_of_range(struct hg_error *err, const char *what, const char *field);
 // Only paths that follow light know this plane.

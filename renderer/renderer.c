@@ -151,6 +151,7 @@ void hg_view_destroy(struct hg_view *view)
     if (view == NULL)
         return;
     hg_view_state_finish(&view->state);
+    hg_look_destroy(view->renderer->gpu, view->look);
     hg_free(view);
 }
 

@@ -239,7 +239,9 @@ static enum hg_status apply_params(
         s.exposure = 1.0f;
         s.tonemap = HG_FRAME_TONEMAP_LINEAR;
     }
-    return set_state(view, &p, &s, err);
+    const enum hg_status status = hg_view_set_layers(view, p.layers, err);
+    s.look = view->look;
+    return status == HG_OK ? set_state(view, &p, &s, err) : status;
 }
 
 // What a file says of its camera counts where the view's parameters say nothing, as far as it is in

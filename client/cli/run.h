@@ -64,6 +64,14 @@ void hg_cli_run_forget(struct hg_cli_run *r);
 // run_edit.c: steps that change the scene or the view.
 enum hg_status hg_cli_run_edit(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+// run_look.c: planes, overrides and variants of the view; pixels of a node in a rectangle, and the
+// distance of the surfaces at two pixels.
+enum hg_status hg_cli_run_look(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_run_seen(struct hg_cli_run *r, const struct hg_cli_step *s, uint32_t *pixels,
+    struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_cli_run_distance(struct hg_cli_run *r, const struct hg_cli_step *s, bool *hit,
+    double *distance, struct hg_error *err) HG_MUST_CHECK;
 // A camera when none was chosen, as helio render has it; it stays while the scene changes.
 enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err) HG_MUST_CHECK;
 

@@ -209,6 +209,10 @@ enum hg_status hg_cli_run_edit(
         return do_camera(r, s, err);
     case HG_CLI_STEP_TIME:
         return do_time(r, s, err);
+    case HG_CLI_STEP_CLIP:
+    case HG_CLI_STEP_OVERRIDE:
+    case HG_CLI_STEP_VIEW_VARIANT:
+        return hg_cli_run_look(r, s, err);
     default:
         return do_object(r, s, err);
     }

@@ -19,7 +19,8 @@ struct sight {
 bool hg_cli_run_is_expectation(const struct hg_cli_step *s)
 {
     return s->kind == HG_CLI_STEP_EXPECT_IMAGE || s->kind == HG_CLI_STEP_EXPECT_STAT ||
-           s->kind == HG_CLI_STEP_EXPECT_PICK || s->kind == HG_CLI_STEP_EXPECT_HASH;
+           s->kind == HG_CLI_STEP_EXPECT_PICK || s->kind == HG_CLI_STEP_EXPECT_SEEN ||
+           s->kind == HG_CLI_STEP_EXPECT_DISTANCE || s->kind == HG_CLI_STEP_EXPECT_HASH;
 }
 
 // ---- pictures ----------------------------------------------------------------------------------
@@ -243,6 +244,30 @@ static enum hg_status see_pick(
     return HG_OK;
 }
 
+static enum hg_status see_box(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
+{
+    uint32_t pixels;
+    const enum hg_status status = hg_cli_run_seen(r, s, &pixels, err);
+    sight->holds = !status && hg_cli_op_holds(s->op, pixels, s->number);
+    snprintf(sight->seen, sizeof sight->seen, "%u pixels", pixels);
+    return status;
+}
+
+static enum hg_status see_distance(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
+{
+    bool hit;
+    double distance = 0;
+    const enum hg_status status = hg_cli_run_distance(r, s, &hit, &distance, err);
+    sight->holds = !status && hit && hg_cli_op_holds(s->op, distance, s->number);
+    if (hit)
+        snprintf(sight->seen, sizeof sight->seen, "%.9g m", distance);
+    else
+        snprintf(sight->seen, sizeof sight->seen, "nothing at one of the pixels");
+    return status;
+}
+
 static enum hg_status see_hash(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct sight *sight)
 {
@@ -273,6 +298,10 @@ static enum hg_status see(
         return see_stat(r, s, sight, err);
     case HG_CLI_STEP_EXPECT_PICK:
         return see_pick(r, s, sight, err);
+    case HG_CLI_STEP_EXPECT_SEEN:
+        return see_box(r, s, sight, err);
+    case HG_CLI_STEP_EXPECT_DISTANCE:
+        return see_distance(r, s, sight, err);
     default:
         return see_hash(r, s, sight);
     }

@@ -233,6 +233,12 @@ static enum hg_status take_value(struct hg_words *w, struct hg_cli_step *s, stru
     return hg_words_error(err, "'%s' is no number: texts are compared with == and !=", s->value);
 }
 
+static enum hg_status take_number(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    const enum hg_status status = take_comparison(w, s, err);
+    return status ? status : hg_words_take_number(w, "value", -1e300, 1e300, &s->number, err);
+}
+
 static enum hg_status parse_pick(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     s->kind = HG_CLI_STEP_EXPECT_PICK;
@@ -256,6 +262,11 @@ static enum hg_status parse_expect(struct hg_words *w, struct hg_cli_step *s, st
         return status;
     if (strcmp(what, "pick") == 0)
         return parse_pick(w, s, err);
+    if (strcmp(what, "seen") == 0 || strcmp(what, "distance") == 0) {
+        status = what[0] == 's' ? hg_script_expect_seen(w, s, err)
+                                : hg_script_expect_distance(w, s, err);
+        return status ? status : take_number(w, s, err);
+    }
     if (strcmp(what, "hash") == 0) {
         s->kind = HG_CLI_STEP_EXPECT_HASH;
         status = hg_words_take(w, "hash", &s->name, err);
@@ -271,7 +282,8 @@ static enum hg_status parse_expect(struct hg_words *w, struct hg_cli_step *s, st
         return status ? status : take_value(w, s, err);
     }
     if (!hgp_enum_value("metric", what, &metric))
-        return hg_words_error(err, "'%s' is none of psnr ssim flip rmse max stat pick hash", what);
+        return hg_words_error(
+            err, "'%s' is none of psnr ssim flip rmse max stat pick seen distance hash", what);
     s->kind = HG_CLI_STEP_EXPECT_IMAGE;
     s->metric = (enum hgp_metric)metric;
     status = hg_words_take(w, "image file", &s->path, err);

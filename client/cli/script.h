@@ -15,20 +15,25 @@ enum hg_cli_step_kind {
     HG_CLI_STEP_SWITCH,  // x = number of the view that the lines behind are about; now: close it
     HG_CLI_STEP_LOAD,    // path, asset (0 = next), name (size of points, or NULL)
     HG_CLI_STEP_VIEW,    // view
-    HG_CLI_STEP_ENVIRONMENT,  // environment, path (FILE)
-    HG_CLI_STEP_VARIANT,      // name, asset
-    HG_CLI_STEP_NODE,         // name, node
-    HG_CLI_STEP_MATERIAL,     // name, material
-    HG_CLI_STEP_LIGHT,        // name, light, path (of a profile, "none", or NULL)
-    HG_CLI_STEP_CAMERA,       // camera
-    HG_CLI_STEP_CAMERA_NODE,  // name
-    HG_CLI_STEP_CAMERA_FIT,   // number = vertical field of view in degrees
-    HG_CLI_STEP_TIME,         // number, asset (0 = all loaded)
-    HG_CLI_STEP_FRAME,        // path (may be NULL), now
-    HG_CLI_STEP_EXPECT_IMAGE, // metric, path, op, number, mask (may be NULL)
-    HG_CLI_STEP_EXPECT_STAT,  // name, op, value, number
-    HG_CLI_STEP_EXPECT_PICK,  // x, y, name (NULL = nothing)
-    HG_CLI_STEP_EXPECT_HASH,  // name = 64 hexadecimal digits
+    HG_CLI_STEP_ENVIRONMENT,     // environment, path (FILE)
+    HG_CLI_STEP_VARIANT,         // name, asset
+    HG_CLI_STEP_NODE,            // name, node
+    HG_CLI_STEP_MATERIAL,        // name, material
+    HG_CLI_STEP_LIGHT,           // name, light, path (of a profile, "none", or NULL)
+    HG_CLI_STEP_CLIP,            // clip
+    HG_CLI_STEP_OVERRIDE,        // name (NULL = all go), override
+    HG_CLI_STEP_VIEW_VARIANT,    // name, asset
+    HG_CLI_STEP_CAMERA,          // camera
+    HG_CLI_STEP_CAMERA_NODE,     // name
+    HG_CLI_STEP_CAMERA_FIT,      // number = vertical field of view in degrees
+    HG_CLI_STEP_TIME,            // number, asset (0 = all loaded)
+    HG_CLI_STEP_FRAME,           // path (may be NULL), now
+    HG_CLI_STEP_EXPECT_IMAGE,    // metric, path, op, number, mask (may be NULL)
+    HG_CLI_STEP_EXPECT_STAT,     // name, op, value, number
+    HG_CLI_STEP_EXPECT_PICK,     // x, y, name (NULL = nothing)
+    HG_CLI_STEP_EXPECT_SEEN,     // x, y, width, height, name, op, number
+    HG_CLI_STEP_EXPECT_DISTANCE, // x, y, width, height (of the second pixel), op, number
+    HG_CLI_STEP_EXPECT_HASH,     // name = 64 hexadecimal digits
 };
 
 enum hg_cli_op {
@@ -47,7 +52,7 @@ struct hg_cli_step {
     const char *text; // the line as written, trimmed
     const char *path, *name, *mask;
     const char *value; // the word that is compared
-    uint32_t asset, x, y;
+    uint32_t asset, x, y, width, height;
     double number; // true and false are 1 and 0; NAN: the value is no number
     enum hg_cli_op op;
     enum hgp_metric metric;
@@ -59,6 +64,8 @@ struct hg_cli_step {
         struct hgp_node_set node;
         struct hgp_material_set material;
         struct hgp_light_set light;
+        struct hgp_view_clip clip; // planes in the script's arena
+        struct hgp_node_override override;
         struct {
             struct hgp_view_camera camera;
             struct hgp_view_fit fit; // kind CAMERA_FIT

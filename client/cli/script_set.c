@@ -169,10 +169,10 @@ static enum hg_status set_named(struct hg_words *w, struct hg_cli_step *s,
 static enum hg_status set_node(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     static const char *const names[] = {"translation", "rotation", "scale", "visible",
-        "next-translation", "next-rotation", "next-scale", "catches_shadows", NULL};
+        "next-translation", "next-rotation", "next-scale", "catches_shadows", "layers", NULL};
     static const struct named_fields named = {"node name",
         "translation, rotation, scale or visible",
-        "[next-]translation, rotation, scale, visible or catches_shadows", names, NULL};
+        "[next-]translation, rotation, scale, visible, catches_shadows or layers", names, NULL};
     s->kind = HG_CLI_STEP_NODE;
     return set_named(w, s, &named, &(struct hg_words_fields){HGP_T_node_set, &s->node}, err);
 }
@@ -264,7 +264,8 @@ enum hg_status hg_script_parse_set(struct hg_words *w, struct hg_cli_step *s, st
     } keys[] = {{"size", set_size}, {"region", set_region}, {"background", set_background},
         {"exposure", set_exposure}, {"env", set_env}, {"variant", set_variant}, {"node", set_node},
         {"material", set_material}, {"light", set_light}, {"shutter", set_shutter},
-        {"aov", set_planes}};
+        {"aov", set_planes}, {"clip", hg_script_set_clip}, {"override", hg_script_set_override},
+        {"view-variant", hg_script_set_view_variant}};
     s->kind = HG_CLI_STEP_VIEW;
     const char *word = w->next < w->count ? w->at[w->next] : "";
     const struct hgp_view_param *param = hgp_view_param_find_word(word);

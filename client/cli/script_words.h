@@ -62,6 +62,18 @@ enum hg_status hg_words_take_field(struct hg_words *w, const char *word, const c
 enum hg_status hg_words_take_asset(
     struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
 
+// script_look.c; the expectations without their comparison
+enum hg_status hg_script_set_clip(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_script_set_override(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_script_set_view_variant(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_script_expect_seen(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_script_expect_distance(
+    struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
+
 // script_set.c
 enum hg_status hg_script_parse_set(
     struct hg_words *w, struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;

@@ -54,6 +54,7 @@ export const enums = {
     gi: { NONE: 0, AUTO: 1, RAYS: 2, PROBES: 3 },
     reflections: { ENVIRONMENT: 0, AUTO: 1, RAYS: 2, CACHE: 3 },
     ground: { NONE: 0, Y: 1, Z: 2, X: 3, MINUS_Y: 4, MINUS_Z: 5, MINUS_X: 6 },
+    cap_style: { MATERIAL: 0, COLOR: 1, HATCH: 2, NONE: 3 },
     environment_kind: { NONE: 0, COLOR: 1, FILE: 2, SKY: 3, AUTO: 4 },
     camera_kind: { PERSPECTIVE: 0, ORTHOGRAPHIC: 1 },
     up_axis: { AUTO: 0, X: 1, Y: 2, Z: 3, MINUS_X: 4, MINUS_Y: 5, MINUS_Z: 6 },
@@ -102,6 +103,33 @@ export const structs = {
         { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
         { name: "visible", kind: "bool", since: 1 },
         { name: "name", kind: "str", max: 256, since: 1 },
+    ],
+    // a clipping plane: what is shown has dot(normal, p) >= distance
+    clip_plane: [
+        { name: "normal", kind: "vec3", since: 1 },
+        { name: "distance", kind: "f32", least: -1e+09, most: 1e+09, since: 1 },
+    ],
+    // how one view shows a node and what is below it; of each property the nearest node that sets it counts
+    node_override: [
+        { name: "node", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+        { name: "set", kind: "u8", least: 0, most: 15, since: 1 },
+        { name: "hidden", kind: "bool", since: 1 },
+        { name: "tint", kind: "vec4", since: 1 },
+        { name: "selected", kind: "bool", since: 1 },
+        { name: "alpha", kind: "f32", least: 0, most: 1, since: 1 },
+    ],
+    // pixels of a picture
+    pixel_rect: [
+        { name: "x", kind: "u32", least: 0, most: 16383, since: 1 },
+        { name: "y", kind: "u32", least: 0, most: 16383, since: 1 },
+        { name: "width", kind: "u32", least: 1, most: 16384, since: 1 },
+        { name: "height", kind: "u32", least: 1, most: 16384, since: 1 },
+    ],
+    // a node whose surfaces are seen
+    seen_node: [
+        { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "pixels", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        { name: "outside", kind: "u32", least: 0, most: 4294967295, since: 1 },
     ],
     // one primitive of a mesh made by a client
     mesh_part: [
@@ -719,6 +747,7 @@ export const messages = {
             { name: "next_translation", kind: "vec3", since: 1, optional: true },
             { name: "next_rotation", kind: "vec4", since: 1, optional: true },
             { name: "next_scale", kind: "vec3", since: 1, optional: true },
+            { name: "layers", kind: "u32", least: 0, most: 4294967295, since: 1, optional: true },
         ],
     },
     // make or change a light (KHR_lights_punctual)
@@ -859,6 +888,7 @@ export const messages = {
             { name: "target_fps", kind: "f32", least: 0, most: 1e+03, since: 1, optional: true },
             { name: "hidden", kind: "u8", least: 0, most: 1, since: 1, optional: true },
             { name: "names", kind: "u8", least: 0, most: 1, since: 1, optional: true },
+            { name: "layers", kind: "u32", least: 0, most: 4294967295, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -1081,6 +1111,36 @@ export const messages = {
             { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
         ],
     },
+    // clipping planes of a view, in place of those it had. They clip what its camera sees in both modes, what it picks and queries; shadows, reflections and light by way of surfaces are those of the whole scene
+    view_clip: {
+        type: 0x0320, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "planes", kind: "list", items: "clip_plane", max: 6, since: 1 },
+            { name: "caps", kind: "enum", values: "cap_style", since: 1, optional: true },
+            { name: "cap_color", kind: "vec3", since: 1, optional: true },
+            { name: "hatch_px", kind: "f32", least: 2, most: 256, since: 1, optional: true },
+        ],
+    },
+    // how one view shows nodes, whatever other views do; the scene stays as it is, shadows and other light too. All of a list or nothing takes effect. Error NOTFOUND: no such node; LIMIT: more than 65536 nodes
+    view_overrides: {
+        type: 0x0321, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "overrides", kind: "list", items: "node_override", max: 4096, since: 1 },
+            { name: "clear", kind: "bool", since: 1, optional: true },
+            { name: "select_color", kind: "vec3", since: 1, optional: true },
+        ],
+    },
+    // material variant of an asset in one view
+    view_variant: {
+        type: 0x0322, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "variant", kind: "str", max: 256, since: 1, optional: true },
+        ],
+    },
     // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got
     key_frame: {
         type: 0x0318, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
@@ -1228,6 +1288,81 @@ export const messages = {
         type: 0x0411, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
         fields: [
             { name: "key", kind: "str", max: 64, since: 1 },
+        ],
+    },
+    // which nodes are seen in these rectangles of the newest frame?
+    box_select: {
+        type: 0x0412, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "rects", kind: "list", items: "pixel_rect", max: 1024, since: 1 },
+            { name: "inside", kind: "bool", since: 1, optional: true },
+            { name: "frame", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // answer to box_select
+    box_selected: {
+        type: 0x0413, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "frame", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "total", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "nodes", kind: "list", items: "seen_node", max: 65536, since: 1 },
+        ],
+    },
+    // what is seen at each pixel of a rectangle of the newest frame?
+    surface_query: {
+        type: 0x0414, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "x", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "y", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "width", kind: "u32", least: 1, most: 16384, since: 1 },
+            { name: "height", kind: "u32", least: 1, most: 16384, since: 1 },
+            { name: "what", kind: "u32", least: 1, most: 31, since: 1 },
+            { name: "frame", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // answer to surface_query
+    surfaces: {
+        type: 0x0415, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "frame", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "width", kind: "u32", least: 1, most: 16384, since: 1 },
+            { name: "height", kind: "u32", least: 1, most: 16384, since: 1 },
+            { name: "what", kind: "u32", least: 1, most: 31, since: 1 },
+            { name: "data", kind: "bytes", max: 201326592, since: 1 },
+        ],
+    },
+    // how far are the surfaces at two pixels of the newest frame apart?
+    measure: {
+        type: 0x0416, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "x0", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "y0", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "x1", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "y1", kind: "u32", least: 0, most: 16383, since: 1 },
+            { name: "frame", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // answer to measure
+    measured: {
+        type: 0x0417, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "frame", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "hit", kind: "bool", since: 1 },
+            { name: "node0", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "node1", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "position0", kind: "vec3", since: 1 },
+            { name: "position1", kind: "vec3", since: 1 },
+            { name: "normal0", kind: "vec3", since: 1 },
+            { name: "normal1", kind: "vec3", since: 1 },
+            { name: "distance", kind: "f32", least: 0, most: 1e+30, since: 1 },
+            { name: "along_normal", kind: "f32", least: 0, most: 1e+30, since: 1 },
+            { name: "angle_rad", kind: "f32", least: 0, most: 3.1415927, since: 1 },
         ],
     },
     // the worker accepts sessions

@@ -50,6 +50,7 @@ void hg_cpu_visibility_reset(
 struct taking {
     struct hg_cpu_visibility *hosted;
     const struct hg_geometry *g;
+    const struct hg_culling_view *looks;
     struct hg_raster_view view;
     const struct hg_selection *runs;
 };
@@ -60,13 +61,14 @@ static const struct hg_mat4x3 *world_of(const struct hg_geometry *g, uint32_t dr
     return &instances[g->draws[draw].gpu.instance].world;
 }
 
-static bool may_take(const struct hg_geometry *g, const struct hg_run *run)
+static bool may_take(const struct taking *t, const struct hg_run *run)
 {
+    const struct hg_geometry *g = t->g;
     const uint32_t others = HG_DRAW_MASK | HG_DRAW_BLEND | HG_DRAW_LINES | HG_DRAW_POINTS;
     const struct hg_draw_entry *d = &g->draws[run->draw];
-    return run->chunk != HG_LOD_NONE && (d->gpu.flags & others) == 0 && !d->deformed &&
-           d->part->clusters->chunks[run->chunk].host_indices == NULL && run->extent[0] >= 0.0f &&
-           run->count <= HG_RASTER_MOST_TRIANGLES;
+    return run->chunk != HG_LOD_NONE && (hg_select_flags(g, t->looks, run->draw) & others) == 0 &&
+           !d->deformed && d->part->clusters->chunks[run->chunk].host_indices == NULL &&
+           run->extent[0] >= 0.0f && run->count <= HG_RASTER_MOST_TRIANGLES;
 }
 
 static void look_at_runs(void *user, size_t job)
@@ -77,7 +79,7 @@ static void look_at_runs(void *user, size_t job)
     struct hg_raster_rows rows;
     for (uint32_t i = first; i < first + RUNS_PER_JOB && i < t->runs->count; i++) {
         const struct hg_run *run = &t->runs->items[i];
-        t->hosted->takes[i] = may_take(t->g, run);
+        t->hosted->takes[i] = may_take(t, run);
         if (t->hosted->takes[i] == 0)
             continue;
         if (run->draw != opened)
@@ -111,7 +113,7 @@ static void add(
         .count = run->count,
         .draw = run->draw,
         .number = (run->chunk << HG_LOD_SHIFT) + run->first,
-        .both_sides = (d->gpu.flags & HG_DRAW_DOUBLE_SIDED) != 0,
+        .both_sides = (hg_select_flags(g, set->view, run->draw) & HG_DRAW_DOUBLE_SIDED) != 0,
         .mirrored = (d->gpu.flags & HG_DRAW_MIRRORED) != 0,
         .late = history->words != NULL && run->bit < history->bits &&
                 (history->words[run->bit / 32] >> run->bit % 32 & 1u) == 0};
@@ -146,7 +148,7 @@ enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h,
     const struct hg_cpu_visibility_set *set, struct hg_jobs *jobs, struct hg_selection *runs)
 {
     const struct hg_culling_view *view = set->view;
-    struct taking t = {.hosted = h, .g = set->geometry, .runs = runs};
+    struct taking t = {.hosted = h, .g = set->geometry, .looks = view, .runs = runs};
     if (view->host->width > HG_RASTER_MOST_SIDE || view->host->height > HG_RASTER_MOST_SIDE ||
         runs->count > HG_RASTER_MOST_RUNS || h->count > 0)
         return HG_OK;

@@ -59,6 +59,12 @@ struct hg_culling_view {
     // What the host can draw it draws (hg_culling_draw_cpu): the whole picture without its jitter.
     // NULL: the device draws all. Of the first set that has some.
     const struct hg_culling_lens *host;
+    // [draws] as the view shows them (geometry/view_tables.h): none that are hidden, and the others
+    // by these flags. NULL: as the scene has them.
+    const struct hg_gpu_draw *shown;
+    // Draws whose box lies on both sides of one of these planes alone; 0: all.
+    float cuts[6][4]; // relative to the origin: dot(xyz, p) + w
+    uint32_t cut_count;
 };
 
 // Consecutive draws of one part: vkCmdDrawIndexed(index_count, draw_count, 0, 0, first_draw) with

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/cull/select.h"
 
 #define RUNS_PER_JOB  32
 #define LISTS_PER_JOB 8
@@ -103,8 +104,8 @@ static void open_sieve(const struct hg_geometry *g, const struct hg_culling_view
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_gpu_instance *instances = hg_geometry_instances(g);
     list->sieved = true;
-    hg_triangle_cull_open(
-        view, &instances[d->gpu.instance].world, &d->part->bounds, d->gpu.flags, &list->sieve);
+    hg_triangle_cull_open(view, &instances[d->gpu.instance].world, &d->part->bounds,
+        hg_select_flags(g, view, draw), &list->sieve);
 }
 
 // Chunks go through no sieve: of a cut that suits the view it drops one triangle of twenty, which

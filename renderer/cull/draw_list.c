@@ -22,13 +22,15 @@ static const struct hg_gpu_part *part_of(const struct hg_geometry *g, uint32_t p
     return (const struct hg_gpu_part *)(const void *)g->tables.parts.shadow + part;
 }
 
-static struct hg_culling_item item_of(const struct hg_geometry *g, uint32_t draw, bool numbered)
+static struct hg_culling_item item_of(const struct hg_draw_list_run *a, uint32_t draw)
 {
+    const struct hg_geometry *g = a->geometry;
+    const bool numbered = a->set->numbered;
     const struct hg_draw_entry *d = &g->draws[draw];
     const struct hg_gpu_part *part = part_of(g, d->gpu.part);
     struct hg_culling_item item = {.first_draw = draw,
         .draw_count = 1,
-        .flags = d->gpu.flags,
+        .flags = hg_select_flags(g, a->view, draw),
         .part = d->gpu.part,
         .positions = part->positions,
         .vertices = part->vertices,
@@ -70,11 +72,12 @@ static enum hg_status add_whole(
     struct hg_culling_item *last =
         items->count > set->first_item ? &items->list[items->count - 1] : NULL;
     if (last != NULL && last->index_buffer != VK_NULL_HANDLE && last->part == d->gpu.part &&
-        last->flags == d->gpu.flags && last->first_draw + last->draw_count == draw) {
+        last->flags == hg_select_flags(g, a->view, draw) &&
+        last->first_draw + last->draw_count == draw) {
         last->draw_count++;
         return HG_OK;
     }
-    struct hg_culling_item item = item_of(g, draw, set->numbered);
+    struct hg_culling_item item = item_of(a, draw);
     item.index_count = d->part->index_count;
     item.primitive_count = d->part->primitive_count;
     item.index_buffer = d->part->buffer.handle;
@@ -112,7 +115,7 @@ static enum hg_status fill_list(struct hg_draw_list *items, const struct hg_draw
 static enum hg_status add_listed(struct hg_draw_list *items, const struct hg_draw_list_run *a,
     const struct hg_run *runs, uint32_t count)
 {
-    struct hg_culling_item item = item_of(a->geometry, runs[0].draw, a->set->numbered);
+    struct hg_culling_item item = item_of(a, runs[0].draw);
     item.index_offset = items->listing.index_count * 4;
     item.chunk = runs[0].chunk;
     if (item.chunk != HG_LOD_NONE) {
@@ -148,7 +151,8 @@ static bool joins(const struct hg_draw_list *items, const struct hg_draw_list_ru
         return false;
     const struct hg_culling_item *last = &items->list[items->count - 1];
     const struct hg_draw_entry *d = &a->geometry->draws[runs[0].draw];
-    if (!last->joins || last->part != d->gpu.part || last->flags != d->gpu.flags ||
+    if (!last->joins || last->part != d->gpu.part ||
+        last->flags != hg_select_flags(a->geometry, a->view, runs[0].draw) ||
         last->first_draw + last->draw_count != runs[0].draw || last->chunk != runs[0].chunk ||
         items->listing.lists[last->list].run_count != count)
         return false;
@@ -275,7 +279,8 @@ static enum hg_status add_early(struct hg_draw_list *items, const struct hg_draw
         for (n = 1; i + n < runs->count && r[n].draw == r[0].draw;)
             n++;
         status = add_draw(items, a, r, n, late);
-        const enum hg_draw_class class = hg_draw_class_of(a->geometry->draws[r[0].draw].gpu.flags);
+        const enum hg_draw_class class =
+            hg_draw_class_of(hg_select_flags(a->geometry, a->view, r[0].draw));
         for (uint32_t c = class + 1u; c < 4; c++)
             set->class_first[c] = items->count;
     }

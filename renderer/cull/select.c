@@ -90,6 +90,22 @@ static bool is_box_outside(const struct hg_culling_view *view, const struct hg_b
     return false;
 }
 
+// One of the planes that cut goes through the box, or there are none.
+static bool is_cut(const struct hg_culling_view *view, const struct hg_box *box)
+{
+    for (uint32_t i = 0; i < view->cut_count; i++) {
+        const float *p = view->cuts[i];
+        float low = p[3], high = p[3];
+        for (int c = 0; c < 3; c++) {
+            low += p[c] * (p[c] >= 0.0f ? box->min[c] : box->max[c]);
+            high += p[c] * (p[c] >= 0.0f ? box->max[c] : box->min[c]);
+        }
+        if (low <= 0.0f && high >= 0.0f)
+            return true;
+    }
+    return view->cut_count == 0;
+}
+
 static void open_object(const struct hg_culling_view *view, const struct hg_mat4x3 *world,
     bool both_sides, struct hg_object_view *out)
 {
@@ -249,11 +265,12 @@ static enum hg_status select_draw(
 {
     const struct hg_culling_view *view = run->view;
     const struct hg_draw_entry *d = &run->geometry->draws[index];
-    const bool both_sides = view->both_sides || (d->gpu.flags & HG_DRAW_DOUBLE_SIDED) != 0;
+    const uint32_t flags = hg_select_flags(run->geometry, view, index);
+    const bool both_sides = view->both_sides || (flags & HG_DRAW_DOUBLE_SIDED) != 0;
     struct hg_object_view object;
-    if (d->part->index_count == 0 || hg_box_is_empty(&d->bounds) ||
-        (view->casters_only && (d->gpu.flags & HG_DRAW_BLEND) != 0) ||
-        is_box_outside(view, &d->bounds))
+    if (d->part->index_count == 0 || hg_box_is_empty(&d->bounds) || (flags & HG_DRAW_HIDDEN) != 0 ||
+        (view->casters_only && (flags & HG_DRAW_BLEND) != 0) || is_box_outside(view, &d->bounds) ||
+        !is_cut(view, &d->bounds))
         return HG_OK;
     if (d->part->clusters != NULL) {
         const uint32_t first = b->selection.count;
@@ -262,7 +279,7 @@ static enum hg_status select_draw(
             index, run->geometry->bits.count, d->part->clusters, world, &object};
         const enum hg_status status = hg_select_lod(view, &draw, &b->selection);
         // Layers are never candidates of the second phase, which draws opaque surfaces.
-        for (uint32_t i = first; i < b->selection.count && d->gpu.flags & HG_DRAW_BLEND; i++)
+        for (uint32_t i = first; i < b->selection.count && flags & HG_DRAW_BLEND; i++)
             b->selection.items[i].bit = HG_RUN_NO_BIT;
         return status;
     }
@@ -270,7 +287,7 @@ static enum hg_status select_draw(
         return HG_OK;
     if (d->deform != NULL && d->part->posed.count > 0 && view->error_px > 0.0f)
         return add_posed(run, b, index, d, world);
-    if (d->deformed || d->part->meshlets.count < 2 || (d->gpu.flags & HG_DRAW_BLEND) != 0 ||
+    if (d->deformed || d->part->meshlets.count < 2 || (flags & HG_DRAW_BLEND) != 0 ||
         view->plane_count == 0)
         return add_whole(b, index, d);
     open_object(view, world, both_sides, &object);
@@ -302,6 +319,26 @@ static uint32_t cut_blocks(const struct hg_geometry *g, struct block *blocks)
         count++;
     }
     return count;
+}
+
+// Draws are in the order of their classes in the scene: those that the view shows in another class
+// go behind those of that class.
+static enum hg_status order_classes(
+    const struct hg_geometry *g, const struct hg_culling_view *view, struct hg_selection *out)
+{
+    if (view->shown == NULL || out->count == 0)
+        return HG_OK;
+    struct hg_run *ordered = hg_calloc(out->count, sizeof *ordered);
+    if (ordered == NULL)
+        return HG_E_NOMEM;
+    uint32_t count = 0;
+    for (int class = HG_DRAW_CLASS_OPAQUE; class <= HG_DRAW_CLASS_BLEND; class ++)
+        for (uint32_t i = 0; i < out->count; i++)
+            if ((int)hg_draw_class_of(hg_select_flags(g, view, out->items[i].draw)) == class)
+                ordered[count++] = out->items[i];
+    memcpy(out->items, ordered, out->count * sizeof *ordered);
+    hg_free(ordered);
+    return HG_OK;
 }
 
 enum hg_status hg_select(const struct hg_geometry *g, const struct hg_culling_view *view,
@@ -345,5 +382,5 @@ enum hg_status hg_select(const struct hg_geometry *g, const struct hg_culling_vi
         hg_free(from->wants);
     }
     hg_free(run.blocks);
-    return status;
+    return status == HG_OK ? order_classes(g, view, out) : status;
 }

@@ -35,6 +35,13 @@ struct hg_object_view {
     bool has_facing, orthographic;
 };
 
+// HG_DRAW_* of a draw, as the view shows it.
+static inline uint32_t hg_select_flags(
+    const struct hg_geometry *geometry, const struct hg_culling_view *view, uint32_t draw)
+{
+    return view->shown != NULL ? view->shown[draw].flags : geometry->draws[draw].gpu.flags;
+}
+
 bool hg_select_is_outside(const struct hg_object_view *object, const struct hg_meshlet *box);
 bool hg_select_faces_away(const struct hg_object_view *object, const struct hg_meshlet *cone);
 

@@ -59,6 +59,11 @@ uint32_t hg_draw_first_sample(const struct hg_draw *draw)
     return area != NULL ? area->samples : draw->accumulation->samples;
 }
 
+bool hg_draw_has_holes(const struct hg_draw *draw)
+{
+    return draw->scene_gpu->has_holes || hg_look_sees_through(draw->request->settings->look);
+}
+
 bool hg_draw_ground(const struct hg_draw *draw, float up[3], float *height)
 {
     static const float ups[][3] = {

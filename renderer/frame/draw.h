@@ -103,7 +103,7 @@ void hg_view_stats_add_device(struct hg_view_stats *stats, const struct hg_gpu *
 struct hg_view_buffers {
     struct hg_gpu_buffer blocks;   // frame blocks of the samples of a batch
     struct hg_gpu_buffer readback; // pixels
-    struct hg_gpu_buffer pick;     // struct hg_gpu_pick
+    struct hg_gpu_buffer pick;     // struct hg_gpu_pick of each pixel that is looked at
     struct hg_gpu_buffer motion;   // depth; visibility (temporal_view.h)
     struct hg_culling *pick_culling; // of what one pixel shows
 };
@@ -148,6 +148,8 @@ struct hg_draw hg_draw_with(const struct hg_draw *draw, const struct hg_draw_req
 bool hg_draw_is(const struct hg_draw *draw, enum hg_draw_flag flag);
 // The area that is drawn (tiled_accumulation.h); NULL: the whole picture.
 const struct hg_tiled_area *hg_draw_area(const struct hg_draw *draw);
+// Some surface that is drawn in layers is not there everywhere.
+bool hg_draw_has_holes(const struct hg_draw *draw);
 // Number of the first sample of the batch.
 uint32_t hg_draw_first_sample(const struct hg_draw *draw);
 // The ground of the settings, through the lowest point of the scene's bounds. False: none is asked

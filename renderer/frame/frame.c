@@ -69,6 +69,8 @@ enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err)
                                 !hg_geometry_has_levels(draw->scene_gpu->geometry) &&
                                 (draw->scene_gpu->features & HG_FEATURE_VERTICES) == 0;
     status = hg_geometry_sync_triangle_cache(draw->scene_gpu->geometry, triangle_cache, err);
+    if (status == HG_OK && draw->request->settings->look != NULL)
+        status = hg_look_sync(draw->request->settings->look, draw->scene_gpu, err);
     if (status != HG_OK)
         return status;
     const uint64_t middle = hg_clock_now_ns();

@@ -34,6 +34,9 @@ enum hg_status hg_frame_cull(struct hg_draw *draw, enum hg_frame_part part, uint
 // Culls a rectangle of the image for the camera, and loads all of it at once.
 enum hg_status hg_frame_cull_part(
     struct hg_draw *draw, VkRect2D part, struct hg_error *err) HG_MUST_CHECK;
+// Culls a rectangle for what the planes of the frame block cut, both sides of it.
+enum hg_status hg_frame_cull_cuts(
+    struct hg_draw *draw, VkRect2D part, struct hg_error *err) HG_MUST_CHECK;
 // Culls the whole picture for the camera, for hg_frame_record_prefetch; no shadow maps.
 enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
 // Sample positions of a picture of that size: pixel centres.
@@ -73,8 +76,8 @@ enum hg_status hg_frame_record_shadows(
 // What is accumulated to targets.pixels[format], and that to `readback`.
 enum hg_status hg_frame_record_read(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format,
     struct hg_error *err) HG_MUST_CHECK;
-// What `pixel` shows to `pick`. After hg_frame_cull_part of it .
-enum hg_status hg_frame_record_pick(struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixel,
+// What `pixels` show to `pick`. After hg_frame_cull_part of them.
+enum hg_status hg_frame_record_pick(struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixels,
     struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -197,17 +197,17 @@ static bool is_bounded(struct hg_batch *f)
 
 void hg_batch_declare_blend(struct hg_batch *f)
 {
-    if (f->draw->scene_gpu->has_holes && is_bounded(f)) {
+    if (hg_draw_has_holes(f->draw) && is_bounded(f)) {
         declare_hiding(f, true);
         return;
     }
     if (f->draw->glass != NULL && f->draw->request->smaller == 0)
         f->blend.glass = hg_graph_import(f->graph, "light by way of glass", f->draw->glass);
-    if (!f->draw->scene_gpu->has_holes)
+    if (!hg_draw_has_holes(f->draw))
         f->blend.visibility = hg_batch_image(f, "layer visibility", HG_VISIBILITY_FORMAT);
     f->blend.color = hg_batch_image(f, "layer colour", HG_COLOR_FORMAT);
     f->blend.depth = hg_batch_image(f, "layer depth", HG_DEPTH_FORMAT);
-    if (f->draw->scene_gpu->has_holes)
+    if (hg_draw_has_holes(f->draw))
         declare_lists(f);
     else
         declare_nearest(f);
@@ -228,7 +228,7 @@ enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err
     const VkExtent2D size = hg_draw_size(draw->request);
     const uint64_t pixels = (uint64_t)size.width * size.height;
     b->listed = false;
-    if (!draw->scene_gpu->has_holes)
+    if (!hg_draw_has_holes(draw))
         return HG_OK;
     b->most_nodes = over->blend_most_nodes > 0 ? over->blend_most_nodes : MOST_NODES;
     b->strips = b->strips > 0 ? b->strips : 1;

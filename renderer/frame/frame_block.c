@@ -90,6 +90,24 @@ static void fill_slack(const struct hg_draw *draw, struct hg_gpu_lighting *light
         slack;
 }
 
+// Planes relative to the geometry's origin, and the tables that the view has of its own.
+static void fill_look(const struct hg_draw *draw, struct hg_gpu_frame *f)
+{
+    const struct hg_look *look = draw->request->settings->look;
+    double origin[3];
+    if (look == NULL)
+        return;
+    hg_view_tables_fill(&look->tables, &f->geometry);
+    hg_geometry_origin(draw->scene_gpu->geometry, origin);
+    f->clip_count = look->clip.count;
+    for (uint32_t i = 0; i < look->clip.count; i++) {
+        const float *p = look->clip.planes[i];
+        const double at = (double)p[0] * origin[0] + (double)p[1] * origin[1] +
+                          (double)p[2] * origin[2] - (double)p[3];
+        f->clip_planes[i] = (struct hg_vec4){p[0], p[1], p[2], (float)at};
+    }
+}
+
 void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot)
 {
     struct hg_gpu_frame *f = draw->frame;
@@ -128,6 +146,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     fill_background(draw, f);
     fill_ground(draw, f);
     hg_geometry_fill(draw->scene_gpu->geometry, &f->geometry);
+    fill_look(draw, f);
     hg_gi_fill(draw->scene_gpu->gi, draw->probes.kind, draw->probes.view, &f->probes);
     const struct hg_blend_lists *lists = &draw->blend->lists;
     f->blend = (struct hg_gpu_blend_lists){.heads = lists->heads.address,
@@ -289,6 +308,7 @@ static struct hg_pass make_pass(
     pass.features2 |= lights.tabled_lights > 0 ? HG_FEATURE2_LIGHT_TABLES : 0;
     pass.features2 |= hg_lighting_has_pages(draw->lighting) ? HG_FEATURE2_SHADOW_PAGES : 0;
     pass.features2 |= draw->request->settings->ground != 0 ? HG_FEATURE2_GROUND : 0;
+    pass.clips = hg_look_clips(draw->request->settings->look);
     pass.background = background_features(draw);
     pass.find = draw->request->smaller > 0;
     if (pass.find)

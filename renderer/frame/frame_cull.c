@@ -52,6 +52,7 @@ static struct hg_culling_view camera_view(const struct hg_draw *draw, VkRect2D p
         .whole = is_whole(draw),
         .both_sides = off,
         .numbered = true,
+        .shown = hg_look_draws(draw->request->settings->look),
         .history = !off && draw->request->settings->debug == 0 && draw->request->smaller == 0};
     look.px_scale = 1.0f / (look.orthographic ? camera.pixel_size : camera.pixel_angle);
     look.px_scale /= hg_frame_scale(draw); // errors are px of the picture that is seen
@@ -110,7 +111,8 @@ static enum hg_status select_sets(
     const struct hg_camera_setup setup = hg_frame_setup(draw);
     hg_camera_fill(&setup, &camera);
     const struct hg_culling_lens host = hg_frame_lens(&camera, hg_frame_size(draw));
-    if (strategy->host_raster && draw->request->settings->debug == 0)
+    if (strategy->host_raster && draw->request->settings->debug == 0 &&
+        !hg_look_clips(draw->request->settings->look))
         look.host = &host;
     struct hg_shadow_choice choice = {
         .coarse = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS), .wait = look.wait, .whole = look.whole};
@@ -182,6 +184,22 @@ enum hg_status hg_frame_cull_part(struct hg_draw *draw, VkRect2D part, struct hg
         hg_culling_reset(culling);
         status = hg_culling_add(culling, draw->scene_gpu->geometry, &look, jobs, err);
     }
+    return status == HG_OK ? hg_culling_upload(culling, jobs, err) : status;
+}
+
+enum hg_status hg_frame_cull_cuts(struct hg_draw *draw, VkRect2D part, struct hg_error *err)
+{
+    struct hg_culling *culling = draw->culling;
+    struct hg_culling_view look = camera_view(draw, part);
+    look.wait = look.both_sides = true;
+    look.history = false;
+    look.cut_count = draw->frame->clip_count;
+    for (uint32_t i = 0; i < look.cut_count; i++)
+        memcpy(look.cuts[i], &draw->frame->clip_planes[i], sizeof look.cuts[i]);
+    hg_culling_reset(culling);
+    struct hg_jobs *jobs = draw->context->jobs;
+    const enum hg_status status =
+        hg_culling_add(culling, draw->scene_gpu->geometry, &look, jobs, err);
     return status == HG_OK ? hg_culling_upload(culling, jobs, err) : status;
 }
 

@@ -651,13 +651,13 @@ static enum hg_status record_pick_visibility(
 static enum hg_status record_pick(const struct hg_graph_run *run, void *user, struct hg_error *err)
 {
     struct hg_batch *f = hg_batch_of(run);
-    const VkRect2D *pixel = user;
-    return hg_pick_record(&f->pass, hg_graph_run_image(run, f->visibility),
-        (uint32_t)pixel->offset.x, (uint32_t)pixel->offset.y, &f->draw->buffers->pick, err);
+    const VkRect2D *pixels = user;
+    return hg_pick_record(
+        &f->pass, hg_graph_run_image(run, f->visibility), *pixels, &f->draw->buffers->pick, err);
 }
 
 enum hg_status hg_frame_record_pick(
-    struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixel, struct hg_error *err)
+    struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixels, struct hg_error *err)
 {
     struct hg_batch f;
     hg_frame_fill(draw, 0, false, 0);
@@ -668,12 +668,12 @@ enum hg_status hg_frame_record_pick(
     hg_batch_add(
         &f, &(struct hg_graph_pass){.name = "pick visibility",
                 .record = record_pick_visibility,
-                .user = &pixel,
+                .user = &pixels,
                 .accesses = {{f.visibility, HG_GRAPH_COLOR, 0}, {f.depth, HG_GRAPH_DEPTH, 0}}});
     hg_batch_add(
         &f, &(struct hg_graph_pass){.name = "pick",
                 .record = record_pick,
-                .user = &pixel,
+                .user = &pixels,
                 .accesses = {{f.visibility, HG_GRAPH_SAMPLE, 0}, {result, HG_GRAPH_WRITE, 0}}});
     hg_graph_want(f.graph, result);
     return run(&f, cmd, err);

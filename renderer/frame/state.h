@@ -17,6 +17,7 @@
 #include "renderer/pathtrace/path.h"
 #include "renderer/frame/glass_view.h"
 #include "renderer/frame/history.h"
+#include "renderer/frame/look.h"
 #include "renderer/frame/mirror_view.h"
 #include "renderer/frame/quality.h"
 #include "renderer/frame/reflect_view.h"
@@ -74,6 +75,7 @@ struct hg_view_settings {
     float sharpen;   // strength, of pictures in motion, 0 .. 1
     uint32_t mode;   // HG_VIEW_MODE_*
     struct hg_path_settings path;
+    struct hg_look *look; // borrowed; NULL: the scene as it is
 };
 
 // What an exposure is metered for.

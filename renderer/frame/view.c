@@ -164,6 +164,12 @@ enum hg_status hg_view_state_set(
     return HG_OK;
 }
 
+void hg_view_state_note_look(struct hg_view_state *view)
+{
+    view->settings_revision++;
+    view->path_begins = true;
+}
+
 void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_state *camera)
 {
     struct hg_view_camera_state old = view->camera;

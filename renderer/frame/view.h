@@ -13,6 +13,8 @@ void hg_view_state_finish(struct hg_view_state *view); // accepts a zeroed one
 // HG_E_LIMIT when images of that size cannot be created; the old settings stay.
 enum hg_status hg_view_state_set(struct hg_view_state *view,
     const struct hg_view_settings *settings, struct hg_error *err) HG_MUST_CHECK;
+// What settings.look points to is another one now.
+void hg_view_state_note_look(struct hg_view_state *view);
 void hg_view_state_look(struct hg_view_state *view, const struct hg_view_camera_state *camera);
 
 // One slice: up to max_samples samples, in one batch. In motion (max_samples 1 and something has
@@ -35,5 +37,10 @@ enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,
 struct hg_gpu_pick;
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
     struct hg_gpu_pick *out, struct hg_error *err) HG_MUST_CHECK;
+// The same for a rectangle inside of the picture: `row` gets its rows from the top, y counted from
+// there; triangles are as the device counts them.
+enum hg_status hg_view_state_surfaces(struct hg_view_state *view, VkRect2D pixels,
+    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *pixels), void *user,
+    struct hg_error *err) HG_MUST_CHECK;
 
 #endif

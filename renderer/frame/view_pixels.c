@@ -1,9 +1,12 @@
 // view_pixels.c - reading a view's pixels, and picking. See view.h.
 #include "renderer/frame/view_pixels.h"
 
+#include <math.h>
 #include <string.h>
 
-#include "renderer/frame/frame.h"
+#include "base/alloc.h"
+#include "renderer/frame/caps.h"
+#include "renderer/frame/overlay.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/frame/view.h"
 #include "renderer/passes/skin.h"
@@ -99,20 +102,33 @@ enum hg_status hg_view_state_read(
         status = fetch_pixels(view, format, err);
     if (status != HG_OK)
         return status;
-    return copy_region(view, formats[format].bytes, out, err);
+    status = copy_region(view, formats[format].bytes, out, err);
+    if (status == HG_OK && hg_overlay_is_wanted(view))
+        status = hg_overlay_apply(view, format, (*out)->data, err);
+    if (status != HG_OK) {
+        hg_refbuf_unref(*out);
+        *out = NULL;
+    }
+    return status;
 }
 
 // --- picking ------------------------------------------------------------------------------------
 
 static enum hg_status run_pick(
-    struct hg_view_state *view, struct hg_draw *draw, VkRect2D pixel, struct hg_error *err)
+    struct hg_view_state *view, struct hg_draw *draw, VkRect2D pixels, struct hg_error *err)
 {
+    struct hg_gpu_buffer *to = &view->buffers.pick;
+    const uint64_t bytes =
+        (uint64_t)pixels.extent.width * pixels.extent.height * sizeof(struct hg_gpu_pick);
     struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_gpu_begin(view->context->gpu, &cmd, err);
+    enum hg_status status =
+        hg_gpu_buffer_reserve(view->context->gpu, HG_GPU_BUFFER_READBACK, bytes, "pick", to, err);
+    if (status == HG_OK)
+        status = hg_gpu_begin(view->context->gpu, &cmd, err);
     if (status != HG_OK)
         return status;
-    memset(view->buffers.pick.mapped, 0, sizeof(struct hg_gpu_pick));
-    status = hg_frame_record_pick(draw, cmd, pixel, err);
+    memset(to->mapped, 0, bytes);
+    status = hg_frame_record_pick(draw, cmd, pixels, err);
     if (status != HG_OK) {
         hg_gpu_discard(view->context->gpu, cmd);
         return status;
@@ -131,15 +147,66 @@ static enum hg_status unpose(struct hg_view_state *view, struct hg_error *err)
                            : status;
 }
 
-enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
+// What pixels show, to buffers.pick. In the state of the newest step, without jitter.
+static enum hg_status look_behind_caps(
+    struct hg_view_state *view, struct hg_draw *draw, VkRect2D pixels, struct hg_error *err)
+{
+    enum hg_status status = unpose(view, err);
+    if (status == HG_OK && view->settings.look != NULL)
+        status = hg_look_sync(view->settings.look, view->scene_gpu, err);
+    if (status == HG_OK)
+        status = hg_frame_cull_part(draw, pixels, err);
+    return status == HG_OK ? run_pick(view, draw, pixels, err) : status;
+}
+
+static void put_cap(
+    const struct hg_draw *draw, const struct hg_cap *cap, VkOffset2D at, struct hg_gpu_pick *out)
+{
+    float position[3], normal[3], away = 0.0f;
+    const struct hg_gpu_camera *camera = &draw->frame->camera;
+    hg_caps_place(draw, cap, (uint32_t)at.x, (uint32_t)at.y, position, normal);
+    const float eye[3] = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z};
+    for (int i = 0; i < 3; i++)
+        away += (position[i] - eye[i]) * (position[i] - eye[i]);
+    *out = (struct hg_gpu_pick){.position_ws = {position[0], position[1], position[2]},
+        .normal_ws = {normal[0], normal[1], normal[2]},
+        .distance = camera->orthographic != 0 ? cap->depth : sqrtf(away),
+        .depth = cap->depth,
+        .draw_plus_one = cap->draw_plus_one};
+}
+
+// Caps in front of what was found. `out`: [pixels], holds that.
+static enum hg_status put_caps(
+    struct hg_draw *draw, VkRect2D pixels, struct hg_gpu_pick *out, struct hg_error *err)
+{
+    const struct hg_look *look = draw->request->settings->look;
+    const uint32_t area = pixels.extent.width * pixels.extent.height;
+    if (!hg_look_clips(look) || look->clip.caps == HG_CAPS_NONE)
+        return HG_OK;
+    struct hg_cap *caps = hg_calloc(area, sizeof *caps);
+    if (caps == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "caps", NULL, "no memory");
+    const enum hg_status status = hg_caps_find(draw, pixels, caps, err);
+    for (uint32_t i = 0; i < area && status == HG_OK; i++) {
+        const VkOffset2D at = {pixels.offset.x + (int32_t)(i % pixels.extent.width),
+            pixels.offset.y + (int32_t)(i / pixels.extent.width)};
+        if (caps[i].draw_plus_one != 0)
+            put_cap(draw, &caps[i], at, &out[i]);
+    }
+    hg_free(caps);
+    return status;
+}
+
+// Into out[pixels].
+static enum hg_status look_at(struct hg_view_state *view, VkRect2D pixels, const char *what,
     struct hg_gpu_pick *out, struct hg_error *err)
 {
-    memset(out, 0, sizeof *out);
+    const struct hg_gpu_image *seen = &view->targets.visibility;
     if (!hg_view_state_has_pixels(view, 0))
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
-    if (x >= view->targets.visibility.width || y >= view->targets.visibility.height)
-        return hg_error_set(err, HG_E_INVAL, "pick", "x, y", "outside the view");
-    const VkRect2D pixel = {{(int32_t)x, (int32_t)y}, {1, 1}};
+    if ((uint64_t)pixels.offset.x + pixels.extent.width > seen->width ||
+        (uint64_t)pixels.offset.y + pixels.extent.height > seen->height)
+        return hg_error_set(err, HG_E_INVAL, what, "x, y", "outside the view");
     const struct hg_draw_request request = {.settings = &view->settings,
         .camera = &view->camera,
         .flags = HG_DRAW_WAIT,
@@ -148,16 +215,45 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
         .error_px = view->accumulation.error_px}; // as the picture shows it
     struct hg_draw draw = hg_view_draw(view, &request);
     draw.culling = view->buffers.pick_culling;
-    enum hg_status status = unpose(view, err);
-    if (status == HG_OK)
-        status = hg_frame_cull_part(&draw, pixel, err);
-    if (status == HG_OK)
-        status = run_pick(view, &draw, pixel, err);
+    const enum hg_status status = look_behind_caps(view, &draw, pixels, err);
     if (status != HG_OK)
         return status;
-    memcpy(out, view->buffers.pick.mapped, sizeof *out);
+    memcpy(out, view->buffers.pick.mapped,
+        (size_t)pixels.extent.width * pixels.extent.height * sizeof *out);
+    return put_caps(&draw, pixels, out, err);
+}
+
+enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
+    struct hg_gpu_pick *out, struct hg_error *err)
+{
+    memset(out, 0, sizeof *out);
+    const VkRect2D pixel = {{(int32_t)x, (int32_t)y}, {1, 1}};
+    const enum hg_status status = look_at(view, pixel, "pick", out, err);
+    if (status != HG_OK || out->draw_plus_one == 0)
+        return status;
     const float position[3] = {out->position_ws.x, out->position_ws.y, out->position_ws.z};
     out->triangle = hg_geometry_source_primitive(
         view->scene_gpu->geometry, out->draw_plus_one - 1, out->triangle, position);
     return HG_OK;
+}
+
+#define PART_PX (1u << 18) // that are looked at at once
+
+enum hg_status hg_view_state_surfaces(struct hg_view_state *view, VkRect2D pixels,
+    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *pixels), void *user,
+    struct hg_error *err)
+{
+    const uint32_t width = pixels.extent.width, most = PART_PX / width > 0 ? PART_PX / width : 1;
+    struct hg_gpu_pick *found = hg_calloc((size_t)width * most, sizeof *found);
+    enum hg_status status =
+        found != NULL ? HG_OK : hg_error_set(err, HG_E_NOMEM, "surfaces", NULL, "no memory");
+    for (uint32_t y = 0; y < pixels.extent.height && status == HG_OK; y += most) {
+        const uint32_t left = pixels.extent.height - y, rows = left < most ? left : most;
+        const VkRect2D part = {{pixels.offset.x, pixels.offset.y + (int32_t)y}, {width, rows}};
+        status = look_at(view, part, "surfaces", found, err);
+        for (uint32_t i = 0; i < rows && status == HG_OK; i++)
+            row(user, y + i, found + (size_t)i * width);
+    }
+    hg_free(found);
+    return status;
 }

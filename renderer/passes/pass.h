@@ -22,6 +22,7 @@ struct hg_pass {
     // Only what is asked of textures counts, nothing that is drawn: a small view fills the area,
     // and of shadow casters those with holes are drawn, whatever hides them.
     bool find;
+    bool clips; // clipping planes of the frame block count
     bool adds; // shadow maps: to what is in them already
 };
 

@@ -1,4 +1,4 @@
-// pick.h - the surface point of one pixel.
+// pick.h - surface points of pixels.
 // Floor 3.
 #ifndef HG_RENDERER_PASSES_PICK_H
 #define HG_RENDERER_PASSES_PICK_H
@@ -6,8 +6,9 @@
 #include "renderer/passes/pass.h"
 #include "shaders/shared/pick.h"
 
-// Writes struct hg_gpu_pick at the start of `target` (readback memory).
-enum hg_status hg_pick_record(struct hg_pass *pass, struct hg_gpu_image *visibility, uint32_t x,
-    uint32_t y, const struct hg_gpu_buffer *target, struct hg_error *err) HG_MUST_CHECK;
+// Writes a struct hg_gpu_pick for each pixel of the area, row by row, to the start of `target`
+// (readback memory, which holds zeros).
+enum hg_status hg_pick_record(struct hg_pass *pass, struct hg_gpu_image *visibility, VkRect2D area,
+    const struct hg_gpu_buffer *target, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

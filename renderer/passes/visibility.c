@@ -9,7 +9,7 @@ struct alpha_mask_inputs {
 static const struct alpha_mask_inputs nothing; // masks read no image of the frame
 
 // How surfaces are drawn. Values are also the specialisation constant of visibility_alpha.frag.
-enum variant { SOLID, MASK, NEAREST, HIDING, COLLECT, STOCHASTIC, OVERDRAW };
+enum variant { SOLID, MASK, NEAREST, HIDING, COLLECT, STOCHASTIC, OVERDRAW, CUTS };
 
 static const VkPrimitiveTopology topologies[3] = {VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST,
     VK_PRIMITIVE_TOPOLOGY_LINE_LIST, VK_PRIMITIVE_TOPOLOGY_POINT_LIST};
@@ -23,12 +23,13 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
 #define MAPPED   1u
 #define LATE     2u
 #define NUMBERED 4u
+#define CLIPPED  8u
 
 struct style {
     bool listed; // numbered: vertices that are made for this frame
     enum variant variant;
     VkPrimitiveTopology topology;
-    uint32_t item; // MAPPED, LATE, NUMBERED
+    uint32_t item; // MAPPED, LATE, NUMBERED, CLIPPED
 };
 
 static struct hg_gpu_pipeline_params pipeline_of(
@@ -52,6 +53,14 @@ static struct hg_gpu_pipeline_params pipeline_of(
             .blend = HG_GPU_BLEND_ADD,
         };
     }
+    if (style->variant == CUTS)
+        return (struct hg_gpu_pipeline_params){.vertex = vertex,
+            .positions = numbered,
+            .with_words = style->listed,
+            .fragment = "cut_collect.frag",
+            .spec = {0, tables, features, style->item},
+            .spec_count = 4,
+            .topology = style->topology};
     static const char *const fragments[3][2] = {{"visibility.frag", "visibility_provoking.frag"},
         {"visibility_alpha.frag", "visibility_alpha_provoking.frag"},
         {"blend_collect.frag", "blend_collect_provoking.frag"}};
@@ -87,14 +96,19 @@ struct manner {
     enum variant solid, mask;
     uint32_t width;
     bool late;
+    const struct hg_visibility_cuts *cuts; // with CUTS
 };
 
 static void push_item(struct hg_pass *pass, const struct hg_culling *visible,
-    const struct hg_culling_item *item, uint32_t width)
+    const struct hg_culling_item *item, const struct manner *manner)
 {
     struct hg_gpu_item push;
     hg_culling_fill(visible, item, &push);
-    push.width = width;
+    push.width = manner->width;
+    if (manner->cuts != NULL) {
+        push.depth = manner->cuts->list;
+        push.reserved = manner->cuts->capacity;
+    }
     hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
 }
 
@@ -111,7 +125,8 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_culling *
             .variant = (item->flags & HG_DRAW_MASK) != 0 ? manner->mask : manner->solid,
             .topology = topology_of(item->flags),
             .item = (item->first_primitive != HG_CLUSTER_NONE ? MAPPED : 0) |
-                    (manner->late ? LATE : 0) | (item->numbered ? NUMBERED : 0)};
+                    (manner->late ? LATE : 0) | (item->numbered ? NUMBERED : 0) |
+                    (pass->clips ? CLIPPED : 0)};
         const struct hg_gpu_pipeline_params params =
             pipeline_of(&style, pass->tables, pass->features);
         VkPipeline pipeline;
@@ -121,9 +136,11 @@ static enum hg_status draw_items(struct hg_pass *pass, const struct hg_culling *
         if (pipeline != bound)
             vkCmdBindPipeline(cmd, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
         set_culling(cmd, item->flags);
+        if (manner->cuts != NULL)
+            vkCmdSetCullMode(cmd, VK_CULL_MODE_NONE);
         // Numbered ones read what is the same for all.
         if (pipeline != bound || !item->numbered)
-            push_item(pass, visible, item, manner->width);
+            push_item(pass, visible, item, manner);
         bound = pipeline;
         hg_culling_draw(visible, pass->cmd, item);
     }
@@ -159,7 +176,8 @@ enum hg_status hg_visibility_record_late(struct hg_pass *pass,
     struct hg_error *err)
 {
     const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
-    const struct manner manner = {SOLID, MASK, target->visibility->width, true};
+    const struct manner manner = {
+        .solid = SOLID, .mask = MASK, .width = target->visibility->width, .late = true};
     begin(pass, target, pass->area, false);
     const enum hg_status status = draw_items(
         pass, scene->visible, set->first_late, set->first_late + set->late_count, &manner, err);
@@ -273,6 +291,28 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     status = draw_items(
         pass, scene->visible, set->first_item, set->first_item + set->item_count, &manner, err);
+    hg_gpu_cmd_end_rendering(pass->cmd);
+    return status;
+}
+
+enum hg_status hg_visibility_collect_cuts(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_cuts *cuts,
+    struct hg_error *err)
+{
+    const struct hg_culling_set *set = hg_culling_set(scene->visible, scene->set);
+    const struct manner manner = {.solid = CUTS, .mask = CUTS, .cuts = cuts};
+    struct hg_pass whole = *pass;
+    whole.clips = false;
+    enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);
+    if (status != HG_OK)
+        return status;
+    const struct hg_gpu_rendering rendering = {.area = cuts->area};
+    const VkViewport view = {
+        0.0f, 0.0f, (float)cuts->size.width, (float)cuts->size.height, 0.0f, 1.0f};
+    hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
+    vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &view);
+    status = draw_items(&whole, scene->visible, set->class_first[HG_DRAW_CLASS_OPAQUE],
+        set->class_first[HG_DRAW_CLASS_BLEND], &manner, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;
 }

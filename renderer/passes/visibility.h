@@ -61,4 +61,19 @@ enum hg_status hg_visibility_record_overdraw(struct hg_pass *pass,
 enum hg_status hg_visibility_warm_up(
     struct hg_gpu *gpu, uint32_t index, uint32_t *count, struct hg_error *err) HG_MUST_CHECK;
 
+// All fragments of opaque and masked draws of the set, both sides, whatever hides them: `list`
+// holds a count, three words that are not used, and then for each of at most `capacity` its pixel
+// (x, y << 16), its draw + 1 with bit 31 for a front, its depth along the view direction (float
+// bits) and a word that is not used. The count goes on beyond the capacity. Outside of rendering;
+// the list begins with 0.
+struct hg_visibility_cuts {
+    VkDeviceAddress list;
+    uint32_t capacity;
+    VkExtent2D size; // of the picture, px
+    VkRect2D area;   // that is drawn
+};
+enum hg_status hg_visibility_collect_cuts(struct hg_pass *pass,
+    const struct hg_visibility_scene *scene, const struct hg_visibility_cuts *cuts,
+    struct hg_error *err) HG_MUST_CHECK;
+
 #endif

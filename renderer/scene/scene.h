@@ -246,8 +246,11 @@ struct hg_node {
         float translation[3], rotation[4], scale[3];
     } next;
     bool animated;        // an animation of its asset turns, moves or sizes it
-    bool visible;         // hides the subtree too
-    bool catches_shadows; // path-traced: seen by the camera only as the shadow on it (subtree too)
+    struct {              // of the subtree too
+        bool visible;     // false hides it
+        bool catches_shadows; // path-traced: seen by the camera only as the shadow on it
+        uint32_t layers;      // bits of layers; 0 = those of the parent
+    };
     struct hg_mesh *mesh;
     struct hg_light *light;
     struct hg_camera *camera;

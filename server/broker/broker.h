@@ -29,6 +29,7 @@
 //   session_state                                what is kept of sessions
 //   session_audit session_record
 //   session_view session_upload
+//   session_look                                 how views show the scene
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
 //   session_park

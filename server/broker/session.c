@@ -8,6 +8,7 @@
 #include "server/broker/list.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_list.h"
+#include "server/broker/session_look.h"
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
@@ -186,10 +187,17 @@ static void relay_checked(struct hg_session *s, struct hg_packet *packet, const 
     }
     if (packet->header.type == HGP_T_subscribe)
         subscribe(s, &m->subscribe);
+    struct hg_packet *translated = hg_session_look_translate(s, packet, m);
+    if (!translated) {
+        hg_error_set(&err, HG_E_NOMEM, "request", NULL, "no memory for the request");
+        hg_conn_fail(s->conn, packet->header.request, &err);
+        return;
+    }
     if (packet->header.type == HGP_T_view_camera)
-        relay_camera(s, packet, &m->view_camera);
+        relay_camera(s, translated, &m->view_camera);
     else
-        hg_session_request_relay(s, packet);
+        hg_session_request_relay(s, translated);
+    hg_packet_unref(translated);
 }
 
 static void clear_quarantine(

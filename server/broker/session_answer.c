@@ -5,6 +5,7 @@
 #include "server/broker/counters.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_look.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_upload.h"
@@ -70,6 +71,9 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         }
     } else if (type == HGP_T_view_camera) {
         hg_session_view_note_camera(s, packet);
+    } else if (type == HGP_T_view_clip || type == HGP_T_view_overrides ||
+               type == HGP_T_view_variant) {
+        hg_session_look_note(s, packet);
     }
 }
 
@@ -200,6 +204,7 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
         note_accepted(s, request);
     hg_trial_passed(s, request->packet); // loaded or refused: the worker lives
     request->answered = true;
+    hg_session_look_renumber(s, request->packet, packet);
     note_size(s, request, packet);
     if (request->client_id)
         relay_answer(s, packet, request->client_id);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "server/broker/session_look.h"
 #include "server/broker/session_view.h"
 #include "server/broker/trial.h"
 
@@ -312,6 +313,7 @@ static void restore_view(struct hg_session *s, struct hg_session_view *view)
     hg_link_send_packet(link, s->number, hg_link_next_id(link), hg_packet_ref(view->params));
     if (view->camera)
         hg_link_send_packet(link, s->number, hg_link_next_id(link), hg_packet_ref(view->camera));
+    hg_session_look_restore(s, view);
     if (view->subscribed && !view->held)
         hg_session_view_subscribe(s, view);
 }

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "server/broker/session_look.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 #include "server/broker/trial.h"
@@ -136,6 +137,10 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
         return check_view(s, packet, m->view_camera.view, err);
     case HGP_T_view_close:
         return check_view(s, packet, m->view_close.view, err);
+    case HGP_T_view_clip:
+    case HGP_T_view_overrides:
+    case HGP_T_view_variant:
+        return hg_session_look_check(s, packet, m, err);
     case HGP_T_subscribe:
         return check_view(s, packet, m->subscribe.view, err);
     case HGP_T_credit:

@@ -31,6 +31,13 @@ struct hg_request {
     uint64_t charge;  // bytes that its answer may have; counted in granted_bytes while it is sent
 };
 
+// Accepted view_clip, view_overrides and view_variant that still count, oldest first.
+struct hg_session_looks {
+    struct hg_packet **items;
+    size_t capacity;
+    uint32_t count;
+};
+
 struct hg_session_view {
     struct hg_session_view *next;
     uint32_t number;
@@ -38,6 +45,7 @@ struct hg_session_view {
     uint32_t width, height;   // as requested; for the quota
     struct hg_packet *params; // accepted view_sets, merged; NULL before
     struct hg_packet *camera; // view_cameras, merged; NULL = none
+    struct hg_session_looks looks;
     bool subscribed, resubscribe;
     uint32_t credit;  // credit: frames that the client accepts
     uint32_t first_credit; // of the newest subscription

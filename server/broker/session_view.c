@@ -136,6 +136,10 @@ void hg_session_view_reset(struct hg_session_view *view)
     hg_packet_unref(view->params);
     hg_packet_unref(view->camera);
     view->params = view->camera = NULL;
+    for (uint32_t i = 0; i < view->looks.count; i++)
+        hg_packet_unref(view->looks.items[i]);
+    hg_free(view->looks.items);
+    view->looks = (struct hg_session_looks){0};
     view->accepted = false;
     view->last_number = view->number_base = 0;
 }

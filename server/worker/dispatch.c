@@ -9,7 +9,9 @@
 #include "server/worker/edit_object.h"
 #include "server/worker/query.h"
 #include "server/worker/session_messages.h"
+#include "server/worker/surface_query.h"
 #include "server/worker/view_fit.h"
+#include "server/worker/view_look.h"
 #include "server/worker/view_messages.h"
 #include "server/worker/view_schedule.h"
 
@@ -55,6 +57,12 @@ static const struct {
     {HGP_T_job_query, hg_handle_job_query},
     {HGP_T_checkpoint_query, hg_handle_checkpoint_query},
     {HGP_T_checkpoint_set, hg_handle_checkpoint_set},
+    {HGP_T_view_clip, hg_handle_view_clip},
+    {HGP_T_view_overrides, hg_handle_view_overrides},
+    {HGP_T_view_variant, hg_handle_view_variant},
+    {HGP_T_box_select, hg_handle_box_select},
+    {HGP_T_surface_query, hg_handle_surface_query},
+    {HGP_T_measure, hg_handle_measure},
     {HGP_T_pick, hg_handle_pick},
     {HGP_T_bounds_query, hg_handle_bounds_query},
     {HGP_T_nodes_query, hg_handle_nodes_query},

@@ -297,6 +297,8 @@ static void set_contents(
 {
     if (m->has_visible)
         node->visible = m->visible;
+    if (m->has_layers)
+        node->layers = m->layers;
     if (m->has_catches_shadows)
         node->catches_shadows = m->catches_shadows;
     if (m->has_mesh && node->mesh != (struct hg_mesh *)refs->mesh) {

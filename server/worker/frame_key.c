@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/sha256.h"
+#include "renderer/view_look.h"
 #include "server/worker/view_params.h"
 
 static void write_floats(struct hg_writer *w, const float *values, size_t count)
@@ -188,6 +189,8 @@ static enum hg_status write_key(struct hg_writer *w, const struct scene_slot *sl
     write_camera(w, slot->scene, view);
     write_motion(w, slot->scene, &set->params);
     enum hg_status status = write_ids(w, slot->scene, view);
+    if (!status)
+        status = hg_view_write_look(view->view, slot->scene, w);
     hg_write_u32(w, (uint32_t)format.encoding);
     hg_write_u8(w, has_quality(format.encoding) ? format.quality : 0);
     return status || !w->failed ? status : HG_E_NOMEM;

@@ -71,6 +71,8 @@ static enum hg_status step(
     progress->stepped_ns = hg_clock_now_ns();
     progress->input = view->settings.input;
     progress->moved_ns = moves ? progress->stepped_ns : progress->moved_ns;
+    if (restarted)
+        progress->first_number = progress->info.number;
     uint64_t took_ns = progress->stepped_ns - start;
     progress->spent_ns = restarted ? took_ns : progress->spent_ns + took_ns;
     progress->sample_ns = took_ns / samples;

@@ -70,6 +70,7 @@ struct view_subscription {
 // What steps came to.
 struct view_progress {
     struct hg_frame_info info; // of the newest step
+    uint64_t first_number;     // of the frames that show the same state
     bool stepped;
     bool failed;                   // the newest step failed; rests until something changes
     uint64_t failed_revision;      // of the scene then

@@ -33,6 +33,7 @@
 //   view_output                             reads what a step left
 //   view_schedule                           whose turn it is to render
 //   session_messages view_messages checkpoint edit_load edit_object query bake    handlers
+//   view_look surface_query                 likewise
 //   edit_mesh
 //   dispatch                                the render thread
 //   main

@@ -69,7 +69,7 @@ void main()
         discard;
 #endif
     uvec2 id = hg_item_id(in_draw, HG_PRIMITIVE);
-    if (hg_item_loses(id, gl_FragCoord))
+    if (hg_item_loses(id, gl_FragCoord) || hg_item_clipped(gl_FragCoord))
         discard;
     hg_texture_counts = hg_progress_waits(pixel);
     hg_vertex v = hg_fetch_surface(in_draw.x, id.y, gl_FragCoord.xy);

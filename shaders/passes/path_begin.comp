@@ -5,6 +5,7 @@
 #extension GL_EXT_buffer_reference2 : require
 
 #include "lib/frame.glsl"
+#include "lib/clip.glsl"
 #include "lib/path.glsl"
 #include "lib/sampling.glsl"
 
@@ -82,6 +83,7 @@ void main()
         ray.t_min = 0.0;
         ray.t_max = hg_frame.camera.far - hg_frame.camera.near;
     }
+    hg_clip_ray(ray.origin_ws, ray.direction_ws, ray.t_min, ray.t_max);
     if (!inside)
         ray.t_max = -1.0;
     ray.time = HG_PATH_CAN(HG_PATH_BLURS) ? hg_path_time : 0.0;

@@ -13,7 +13,7 @@ layout(location = 0) out uvec2 out_visibility;
 void main()
 {
     uvec2 id = hg_item_id(in_draw, 0u);
-    if (hg_item_loses(id, gl_FragCoord))
+    if (hg_item_loses(id, gl_FragCoord) || hg_item_clipped(gl_FragCoord))
         discard;
     out_visibility = id;
 }

@@ -56,6 +56,8 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 #define HG_FRAME_TONEMAP_PBR_NEUTRAL 2
 #define HG_FRAME_TONEMAP_LINEAR      3
 
+#define HG_CLIP_PLANES 6
+
 // 16-byte multiples keep the block tidy; pointers first within each struct.
 struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_camera) camera;
@@ -78,7 +80,9 @@ struct hg_gpu_frame {
     HG_STRUCT(hg_gpu_blend_lists) blend;
     HG_STRUCT(hg_gpu_probes) probes; // HG_FEATURE2_PROBES
     HG_VEC4 mirrors[HG_MIRROR_PLANES]; // HG_FEATURE2_MIRRORS: dot(xyz, p) = w; zero: no plane
+    HG_VEC4 clip_planes[HG_CLIP_PLANES]; // shown: dot(xyz, p) + w >= 0 of the first clip_count
+    HG_UINT clip_count, reserved;
 };
-HG_SHARED_SIZE(hg_gpu_frame, 1176);
+HG_SHARED_SIZE(hg_gpu_frame, 1280);
 
 #endif

@@ -27,6 +27,7 @@
 #define HG_DRAW_COLOR8       0x0200u // extra stream holds RGBA8 colours
 #define HG_DRAW_COLOR16      0x0400u // extra stream holds RGBA16 colours
 #define HG_DRAW_LOD          0x0800u // `indices` of the part is a list of parts, its chunks
+#define HG_DRAW_HIDDEN       0x2000u // of a view's own table: it does not show it
 #define HG_DRAW_DISCS        0x1000u // triangles are the discs of points; unlit without normals
 
 // `extra` of such a part: the level of each chunk.

@@ -1,4 +1,4 @@
-// pick.h - what passes/pick.comp says about one pixel. Floor 0, shared by C and GLSL.
+// pick.h - what passes/pick.comp says about a pixel. Floor 0, shared by C and GLSL.
 #ifndef HG_SHADERS_SHARED_PICK_H
 #define HG_SHADERS_SHARED_PICK_H
 
@@ -11,7 +11,7 @@ struct hg_gpu_pick {
     HG_UINT draw_plus_one; // 0 = nothing there
     HG_VEC2 uv;
     HG_UINT triangle;
-    HG_UINT reserved;
+    HG_FLOAT depth;        // along the view direction, metres
 };
 HG_SHARED_SIZE(hg_gpu_pick, 48);
 

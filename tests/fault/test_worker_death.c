@@ -326,6 +326,59 @@ static void views_closed_and_made_again(void **state)
     daemon_finish(&d);
 }
 
+static void send_overrides(struct peer *p, uint32_t count, bool clear, bool refused)
+{
+    static struct hgp_node_override items[4096];
+    struct hgp_view_overrides m = {.view = 1, .has_clear = true, .clear = clear};
+    for (uint32_t i = 0; i < count; i++)
+        items[i] = (struct hgp_node_override){.node = i + 1, .set = 1, .hidden = true};
+    m.overrides.items = items;
+    m.overrides.count = count;
+    if (refused)
+        peer_refused(p, HGP_T_view_overrides, &m, HG_E_LIMIT);
+    else
+        peer_call(p, HGP_T_view_overrides, &m, HGP_T_ok);
+}
+
+// How a view shows the scene is in a new worker as it was, and takes a limited room in the daemon.
+static void looks_of_views(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    struct hgp_frame frame;
+    uint8_t plain[32], before[32], after[32];
+    struct hgp_clip_plane plane = {.normal = {0, 0, 1}, .distance = 1};
+    struct hgp_view_clip clip = {.view = 1};
+    clip.planes.items = &plane;
+    clip.planes.count = 1;
+    start(&d);
+    peer_open_scene(&p, &d, "");
+    peer_refused(&p, HGP_T_view_clip, &clip, HG_E_NOTFOUND);
+    peer_call(&p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 1, .has_width = true, .width = 8, .has_height = true, .height = 8},
+        HGP_T_ok);
+    built_scene_frame(&p, &frame, plain);
+    peer_call(&p, HGP_T_view_clip, &clip, HGP_T_ok);
+    plane.distance = 2;
+    peer_call(&p, HGP_T_view_clip, &clip, HGP_T_ok);
+    send_overrides(&p, 3, false, false);
+    send_overrides(&p, 2, false, false);
+    built_scene_frame(&p, &frame, before);
+    assert_memory_not_equal(plain, before, 32);
+    kill(daemon_worker(&d, 0), SIGKILL);
+    built_scene_frame(&p, &frame, after);
+    assert_memory_equal(before, after, 32);
+    for (int i = 0; i < 33; i++) // of 126,992 bytes each, in 4 MiB
+        send_overrides(&p, 4096, false, false);
+    send_overrides(&p, 4096, false, true);
+    send_overrides(&p, 4096, true, false); // in place of all before
+    send_overrides(&p, 4096, false, false);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 // A client that sent edits and left is represented until they are in the scene, even when the
 // worker dies over them; then nothing of its session stays.
 static void edits_of_a_client_that_left(void **state)
@@ -423,6 +476,7 @@ int main(void)
         cmocka_unit_test(lethal_scene_is_given_up_alone),
         cmocka_unit_test(two_sessions_keep_their_scene),
         cmocka_unit_test(killed_while_loading),
+        cmocka_unit_test(looks_of_views),
         cmocka_unit_test(views_closed_and_made_again),
         cmocka_unit_test(edits_of_a_client_that_left),
         cmocka_unit_test(files_that_were_verified),

@@ -38,13 +38,26 @@ def run(command):
 def inputs_of(row):
     """Files of the test data that a row needs."""
     files = [] if row["scene"].startswith(("demo", "MODELS/")) else [row["scene"]]
-    return files + [a.split("DATA/")[1] for a in row["arguments"] if "DATA/" in a]
+    return files + [a.split("DATA/")[1] for a in row.get("arguments", []) if "DATA/" in a]
+
+
+def run_script(options, row, scene, out):
+    """A picture that takes more than one line to say: `script`, lines of `helio run`."""
+    path = os.path.join(options.out, row["name"] + ".hs")
+    lines = ["load " + scene, "set size " + row.get("size", SIZE), "set exposure 0", "set gi none"]
+    with open(path, "w") as file:
+        file.write("\n".join(lines + row["script"] + ["frame " + out, ""]))
+    code, text = run([options.helio, "run", path, "--device", "llvmpipe", "--progress", "none",
+                      "--cache-dir", os.path.join(options.out, "cache")])
+    return None if code == 0 else "the script failed with %d: %s" % (code, text)
 
 
 def render(options, row, out):
     scene = "demo:" if row["scene"] == "demo" else os.path.join(test_data.ROOT, row["scene"])
     if row["scene"].startswith("MODELS/"):
         scene = os.path.join(options.models, row["scene"].removeprefix("MODELS/"))
+    if "script" in row:
+        return run_script(options, row, scene, out)
     # What a picture depends on is stated; of an option that is given twice, the last counts.
     command = [options.helio, "render", scene, "-o", out, "--size", row.get("size", SIZE),
                "--exposure", "0", "--background", "env", "--tonemap", "aces", "--gi", "none",

@@ -381,6 +381,49 @@ def make_startup(path):
     gltf.write_glb(path)
 
 
+def lathe(profile, steps=24):
+    """Corners and triangles of what a closed profile of (radius, z) sweeps about the z axis."""
+    corners, triangles, count = [], [], len(profile)
+    for i in range(steps):
+        angle = 2 * math.pi * i / steps
+        corners += [(r * math.cos(angle), r * math.sin(angle), z) for r, z in profile]
+    for i in range(steps):
+        for k in range(count):
+            a, b = i * count + k, i * count + (k + 1) % count
+            c, d = ((i + 1) % steps) * count + k, ((i + 1) % steps) * count + (k + 1) % count
+            triangles += [(a, c, b), (b, c, d)]
+    return corners, triangles
+
+
+def make_bearing(path):
+    """A part of closed solids: a housing with a cavity, a shaft with a core inside of it, rings and balls."""
+    gltf = Gltf()
+    balls = [(0.1 * math.sin(math.pi * i / 8), 0.1 * math.cos(math.pi * i / 8)) for i in range(8, -1, -1)]
+    solids = [
+        ("housing", (0.35, 0.4, 0.45), [(0.25, -1), (1, -1), (1, 1), (0.25, 1), (0.25, 0.85),
+                                        (0.85, 0.85), (0.85, -0.85), (0.25, -0.85)]),
+        ("shaft", (0.7, 0.7, 0.72), [(0, -1.4), (0.2, -1.4), (0.2, 1.4), (0, 1.4)]),
+        ("core", (0.8, 0.45, 0.2), [(0, -1.2), (0.1, -1.2), (0.1, 1.2), (0, 1.2)]),
+        ("inner ring", (0.2, 0.5, 0.8), [(0.2, -0.2), (0.4, -0.2), (0.4, 0.2), (0.2, 0.2)]),
+        ("outer ring", (0.2, 0.6, 0.3), [(0.6, -0.2), (0.85, -0.2), (0.85, 0.2), (0.6, 0.2)]),
+        ("ball", (0.85, 0.75, 0.2), balls)]
+    meshes, materials = [], []
+    for name, color, profile in solids:
+        corners, triangles = lathe(profile)
+        flat = [corners[i] for triangle in triangles for i in triangle]
+        meshes.append({"name": name, "primitives": [{"material": len(materials), "attributes": {
+            "POSITION": gltf.attribute("VEC3", flat, bounds=True)}}]})
+        materials.append({"name": name, "pbrMetallicRoughness": {
+            "baseColorFactor": [*color, 1], "metallicFactor": 0, "roughnessFactor": 0.5}})
+    nodes = [{"name": solids[i][0], "mesh": i} for i in range(5)]
+    nodes += [{"name": "ball %d" % k, "mesh": 5, "translation": [
+        0.5 * math.cos(k * math.pi / 4), 0.5 * math.sin(k * math.pi / 4), 0]} for k in range(8)]
+    nodes.append({"name": "bearing", "children": list(range(3, 13))})
+    gltf.json.update({"scenes": [{"nodes": [0, 1, 2, 13]}], "nodes": nodes, "meshes": meshes,
+                      "materials": materials})
+    gltf.write_glb(path)
+
+
 def foliage(size):
     """Rows of RGBA: leaves on a twig with soft rims, nothing between them."""
     grain = random.Random(6)
@@ -540,6 +583,7 @@ def main():
     make_gallery(os.path.join(folder, "gallery"))
     make_panes(os.path.join(folder, "panes.glb"))
     make_startup(os.path.join(folder, "startup.glb"))
+    make_bearing(os.path.join(folder, "bearing.glb"))
     make_leaves(os.path.join(folder, "leaves.glb"), "BLEND")
     make_leaves(os.path.join(folder, "leaves_opaque.glb"), "OPAQUE")
     make_morph(os.path.join(folder, "morph.glb"))

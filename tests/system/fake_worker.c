@@ -42,6 +42,8 @@ struct view {
     uint32_t number, credit;
     struct hg_packet *params, *camera;
     uint64_t frames, sent_ns;
+    struct hg_packet *looks[64]; // view_clip, view_overrides: those that count
+    uint32_t look_count;
 };
 
 struct channel {
@@ -205,6 +207,8 @@ static void digest(struct channel *c, struct view *view, uint8_t hash[32])
     hg_sha256_update(h, view->params->payload, view->params->header.length);
     if (view->camera)
         hg_sha256_update(h, view->camera->payload, view->camera->header.length);
+    for (uint32_t i = 0; i < view->look_count; i++)
+        hg_sha256_update(h, view->looks[i]->payload, view->looks[i]->header.length);
     hg_sha256_end(h, hash);
 }
 
@@ -297,7 +301,28 @@ static void drop_view(struct view *view)
 {
     hg_packet_unref(view->params);
     hg_packet_unref(view->camera);
+    for (uint32_t i = 0; i < view->look_count; i++)
+        hg_packet_unref(view->looks[i]);
     *view = (struct view){0};
+}
+
+// A newer view_clip takes the place of an older one, view_overrides only with clear.
+static void take_look(struct view *view, struct hg_packet *packet, const union hgp_any *m)
+{
+    const uint16_t type = packet->header.type;
+    const bool replaces =
+        type == HGP_T_view_clip || (type == HGP_T_view_overrides && m->view_overrides.clear);
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < view->look_count; i++) {
+        if (replaces && view->looks[i]->header.type == type)
+            hg_packet_unref(view->looks[i]);
+        else
+            view->looks[kept++] = view->looks[i];
+    }
+    view->look_count = kept;
+    if (kept == sizeof view->looks / sizeof *view->looks)
+        abort();
+    view->looks[view->look_count++] = hg_packet_ref(packet);
 }
 
 // When it came is no part of the state.
@@ -313,7 +338,8 @@ static void merge_camera(struct view *view, const struct hgp_view_camera *m)
 static void view_message(struct channel *c, struct hg_packet *packet, const union hgp_any *m)
 {
     struct hg_reader r = hg_reader_make(packet->payload, packet->header.length);
-    if (packet->header.type == HGP_T_view_camera || packet->header.type == HGP_T_delivered)
+    if (packet->header.type == HGP_T_view_camera || packet->header.type == HGP_T_delivered ||
+        packet->header.type == HGP_T_view_clip || packet->header.type == HGP_T_view_overrides)
         hg_read_u32(&r); // bitmap
     uint32_t number = hg_read_u32(&r);
     struct view *view = number ? find_view(c, number) : NULL;
@@ -332,6 +358,10 @@ static void view_message(struct channel *c, struct hg_packet *packet, const unio
         return;
     case HGP_T_subscribe:
         view->credit = m->subscribe.credit_frames;
+        break;
+    case HGP_T_view_clip:
+    case HGP_T_view_overrides:
+        take_look(view, packet, m);
         break;
     default:
         drop_view(view);
@@ -433,6 +463,8 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
         return;
     case HGP_T_view_close:
     case HGP_T_view_camera:
+    case HGP_T_view_clip:
+    case HGP_T_view_overrides:
     case HGP_T_subscribe:
     case HGP_T_credit:
     case HGP_T_delivered:

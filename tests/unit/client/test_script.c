@@ -346,9 +346,67 @@ static void test_ops(void **state)
     assert_false(hg_cli_op_holds(HG_CLI_OP_GE, NAN, 2));
 }
 
+// How the view shows the scene, and what is seen at its pixels.
+static void test_looks(void **state)
+{
+    (void)state;
+    struct hg_cli_script s;
+    parse_good("set clip 0,0,-1 0.5 1 0 0 -2 caps hatch 1,0,0 6\n"
+               "set clip none\n"
+               "set override \"a box\" hidden no tint 1,0.5,0 0.25 alpha 0.5\n"
+               "set override \"a box\" none\n"
+               "set override none\n"
+               "set view-variant red as 2\n"
+               "set layers 5\n"
+               "set node box layers 2\n"
+               "expect seen 1 2 30 40 node box >= 100\n"
+               "expect distance 1 2 3 4 <= 0.5\n",
+        &s);
+    const struct hgp_view_clip *clip = &s.steps[0].clip;
+    assert_int_equal(clip->planes.count, 2);
+    assert_float_equal(clip->planes.items[0].normal[2], -1, 0);
+    assert_float_equal(clip->planes.items[1].distance, -2, 0);
+    assert_int_equal(clip->caps, HGP_cap_style_HATCH);
+    assert_float_equal(clip->hatch_px, 6, 0);
+    assert_int_equal(s.steps[1].clip.planes.count, 0);
+    assert_int_equal(s.steps[2].override.set, 1 | 2 | 8);
+    assert_false(s.steps[2].override.hidden);
+    assert_float_equal(s.steps[2].override.tint[3], 0.25f, 0);
+    assert_int_equal(s.steps[3].override.set, 0);
+    assert_non_null(s.steps[3].name);
+    assert_null(s.steps[4].name);
+    assert_int_equal(s.steps[5].kind, HG_CLI_STEP_VIEW_VARIANT);
+    assert_int_equal(s.steps[5].asset, 2);
+    assert_int_equal(s.steps[6].view.layers, 5);
+    assert_int_equal(s.steps[7].node.layers, 2);
+    assert_int_equal(s.steps[8].height, 40);
+    assert_float_equal(s.steps[9].number, 0.5, 0);
+    hg_cli_script_finish(&s);
+}
+
+static void test_looks_that_are_refused(void **state)
+{
+    static const char *const bad[] = {"set clip", "set clip 0,0,1", "set clip 0,0,nan 1",
+        "set clip 0,0,1 1 caps blue", "set clip 0,0,1 1 caps color 2,0,0",
+        "set clip 1,0,0 1 1,0,0 1 1,0,0 1 1,0,0 1 1,0,0 1 1,0,0 1 1,0,0 1", "set override",
+        "set override box", "set override box hidden maybe", "set override box tint 1,1,1",
+        "set override box alpha 2", "set override box shiny yes", "set view-variant",
+        "expect seen 1 2 0 4 node box > 1", "expect seen 1 2 3 4 box > 1",
+        "expect distance 1 2 3 > 1", "expect distance 1 2 3 4 near 1"};
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct hg_cli_script s;
+        struct hg_error err = {0};
+        assert_int_equal(hg_cli_script_parse("t.hs", bad[i], &source, &s, &err), HG_E_INVAL);
+        assert_string_equal(err.what, "t.hs:1");
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_looks),
+        cmocka_unit_test(test_looks_that_are_refused),
         cmocka_unit_test(test_good),
         cmocka_unit_test(test_path_keys),
         cmocka_unit_test(test_backgrounds),
