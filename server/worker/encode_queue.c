@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/sha256.h"
 #include "server/worker/picture_extremes.h"
+#include "server/worker/rate_control.h"
 
 enum {
     FRAME_DATA_LIMIT = 512 << 20, // of frame.data
@@ -35,6 +36,7 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
+    struct rate_control rate;
     struct encode_last last; // under the queue's lock
     _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
@@ -146,7 +148,8 @@ static enum hg_status fall_back(struct encode_stream *stream, struct encode_requ
     struct encode_output *out, struct hg_error *err)
 {
     const struct encoder_ops *ops = stream->queue->find(request->frame.encoding);
-    if (!ops->open || ops->pixels != HG_PIXEL_RGBA8 || request->to.request)
+    if (!ops->open || request->frame.encoding == HGP_encoding_JPEG ||
+        ops->pixels != HG_PIXEL_RGBA8 || request->to.request)
         return err->status;
     hg_warn(WORKER, "encoder %s: %s; JPEG takes its place", ops->name, err->reason);
     atomic_fetch_or(&stream->failed, 1u << request->frame.encoding);
@@ -155,6 +158,11 @@ static enum hg_status fall_back(struct encode_stream *stream, struct encode_requ
     *out = (struct encode_output){0};
     *err = (struct hg_error){0};
     return run_encoder(stream, request, out, err);
+}
+
+static bool is_stream(const struct encode_stream *stream, enum hgp_encoding encoding)
+{
+    return stream->queue->find(encoding)->open != NULL;
 }
 
 // What the frame says of its data.
@@ -175,6 +183,10 @@ static enum hg_status encode(struct encode_stream *stream, struct encode_request
 {
     if (request->key_frame)
         want_keys(stream);
+    if (!stream->queue->find(frame->encoding)->lossless ||
+        frame->encoding == HGP_encoding_TILES_JPEG)
+        request->quality = hg_rate_control_next(
+            &stream->rate, request->quality, request->bitrate, hg_clock_now_ns());
     enum hg_status status = run_encoder(stream, request, out, err);
     if (status)
         status = fall_back(stream, request, out, err);
@@ -182,6 +194,8 @@ static enum hg_status encode(struct encode_stream *stream, struct encode_request
         return status;
     frame->encoding = request->frame.encoding;
     describe(stream, out, frame);
+    hg_rate_control_spent(&stream->rate, out->data.size,
+        !frame->lossless && (out->depends || !is_stream(stream, frame->encoding)));
     note_extremes(request, stream->queue->find(frame->encoding)->pixels, frame);
     status = check_size(request, out->data.size ? out->data.size : request->pixels->size, err);
     if (status || !frame->settled || !frame->lossless)
