@@ -17,6 +17,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/program.h"
+#include "client/cli/bench_stream.h"
 #include "client/cli/cli.h"
 #include "client/cli/siege.h"
 
@@ -290,6 +291,11 @@ static enum hg_status run(struct bench *b, struct hg_error *err)
     hg_cli_progress_stage(&b->cli->progress, "measuring");
     if (strcmp(b->cli->options->args[0], "siege") == 0) {
         status = hg_cli_siege(b->cli, options, &b->report, err);
+        json_decref(options);
+        return status;
+    }
+    if (strcmp(b->cli->options->args[0], "stream") == 0) {
+        status = hg_cli_bench_stream(b->cli, options, &b->report, err);
         json_decref(options);
         return status;
     }
