@@ -68,6 +68,14 @@ static enum hg_status open_scene(struct stream *s, struct hg_error *err)
     return status;
 }
 
+// What comes without being asked for, such as signs of life.
+static void drop_messages(struct stream *s)
+{
+    struct helio_message *message;
+    while (helio_next(s->h, &message, NULL) == HG_OK)
+        helio_message_free(message);
+}
+
 static enum hg_status move(struct stream *s, uint32_t pose, struct hg_error *err)
 {
     const struct hgp_view_fit fit = {.view = VIEW,
@@ -76,6 +84,7 @@ static enum hg_status move(struct stream *s, uint32_t pose, struct hg_error *err
         .has_turntable = true,
         .turntable = true};
     struct hgp_view_camera camera = {.view = VIEW, .input_seq = ++s->seq};
+    drop_messages(s);
     const enum hg_status status = helio_camera_fit(s->h, &fit, &camera, err);
     return status ? status : helio_call_for(s->h, HGP_T_view_camera, &camera, HGP_T_ok, NULL, err);
 }
@@ -89,8 +98,8 @@ static uint64_t stage_ns(const struct hgp_frame *frame, const char *name)
     return 0;
 }
 
-static enum hg_status take(struct stream *s, enum hgp_encoding encoding, struct helio_message **out,
-    struct hg_error *err)
+static enum hg_status take(
+    struct stream *s, enum hgp_encoding encoding, struct helio_message **out, struct hg_error *err)
 {
     const struct hgp_frame_request request = {
         .view = VIEW, .settled = true, .has_encoding = true, .encoding = encoding};
@@ -112,8 +121,8 @@ static enum hg_status keep(struct stream *s, const struct coding *coding, uint32
     const struct hgp_frame *frame, struct hg_writer *file)
 {
     char name[4096];
-    hg_write_bytes(file, coding->file ? frame->data.data : NULL,
-        coding->file ? frame->data.size : 0);
+    hg_write_bytes(
+        file, coding->file ? frame->data.data : NULL, coding->file ? frame->data.size : 0);
     if (coding->encoding != HGP_encoding_PNG8)
         return file->failed ? HG_E_NOMEM : HG_OK;
     snprintf(name, sizeof name, "%s/pose-%04u.png", s->keep, pose);

@@ -36,6 +36,7 @@ struct hg_client_message {
     struct hg_arena arena;
     struct hgp_header header;
     uint8_t *payload;
+    uint64_t begun_ns; // when its header came
     struct hg_client_message *next;
 };
 
@@ -79,6 +80,7 @@ struct helio {
     struct hg_client_server server;
     uint32_t receive_limit, next_request;
     uint64_t timeout_ns, open_timeout_ns, heard_ns;
+    uint64_t rtt_ns; // of the newest helio_ping; 0 = none yet
 
     struct hg_writer out; // out.data[out_sent..out.size) waits to be sent
     size_t out_sent;
@@ -86,6 +88,7 @@ struct helio {
     struct hg_client_queue queue;
     struct helio_handlers handlers;
     struct hg_client_resume resume;
+    struct helio_tap tap;
 };
 
 // Ends the connection for a reason (the first one is kept) and reports it.

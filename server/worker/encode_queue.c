@@ -19,6 +19,7 @@ enum {
     DEADLINE_NS_PER_PX = 400, // some times as long as slow encoders take
     MAX_THREADS = 16,
     MAX_STAGES = 64,
+    SENT_FRAMES = 4, // of a stream, until the render thread takes notice
 };
 
 // An encoder of a stream between its frames. Used by the thread that runs the stream.
@@ -37,6 +38,8 @@ struct encode_stream {
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
     struct rate_control rate;
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the lock
+    uint32_t sent_first, sent_count;
     struct encode_last last; // under the queue's lock
     _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
@@ -225,6 +228,33 @@ static void note_last(
     pthread_mutex_unlock(&stream->queue->lock);
 }
 
+static void note_sent(struct encode_stream *stream, const struct hg_control_sent *sent)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    if (stream->sent_count == SENT_FRAMES) {
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    stream->sent[(stream->sent_first + stream->sent_count++) % SENT_FRAMES] = *sent;
+    pthread_mutex_unlock(&q->lock);
+}
+
+bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    const bool found = stream->sent_count > 0;
+    if (found) {
+        *out = stream->sent[stream->sent_first];
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    pthread_mutex_unlock(&q->lock);
+    return found;
+}
+
+// What became of it is noted first: what the client says of it must not come before.
 static void send_frame(struct encode_stream *stream, const struct encode_request *request,
     struct hgp_frame *frame, const struct encode_output *out, uint64_t encode_ns)
 {
@@ -233,7 +263,16 @@ static void send_frame(struct encode_stream *stream, const struct encode_request
     const size_t size = out->data.size ? out->data.size : request->pixels->size;
     frame->stages.items = stages;
     frame->stages.count = list_stages(request, encode_ns, stages);
+    frame->has_encode_end_ns = frame->has_sent_ns = true;
+    frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
     note_last(stream, request, size, encode_ns);
+    if (!request->to.request)
+        note_sent(stream, &(struct hg_control_sent){.number = frame->number,
+                              .bytes = size,
+                              .encode_ns = encode_ns,
+                              .sent_ns = frame->sent_ns,
+                              .quality = request->quality,
+                              .lossy = !frame->lossless});
     hg_reply_frame(request->to, frame, request->parts, data, size);
 }
 
@@ -245,6 +284,8 @@ static void encode_and_send(
     struct encode_output out = {0};
     struct hg_error err = {0};
     const uint64_t start = hg_clock_now_ns();
+    frame.has_encode_begin_ns = true;
+    frame.encode_begin_ns = start;
     hg_watch_begin(
         watch, (struct watch_work){request->to.channel, request->to.request, request->frame.view});
     enum hg_status status = encode(stream, request, &frame, &out, &err);
@@ -252,6 +293,8 @@ static void encode_and_send(
     if (status) {
         if (!err.status)
             hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
+        if (!request->to.request)
+            note_sent(stream, &(struct hg_control_sent){.failed = true});
         hg_reply_error(request->to, &err);
     } else {
         send_frame(stream, request, &frame, &out, hg_clock_now_ns() - start);

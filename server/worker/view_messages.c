@@ -184,6 +184,8 @@ void hg_handle_view_camera(const struct request *r)
     view->settings.camera = camera;
     view->settings.camera_node = node;
     view->settings.camera_given = true;
+    view->settings.input =
+        (struct view_input){m->has_received_ns ? m->received_ns : 0, r->received_ns};
     view->settings.camera_revision = r->session->scene->scene->revision;
     view->settings.changed = true;
     hg_request_ok(r);
@@ -247,10 +249,11 @@ void hg_handle_exposure_query(const struct request *r)
 
 void hg_handle_subscribe(const struct request *r)
 {
-    struct view_slot *view = hg_request_view(r, r->message->subscribe.view);
+    const struct hgp_subscribe *m = &r->message->subscribe;
+    struct view_slot *view = hg_request_view(r, m->view);
     if (!view)
         return;
-    hg_rate_subscribe(view, r->message->subscribe.credit_frames);
+    hg_rate_subscribe(view, m->credit_frames);
     hg_request_ok(r);
 }
 
@@ -259,6 +262,33 @@ void hg_handle_credit(const struct request *r)
     struct view_slot *view = hg_request_view(r, r->message->credit.view);
     if (view)
         hg_rate_add_credit(view, r->message->credit.frames);
+}
+
+// Of a client without a daemon in between.
+void hg_handle_taken(const struct request *r)
+{
+    const struct hgp_taken *m = &r->message->taken;
+    struct view_slot *view = hg_request_view(r, m->view);
+    if (!view)
+        return;
+    hg_rate_add_credit(view, 1);
+    hg_rate_delivered(view, &(struct hg_control_delivery){.number = m->number,
+                                .at_ns = r->received_ns,
+                                .begun_ns = m->begun_ns,
+                                .received_ns = m->received_ns,
+                                .rtt_ns = m->rtt_ns});
+}
+
+void hg_handle_delivered(const struct request *r)
+{
+    const struct hgp_delivered *m = &r->message->delivered;
+    struct view_slot *view = hg_view_slot_find(r->session, m->view);
+    if (view) // else it was closed meanwhile
+        hg_rate_delivered(view, &(struct hg_control_delivery){.number = m->number,
+                                    .at_ns = m->at_ns,
+                                    .begun_ns = m->begun_ns,
+                                    .received_ns = m->received_ns,
+                                    .rtt_ns = m->rtt_ns});
 }
 
 void hg_handle_key_frame(const struct request *r)

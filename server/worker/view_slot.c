@@ -76,3 +76,8 @@ bool hg_view_slot_is_stale(const struct session *session, const struct view_slot
     return !view->progress.stepped || view->settings.changed ||
            view->progress.info.scene_revision != session->scene->scene->revision;
 }
+
+bool hg_view_slot_is_watched(const struct view_slot *view)
+{
+    return view->subscription.credit > 0 && !view->subscription.hidden;
+}

@@ -71,8 +71,12 @@ static void encoder_close(void *state)
 
 static const struct encoder_ops *find_encoder(enum hgp_encoding encoding)
 {
-    static const struct encoder_ops ops = {
-        "test", HG_PIXEL_RGBA8, false, encoder_open, encoder_encode, encoder_close, .motion = true};
+    static const struct encoder_ops ops = {.name = "test",
+        .pixels = HG_PIXEL_RGBA8,
+        .open = encoder_open,
+        .encode = encoder_encode,
+        .close = encoder_close,
+        .motion = true};
     return encoding == HGP_encoding_JPEG ? &ops : hg_encoder_find(encoding);
 }
 
