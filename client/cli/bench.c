@@ -18,6 +18,7 @@
 #include "base/file.h"
 #include "base/program.h"
 #include "client/cli/bench_flow.h"
+#include "client/cli/bench_stream.h"
 #include "client/cli/cli.h"
 #include "client/cli/siege.h"
 
@@ -287,7 +288,8 @@ static const struct {
     const char *name;
     enum hg_status (*run)(
         struct hg_cli *cli, const json_t *options, char **report, struct hg_error *err);
-} own[] = {{"siege", hg_cli_siege}, {"latency", hg_cli_bench_latency}, {"many", hg_cli_bench_many}};
+} own[] = {{"siege", hg_cli_siege}, {"latency", hg_cli_bench_latency}, {"many", hg_cli_bench_many},
+    {"stream", hg_cli_bench_stream}};
 
 static enum hg_status run(struct bench *b, struct hg_error *err)
 {

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "base/sha256.h"
 #include "server/worker/picture_extremes.h"
+#include "server/worker/rate_control.h"
 
 enum {
     FRAME_DATA_LIMIT = 512 << 20, // of frame.data
@@ -36,7 +37,8 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
-    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the queue's lock
+    struct rate_control rate;
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the lock
     uint32_t sent_first, sent_count;
     _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
@@ -148,7 +150,8 @@ static enum hg_status fall_back(struct encode_stream *stream, struct encode_requ
     struct encode_output *out, struct hg_error *err)
 {
     const struct encoder_ops *ops = stream->queue->find(request->frame.encoding);
-    if (!ops->open || ops->pixels != HG_PIXEL_RGBA8 || request->to.request)
+    if (!ops->open || request->frame.encoding == HGP_encoding_JPEG ||
+        ops->pixels != HG_PIXEL_RGBA8 || request->to.request)
         return err->status;
     hg_warn(WORKER, "encoder %s: %s; JPEG takes its place", ops->name, err->reason);
     atomic_fetch_or(&stream->failed, 1u << request->frame.encoding);
@@ -157,6 +160,11 @@ static enum hg_status fall_back(struct encode_stream *stream, struct encode_requ
     *out = (struct encode_output){0};
     *err = (struct hg_error){0};
     return run_encoder(stream, request, out, err);
+}
+
+static bool is_stream(const struct encode_stream *stream, enum hgp_encoding encoding)
+{
+    return stream->queue->find(encoding)->open != NULL;
 }
 
 // What the frame says of its data.
@@ -177,6 +185,10 @@ static enum hg_status encode(struct encode_stream *stream, struct encode_request
 {
     if (request->key_frame)
         want_keys(stream);
+    if (!stream->queue->find(frame->encoding)->lossless ||
+        frame->encoding == HGP_encoding_TILES_JPEG)
+        request->quality = hg_rate_control_next(
+            &stream->rate, request->quality, request->bitrate, hg_clock_now_ns());
     enum hg_status status = run_encoder(stream, request, out, err);
     if (status)
         status = fall_back(stream, request, out, err);
@@ -184,6 +196,8 @@ static enum hg_status encode(struct encode_stream *stream, struct encode_request
         return status;
     frame->encoding = request->frame.encoding;
     describe(stream, out, frame);
+    hg_rate_control_spent(&stream->rate, out->data.size,
+        !frame->lossless && (out->depends || !is_stream(stream, frame->encoding)));
     note_extremes(request, stream->queue->find(frame->encoding)->pixels, frame);
     status = check_size(request, out->data.size ? out->data.size : request->pixels->size, err);
     if (status || !frame->settled || !frame->lossless)

@@ -3,6 +3,7 @@
 #ifndef HG_SERVER_WORKER_ENCODE_REQUEST_H
 #define HG_SERVER_WORKER_ENCODE_REQUEST_H
 
+#include "base/bytes.h"
 #include "renderer/renderer.h"
 #include "server/worker/reply.h"
 
@@ -40,6 +41,16 @@ struct encode_request {
     } planes[ENCODE_MAX_PLANES];  // EXR only
     uint32_t plane_count;
     struct hg_matte mattes[ENCODE_MATTES]; // by kind; without ranks: not requested
+};
+
+enum { ENCODER_CODEC_BYTES = 33 };
+
+// What becomes of a request.
+struct encode_output {
+    struct hg_writer data;           // none: the pixels are sent as they are
+    bool depends;                    // on the frame before of the same state
+    bool lossy;                      // of an encoder that is `lossless` at other times
+    char codec[ENCODER_CODEC_BYTES]; // video, key frames: RFC 6381
 };
 
 // Key of the text attribute that holds the hash of what a file was made from.

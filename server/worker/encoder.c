@@ -1,7 +1,12 @@
 #include "server/worker/encoder.h"
 
 #include "renderer/image/zstd.h"
+#include "server/worker/encode_av1.h"
 #include "server/worker/encode_exr.h"
+#include "server/worker/encode_openh264.h"
+#include "server/worker/encode_tiles.h"
+#include "server/worker/encode_x264.h"
+#include "server/worker/h264.h"
 
 static enum hg_status encode_raw(void *state, const struct encode_request *request,
     struct encode_output *out, struct hg_error *err)
@@ -89,6 +94,24 @@ static const struct encoder_ops encoders[ENCODER_COUNT] = {
         .alpha = true},
     [HGP_encoding_EXR_FLOAT] = {"exr32f", HG_PIXEL_RGBA32F, true, .encode = encode_exr_file,
         .alpha = true},
+#ifdef HG_HAVE_X264
+    [HGP_encoding_H264] = {"x264", HG_PIXEL_RGBA8, false, hg_x264_open, hg_x264_encode,
+        hg_x264_close, .motion = true, .most_px = HG_H264_MOST_PX},
+    [HGP_encoding_H264_444] = {"x264-444", HG_PIXEL_RGBA8, false, hg_x264_open, hg_x264_encode,
+        hg_x264_close, .motion = true, .most_px = HG_H264_MOST_PX},
+#elif defined(HG_HAVE_OPENH264)
+    [HGP_encoding_H264] = {"openh264", HG_PIXEL_RGBA8, false, hg_openh264_open, hg_openh264_encode,
+        hg_openh264_close, .motion = true, .most_px = HG_H264_MOST_PX},
+#endif
+#ifdef HG_HAVE_AOM
+    [HGP_encoding_AV1] = {"av1", HG_PIXEL_RGBA8, false, hg_av1_open, hg_av1_encode, hg_av1_close,
+        .motion = true, .most_px = HG_AV1_MOST_PX},
+#endif
+    [HGP_encoding_TILES] = {"tiles", HG_PIXEL_RGBA8, true, hg_tiles_open, hg_tiles_encode,
+        hg_tiles_close, .motion = true, .alpha = true},
+    [HGP_encoding_TILES_JPEG] = {"tiles-jpeg", HG_PIXEL_RGBA8, true, hg_tiles_open,
+        hg_tiles_encode_jpeg, hg_tiles_close, .motion = true, .alpha = true,
+        .shares = 1 + HGP_encoding_TILES},
     [HGP_encoding_JPEG_444] = {"jpeg444", HG_PIXEL_RGBA8, false, .encode = encode_jpeg,
         .motion = true},
 };

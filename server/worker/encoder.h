@@ -6,16 +6,6 @@
 #include "base/bytes.h"
 #include "server/worker/encode_request.h"
 
-enum { ENCODER_CODEC_BYTES = 33 };
-
-// What becomes of a request.
-struct encode_output {
-    struct hg_writer data;           // none: the pixels are sent as they are
-    bool depends;                    // on the frame before of the same state
-    bool lossy;                      // of an encoder that is `lossless` at other times
-    char codec[ENCODER_CODEC_BYTES]; // video, key frames: RFC 6381
-};
-
 // One encoding. A view that uses it opens a state with its first frame and closes it when the view
 // goes, or when its frames change size: what an encoder needs to know of the frames before (video,
 // tiles) is kept there. Encoders without state leave open and close NULL and get NULL.

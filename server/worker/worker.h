@@ -16,7 +16,9 @@
 //   shader_seed                             compiled shaders in advance
 //   view_params frame_planes picture_extremes    parameters, planes and pixels, of protocol and
 //   renderer encode_request                          a frame to be encoded, and what its file says
-//   encode_exr
+//   encode_exr encode_tiles yuv rate_control    files and frames as bytes
+//   h264
+//   encode_openh264 encode_x264 encode_av1  video
 //   encoder                                 encodings behind one interface
 //   encode_queue                            a stream of requests for each view, encoder threads
 //   io_thread task                          the socketpair; loads and comparisons

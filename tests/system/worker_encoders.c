@@ -75,7 +75,8 @@ static const struct encoder_ops *find_encoder(enum hgp_encoding encoding)
         .pixels = HG_PIXEL_RGBA8,
         .open = encoder_open,
         .encode = encoder_encode,
-        .close = encoder_close};
+        .close = encoder_close,
+        .motion = true};
     return encoding == HGP_encoding_JPEG ? &ops : hg_encoder_find(encoding);
 }
 
@@ -400,6 +401,110 @@ static void test_a_view_closes_while_its_frame_is_encoded(void **state)
     await_count(&encoder.closed, 1);
 }
 
+// ---- codecs -------------------------------------------------------------------------------------
+
+// The first message of this type.
+static void await_type(struct rig *rig, enum hgp_type type)
+{
+    do
+        next_message(rig);
+    while (rig->header.type != type);
+}
+
+static void set_codecs(struct rig *rig, const uint8_t *codecs, uint32_t count)
+{
+    expect_ok(rig, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = QUICK, .has_codecs = true, .codecs = {(uint8_t *)codecs, count}});
+}
+
+// The next frame in motion, for a new camera.
+static const struct hgp_frame *moved(struct rig *rig, uint64_t seq)
+{
+    const struct hgp_view_camera next = camera(QUICK, seq);
+    const struct hgp_frame *frame;
+    ask(rig, HGP_T_view_camera, &next);
+    do
+        frame = next_frame(rig);
+    while (frame->input_seq != seq);
+    return frame;
+}
+
+// The first of the client's codecs that this build has; what it cannot decode gives way to the next
+// one, and a new list begins anew.
+static void test_codecs_are_negotiated(void **state)
+{
+    struct rig *rig = *state;
+    const uint8_t codecs[] = {200, HGP_encoding_EXR_HALF, HGP_encoding_TILES_JPEG,
+        HGP_encoding_JPEG_444, HGP_encoding_RAW_RGBA8};
+    set_view(rig, QUICK, SIDE, HGP_encoding_RAW_RGBA8);
+    set_codecs(rig, codecs, sizeof codecs);
+    await_type(rig, HGP_T_view_codec); // neither unknown ones nor those that are for files
+    assert_int_equal(rig->message.view_codec.encoding, HGP_encoding_TILES_JPEG);
+    ask(rig, HGP_T_subscribe, &(struct hgp_subscribe){.view = QUICK, .credit_frames = 1000});
+    assert_int_equal(moved(rig, 1)->encoding, HGP_encoding_TILES_JPEG);
+    expect_ok(rig, HGP_T_key_frame,
+        &(struct hgp_key_frame){
+            .view = QUICK, .has_failed = true, .failed = HGP_encoding_TILES_JPEG});
+    await_type(rig, HGP_T_view_codec);
+    assert_int_equal(rig->message.view_codec.encoding, HGP_encoding_JPEG_444);
+    assert_int_equal(moved(rig, 2)->encoding, HGP_encoding_JPEG_444);
+    set_codecs(rig, codecs, 3);
+    await_type(rig, HGP_T_view_codec);
+    assert_int_equal(rig->message.view_codec.encoding, HGP_encoding_TILES_JPEG);
+    set_codecs(rig, codecs, 2); // none will do: `encoding`
+    await_type(rig, HGP_T_view_codec);
+    assert_int_equal(rig->message.view_codec.encoding, HGP_encoding_RAW_RGBA8);
+}
+
+// With alpha an encoding that keeps it comes first.
+static void test_codecs_of_a_view_without_background(void **state)
+{
+    struct rig *rig = *state;
+    const uint8_t codecs[] = {HGP_encoding_JPEG_444, HGP_encoding_TILES};
+    set_view(rig, QUICK, SIDE, HGP_encoding_RAW_RGBA8);
+    expect_ok(rig, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = QUICK, .has_background = true, .background = HGP_background_NONE});
+    set_codecs(rig, codecs, 2);
+    await_type(rig, HGP_T_view_codec);
+    assert_int_equal(rig->message.view_codec.encoding, HGP_encoding_TILES);
+}
+
+// Each frame names the one before of its decoder, whatever is left out; a subscription and a
+// request begin with a key frame.
+static void test_frames_say_what_they_depend_on(void **state)
+{
+    struct rig *rig = *state;
+    const uint8_t codecs[] = {HGP_encoding_H264, HGP_encoding_TILES};
+    uint64_t before = 0;
+    set_view(rig, QUICK, SIDE, HGP_encoding_RAW_RGBA8);
+    set_codecs(rig, codecs, sizeof codecs);
+    ask(rig, HGP_T_subscribe, &(struct hgp_subscribe){.view = QUICK, .credit_frames = 1000});
+    for (uint64_t seq = 1; seq <= 12; seq++) {
+        const struct hgp_view_camera next = camera(QUICK, seq);
+        const struct hgp_frame *frame;
+        if (seq == 7) { // frames may be under way meanwhile
+            expect_ok(rig, HGP_T_key_frame, &(struct hgp_key_frame){.view = QUICK});
+            before = 0;
+        }
+        bool key = false;
+        ask(rig, HGP_T_view_camera, &next);
+        do { // settled frames of another encoding lie between
+            frame = next_frame(rig);
+            if (frame->encoding == HGP_encoding_RAW_RGBA8)
+                continue;
+            key |= !frame->has_depends;
+            if (frame->has_depends && before)
+                assert_int_equal(frame->number - frame->depends, before);
+            assert_int_equal(
+                frame->has_codec, !frame->has_depends && frame->encoding != HGP_encoding_TILES);
+            before = frame->number;
+        } while (frame->input_seq != seq || frame->encoding == HGP_encoding_RAW_RGBA8);
+        assert_int_equal(key, seq == 1 || seq == 7);
+    }
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
@@ -409,6 +514,9 @@ int main(void)
         TEST(test_frames_of_a_view_stay_in_order_with_one_state),
         TEST(test_a_failed_frame_is_answered_and_the_next_begins_anew),
         TEST(test_a_view_closes_while_its_frame_is_encoded),
+        TEST(test_codecs_are_negotiated),
+        TEST(test_codecs_of_a_view_without_background),
+        TEST(test_frames_say_what_they_depend_on),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
