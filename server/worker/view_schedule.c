@@ -11,6 +11,7 @@
 #define STEP_NS        50000000u
 #define SHARED_STEP_NS 16000000u
 #define MOVING_NS      500000000u // after its newest step a view counts as moving
+#define REFINE_NS      100000000u // and is refined: the next camera must not wait for that
 #define MESSAGES_NS    20000000u // of a session before its views have a turn
 
 // ---- steps --------------------------------------------------------------------------------------
@@ -97,10 +98,19 @@ static bool rests(const struct session *session, const struct view_slot *view)
            view->progress.failed_revision == session->scene->scene->revision;
 }
 
+// How long a watched view that has just moved is still left as it is, unless it moves again.
+static uint64_t unrefined_ns(const struct view_slot *view)
+{
+    const uint64_t now_ns = hg_clock_now_ns(), until_ns = view->progress.moved_ns + REFINE_NS;
+    const bool moved = view->progress.moved_ns && hg_view_slot_is_watched(view) && !view->waits;
+    return moved && now_ns < until_ns ? until_ns - now_ns : 0;
+}
+
 // Whether there is more to draw, for an encoder with room or for the settled frame.
 static bool wants_step(const struct session *session, const struct view_slot *view)
 {
-    if (!hg_view_slot_is_stale(session, view) && view->progress.info.settled)
+    if (!hg_view_slot_is_stale(session, view) &&
+        (view->progress.info.settled || unrefined_ns(view)))
         return false;
     bool wanted = hg_encode_stream_has_room(view->encoder);
     for (const struct frame_wait *it = view->waits; it && !wanted; it = it->next)
@@ -143,6 +153,9 @@ static bool has_work(const struct session *session, struct view_slot *view, uint
         return false;
     if (wants_step(session, view))
         return true;
+    const uint64_t unrefined = view->progress.info.settled ? 0 : unrefined_ns(view);
+    if (unrefined && *wait_ns > unrefined)
+        *wait_ns = unrefined;
     if (!hg_encode_stream_has_room(view->encoder))
         return false;
     if (view->waits)
