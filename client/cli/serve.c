@@ -32,16 +32,17 @@ struct serve {
     struct hg_cli cli;
     const struct hg_cli_options *o;
     struct hg_cli_args args;
-    char folder[64];  // of the tokens; "" until it is there
+    char folder[64]; // of the tokens; "" until it is there
     char program[4096];
-    int fd; // listening; -1
+    int fd;    // listening; -1
     pid_t pid; // of the daemon; 0
     uint16_t port;
     char owner[SECRET_TEXT], guest[SECRET_TEXT]; // tokens
     char scene[128], host[256], page[1024];
 };
 
-// ---- the socket ----------------------------------------------------------------------------------
+// ---- the socket
+// ----------------------------------------------------------------------------------
 
 static const char *listen_host(const struct serve *s)
 {
@@ -77,8 +78,7 @@ static void take_names(struct serve *s, const struct sockaddr *name)
     snprintf(s->host, sizeof s->host, is_six ? "[%s]" : "%s", text);
 }
 
-static enum hg_status try_listen(
-    struct serve *s, const struct addrinfo *at, struct hg_error *err)
+static enum hg_status try_listen(struct serve *s, const struct addrinfo *at, struct hg_error *err)
 {
     const int yes = 1;
     struct sockaddr_storage name = {0};
@@ -111,14 +111,15 @@ static enum hg_status open_socket(struct serve *s, struct hg_error *err)
     snprintf(port, sizeof port, "%u", s->o->has_port ? s->o->port : 0);
     const int failed = getaddrinfo(listen_host(s), port, &hints, &list);
     if (failed)
-        return hg_error_set(err, HG_E_INVAL, "--listen", NULL, "'%s': %s", listen_host(s),
-            gai_strerror(failed));
+        return hg_error_set(
+            err, HG_E_INVAL, "--listen", NULL, "'%s': %s", listen_host(s), gai_strerror(failed));
     enum hg_status status = try_listen(s, list, err);
     freeaddrinfo(list);
     return status;
 }
 
-// ---- the daemon ----------------------------------------------------------------------------------
+// ---- the daemon
+// ----------------------------------------------------------------------------------
 
 static enum hg_status make_secret(char text[SECRET_TEXT], struct hg_error *err)
 {
@@ -279,7 +280,8 @@ static void stop_daemon(struct serve *s)
         nftw(s->folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
 }
 
-// ---- the scene and its page ----------------------------------------------------------------------
+// ---- the scene and its page
+// ----------------------------------------------------------------------
 
 // The file's name in letters that an address shows as they are.
 static void name_scene(struct serve *s)
@@ -316,8 +318,7 @@ static enum hg_status load_scene(struct serve *s, struct hg_error *err)
     if (!status) {
         hg_cli_progress_stage(&s->cli.progress, "loading");
         load.path = hgp_str_make(path);
-        status =
-            helio_call_for(s->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, NULL, err);
+        status = helio_call_for(s->cli.h, HGP_T_asset_load, &load, HGP_T_asset_loaded, NULL, err);
     }
     hg_cli_progress_warnings(&s->cli.progress);
     hg_free(path);
@@ -406,8 +407,7 @@ enum hg_cli_exit hg_cli_serve(const struct hg_cli_options *options)
         show_page(&s);
         status = hold(&s, &err);
     }
-    const enum hg_cli_exit code =
-        status ? hg_cli_report(&s.cli, doing, &err) : HG_CLI_EXIT_OK;
+    const enum hg_cli_exit code = status ? hg_cli_report(&s.cli, doing, &err) : HG_CLI_EXIT_OK;
     hg_cli_finish(&s.cli, code);
     stop_daemon(&s);
     if (s.fd >= 0)

@@ -4,7 +4,7 @@ _helio()
     local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]}
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W 'render info compare run bake cache bench ping stats quarantine sessions view --help --version' -- "$cur"))
+        COMPREPLY=($(compgen -W 'render info compare run bake cache bench serve ping stats quarantine sessions view --help --version' -- "$cur"))
         return
     fi
     case "${COMP_WORDS[1]} $prev" in
@@ -31,6 +31,9 @@ _helio()
     'bake --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'cache --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bench --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'serve --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
+    'serve --role') COMPREPLY=($(compgen -W 'view edit' -- "$cur")); return ;;
+    'serve --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'view --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'view --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'view --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
@@ -54,6 +57,7 @@ _helio()
     bake) options='--output --textures-only --geometry-only --stats --scene --point-size --strict --timeout --asset-root --host-budget --cache-limit --threads --log --quiet --verbose --progress --help' ;;
     cache) options='--verify --clear --json --cache-dir --progress --help' ;;
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --progress --help' ;;
+    serve) options='--up --point-size --port --listen --role --open --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --verbose --progress --help' ;;
     ping) options='--count --connect --token --token-file --timeout --help' ;;
     stats) options='--connect --token --token-file --timeout --help' ;;
     quarantine) options='--json --connect --token --token-file --timeout --help' ;;
