@@ -22,13 +22,13 @@ static enum hg_status take_offset(struct hg_viewer *v, struct hg_error *err)
         const uint64_t begin_ns = hg_clock_now_ns();
         if (!status)
             status = helio_call_for(
-                v->h, HGP_T_ping, &(struct hgp_ping){.nonce = begin_ns}, HGP_T_pong, &answer, err);
+                v->h, HGP_T_clock_query, &(struct hgp_clock_query){0}, HGP_T_clock, &answer, err);
         if (status)
             return status;
         const uint64_t took_ns = answer->received_ns - begin_ns;
-        if (took_ns < v->rtt_ns && answer->body->pong.has_time_ns) {
+        if (took_ns < v->rtt_ns) {
             v->rtt_ns = took_ns;
-            v->offset_ns = (int64_t)answer->body->pong.time_ns - (int64_t)(begin_ns + took_ns / 2);
+            v->offset_ns = (int64_t)answer->body->clock.time_ns - (int64_t)(begin_ns + took_ns / 2);
         }
         helio_message_free(answer);
     }
@@ -51,6 +51,8 @@ static enum hg_status open_view(struct hg_viewer *v, struct hg_error *err)
         .exposure_mode = HGP_exposure_mode_FIXED,
         .has_encoding = true,
         .encoding = o->encoding,
+        .has_names = true,
+        .names = 1,
         .has_max_fps = true,
         .max_fps = 1000,
         .has_target_fps = true,
@@ -98,9 +100,8 @@ enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
     if (status)
         return status;
     return helio_call_for(v->h, HGP_T_subscribe,
-        &(struct hgp_subscribe){
-            .view = HG_VIEWER_VIEW, .credit_frames = CREDIT, .has_named = true, .named = true},
-        HGP_T_ok, NULL, err);
+        &(struct hgp_subscribe){.view = HG_VIEWER_VIEW, .credit_frames = CREDIT}, HGP_T_ok, NULL,
+        err);
 }
 
 void hg_viewer_close(struct hg_viewer *v)

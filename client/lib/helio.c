@@ -299,10 +299,8 @@ void helio_interrupt(struct helio *h)
 enum hg_status helio_taken(struct helio *h, const struct helio_message *frame, struct hg_error *err)
 {
     if (frame->type != HGP_T_frame || frame->request)
-        return hg_error_set(err, HG_E_INVAL, "credit", NULL, "is for frames of a subscription");
-    const struct hgp_credit credit = {.view = frame->body->frame.view,
-        .frames = 1,
-        .has_number = true,
+        return hg_error_set(err, HG_E_INVAL, "taken", NULL, "is for frames of a subscription");
+    const struct hgp_taken taken = {.view = frame->body->frame.view,
         .number = frame->body->frame.number,
         .has_begun_ns = true,
         .begun_ns = frame->begun_ns,
@@ -310,5 +308,5 @@ enum hg_status helio_taken(struct helio *h, const struct helio_message *frame, s
         .received_ns = frame->received_ns,
         .has_rtt_ns = h->rtt_ns > 0,
         .rtt_ns = h->rtt_ns};
-    return helio_send(h, HGP_T_credit, &credit, NULL, err);
+    return helio_send(h, HGP_T_taken, &taken, NULL, err);
 }

@@ -94,16 +94,18 @@ class App {
         const open = () => this.opening.input.click();
         const picture = () => this.attempt(() => takePicture(this));
         const link = () => this.attempt(() => share(this));
-        const people = opener("people", "people", "People", { class: "icon-button only-wide", hidden: true });
+        const people = opener("people", "people", "People", { ...wide, hidden: true });
         this.people = new People(this, $("panel-people"), people,
             () => this.panels.set("people", false));
         const more = () => [
             ["Open files", "open", "", open], ["Screenshot", "camera", "", picture],
             ["Share", "share", "", link],
-            ...this.people.isThere ? [["People", "people", "", () => this.panels.toggle("people")]] : [],
+            ...this.people.isThere
+                ? [["People", "people", "", () => this.panels.toggle("people")]] : [],
             ["Help", "help", "?", showHelp]];
         $("menu").append(iconButton("open", "Open files", open, wide),
-            iconButton("camera", "Screenshot", picture, wide), iconButton("share", "Share", link, wide),
+            iconButton("camera", "Screenshot", picture, wide),
+            iconButton("share", "Share", link, wide),
             people, opener("scene", "scene", "Scene"), opener("view", "view", "View"),
             opener("stats", "stats", "Statistics"), iconButton("help", "Help", showHelp, wide),
             menuButton("more", "More", more, { class: "icon-button only-narrow" }),
@@ -122,7 +124,7 @@ class App {
         $("tools").addEventListener("keydown", (e) => this.toolKey(e));
     }
 
-    // A toolbar is one tab stop per group for some readers; arrows go along it for all.
+    // Arrows go along the toolbar, beside Tab.
     toolKey(event) {
         const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
         const all = [...$("tools").querySelectorAll("button")];
@@ -147,7 +149,8 @@ class App {
         scene.addEventListener("changed", () => this.onScene());
         scene.addEventListener("assets", () => this.refreshScene());
         new ResizeObserver(() => view.resize()).observe(canvas);
-        matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => view.resize());
+        matchMedia(`(resolution: ${devicePixelRatio}dppx)`)
+            .addEventListener("change", () => view.resize());
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         addEventListener("pagehide", () => this.leave());
         addEventListener("hashchange", () => location.reload());
@@ -170,6 +173,7 @@ class App {
         clearInterval(this.waitTimer);
         if (state === "open") {
             this.curtain.hide();
+            this.status.set("live", "Preparing", "The first picture is on its way");
             return;
         }
         this.view.stop();
@@ -281,7 +285,7 @@ class App {
 
     onVerified(isSame) {
         if (isSame)
-            this.status.set("settled", "Settled, exact",
+            this.status.set("settled", "Exact",
                 "The pixels shown are those that the server rendered, bit by bit");
     }
 
@@ -320,9 +324,10 @@ class App {
 
     // Input does nothing while another session moves the camera that this view follows.
     explainFollowing() {
-        const who = this.people.nameOf(this.people.shared.holder);
-        toast(`This view follows the shared camera${this.people.shared.holder ? ` of ${who}` : ""}.`,
-            "info", ["Leave it", () => this.attempt(() => this.people.setFollow(false))]);
+        const { holder } = this.people.shared;
+        const of = holder ? ` of ${this.people.nameOf(holder)}` : "";
+        toast(`This view follows the shared camera${of}.`, "info",
+            ["Leave it", () => this.attempt(() => this.people.setFollow(false))]);
     }
 
     fly(to) {
@@ -361,7 +366,8 @@ class App {
     standardView(at) {
         if (Array.isArray(at))
             return this.fit(0n, at.map(radians));
-        return this.attempt(async () => this.fly(makeCamera(await this.view.fitted({ cameras: false }))));
+        return this.attempt(async () =>
+            this.fly(makeCamera(await this.view.fitted({ cameras: false }))));
     }
 
     follow(id) {
@@ -415,7 +421,8 @@ class App {
             KeyF: () => this.fit(event.shiftKey ? this.inspector.selection?.id ?? 0n : 0n),
             KeyM: () => this.inspector.toggleTool("measure"),
             KeyN: () => this.inspector.toggleTool("note"),
-            KeyP: () => this.setParams({ mode: this.view.params.mode === "PATH" ? "REALTIME" : "PATH" }),
+            KeyP: () => this.setParams(
+                { mode: this.view.params.mode === "PATH" ? "REALTIME" : "PATH" }),
             KeyC: () => this.panels.toggle("scene"), KeyV: () => this.panels.toggle("view"),
             KeyT: () => this.panels.toggle("stats"), Space: () => this.timeline.toggle(),
             Enter: () => this.inspector.pick(0.5, 0.5), Escape: () => this.escape(),
@@ -519,7 +526,8 @@ class App {
         if (name === "stats")
             this.stats.draw();
         if (isOpen)
-            $(`panel-${name}`).querySelector("input, button, summary")?.focus({ preventScroll: true });
+            ($(`panel-${name}`).querySelector("input, select, dl, ul button")
+                ?? $(`panel-${name}`).querySelector("button")).focus({ preventScroll: true });
     }
 
 }

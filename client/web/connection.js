@@ -1,8 +1,8 @@
 // connection.js - a session with heliod over a WebSocket: bytes to messages, requests to answers,
 // and a new connection in place of a lost one. Knows no pictures and no page.
 //
-// Events: "frame" (detail: the message), "message" (detail: { name, body } of any other message
-// that answers no request), "state" (detail: the new state), "opened" (detail: { resumed }),
+// Events: "frame" (detail: { frame, begun_ms, received_ms }), "message" (detail: { name, body } of
+// any other message that answers no request), "state" (detail: the new state), "opened" (detail: { resumed }),
 // "auth" (a token is needed; detail: RequestError or null).
 import {
     PREFACE, HEADER_BYTES, decode, decodeHeader, encode, findMessage, status as statusCodes,
@@ -13,6 +13,7 @@ const SUBPROTOCOL = "hgp.1";
 const FRAME_LIMIT = 560 * 1024 * 1024;
 const PING_MS = 2000;
 const SILENCE_MS = 15000;
+const KEPT_PINGS = 10;
 const RETRY_MS = [250, 500, 1000, 2000, 4000, 8000];
 
 const statusNames = Object.fromEntries(Object.entries(statusCodes).map(([k, v]) => [v, k]));
@@ -36,11 +37,12 @@ const closedError = (reason) =>
 // Pieces of a byte stream to whole messages. A large message is copied once.
 class Assembler {
     constructor(onMessage) {
-        this.onMessage = onMessage;
+        this.onMessage = onMessage; // (bytes, when the first of them came)
         this.rest = new Uint8Array(0);
         this.large = null; // { bytes, filled } of a message that has not fully come
     }
     push(bytes) {
+        const now_ms = performance.now();
         if (this.large)
             bytes = this.fill(bytes);
         if (this.rest.length && bytes.length) {
@@ -53,11 +55,11 @@ class Assembler {
         while (bytes.length >= HEADER_BYTES) {
             const end = HEADER_BYTES + decodeHeader(bytes, FRAME_LIMIT).length;
             if (bytes.length < end) {
-                this.large = { bytes: new Uint8Array(end), filled: 0 };
+                this.large = { bytes: new Uint8Array(end), filled: 0, begun_ms: now_ms };
                 this.fill(bytes);
                 return;
             }
-            this.onMessage(bytes.subarray(0, end));
+            this.onMessage(bytes.subarray(0, end), now_ms);
             bytes = bytes.subarray(end);
         }
         if (bytes.length)
@@ -70,7 +72,7 @@ class Assembler {
         large.filled += part.length;
         if (large.filled === large.bytes.length) {
             this.large = null;
-            this.onMessage(large.bytes);
+            this.onMessage(large.bytes, large.begun_ms);
         }
         return bytes.subarray(part.length);
     }
@@ -92,6 +94,7 @@ export class Connection extends EventTarget {
         this.role = "NONE";
         this.server = "";
         this.rtt_ms = 0;
+        this.pings = []; // the last ones: { rtt_ms, offset_ms }
         this.bytesIn = 0;
         this.bytesOut = 0;
         this.lastError = null;
@@ -122,7 +125,7 @@ export class Connection extends EventTarget {
         const socket = new WebSocket(this.url, SUBPROTOCOL);
         socket.binaryType = "arraybuffer";
         this.socket = socket;
-        this.assembler = new Assembler((bytes) => this.receive(bytes));
+        this.assembler = new Assembler((bytes, begun_ms) => this.receive(bytes, begun_ms));
         socket.onopen = () => this.greet().catch((error) => this.fail(error, socket));
         socket.onmessage = (event) => this.take(event, socket);
         socket.onclose = () => this.lost(socket);
@@ -154,7 +157,8 @@ export class Connection extends EventTarget {
         const { token, ticket } = this;
         try {
             // A join ticket may be used up: it still lets its session in again.
-            const { role, name } = ticket ? await this.call("auth_resume", { token, secret: ticket })
+            const { role, name } = ticket
+                ? await this.call("auth_resume", { token, secret: ticket })
                 : await this.call("auth", { token });
             this.role = role;
             this.name = name;
@@ -245,14 +249,14 @@ export class Connection extends EventTarget {
         this.setState("closed");
     }
 
-    // Pings, and gives up on a connection that has been silent for long.
+    // Asks for the server's clock, and gives up on a connection that has been silent for long.
     beat() {
         if (performance.now() - this.heard_ms > SILENCE_MS && this.socket) {
             this.lastError = closedError("the server does not answer");
             const { socket } = this;
             this.lost(socket);
         } else if (this.isOpen) {
-            this.send("ping", { nonce: BigInt(Math.round(performance.now() * 1000)) });
+            this.askClock().catch(() => {}); // a lost connection says so itself
         }
     }
 
@@ -302,7 +306,7 @@ export class Connection extends EventTarget {
         }
     }
 
-    receive(bytes) {
+    receive(bytes, begun_ms) {
         const header = decodeHeader(bytes, FRAME_LIMIT);
         const known = findMessage(header.type);
         if (!known)
@@ -320,8 +324,9 @@ export class Connection extends EventTarget {
             this.limits.set(body.request, body);
         } else if (known.name === "join_scene") {
             this.joined = body.scene;
-        } else if (known.name === "pong") {
-            this.rtt_ms = Math.max(0, performance.now() - Number(body.nonce) / 1000);
+        } else if (known.name === "frame" && !request) {
+            this.dispatchEvent(new CustomEvent("frame", { detail:
+                { frame: body, begun_ms, received_ms: performance.now() } }));
         } else if (request) {
             this.answer(header.request, request, known.name, body);
         } else if (known.name === "error" && header.request === 0) {
@@ -329,6 +334,28 @@ export class Connection extends EventTarget {
         } else {
             this.tell(known.name, body);
         }
+    }
+
+    // The round trip, and how far the server's clock is ahead: the fastest one tells it best.
+    async askClock() {
+        const sent_ms = performance.now();
+        const { time_ns } = await this.call("clock_query", {});
+        this.rtt_ms = performance.now() - sent_ms;
+        this.pings.push({ rtt_ms: this.rtt_ms,
+            offset_ms: Number(time_ns) / 1e6 - (sent_ms + this.rtt_ms / 2) });
+        if (this.pings.length > KEPT_PINGS)
+            this.pings.shift();
+    }
+
+    get best() {
+        return this.pings.reduce((a, b) => a && a.rtt_ms <= b.rtt_ms ? a : b, null);
+    }
+
+    // A time of the server's clock as one of this page, or null.
+    toPageTime(time_ns) {
+        const offset_ms = this.best?.offset_ms ?? null;
+        return time_ns === undefined || offset_ms === null ? null
+            : Number(time_ns) / 1e6 - offset_ms;
     }
 
     limitOf(request) {
@@ -364,9 +391,7 @@ export class Connection extends EventTarget {
     }
 
     tell(name, body) {
-        const type = name === "frame" ? "frame" : "message";
-        const detail = name === "frame" ? body : { name, body };
-        this.dispatchEvent(new CustomEvent(type, { detail }));
+        this.dispatchEvent(new CustomEvent("message", { detail: { name, body } }));
     }
 }
 

@@ -167,6 +167,7 @@ export class FramePainter {
     // Encodings in motion that this browser decodes, the best for a network first.
     static async motionEncodings() {
         const video = await VideoStream.supported();
-        return [...video, ...typeof DecompressionStream === "function" ? ["TILES_JPEG"] : [], "JPEG"];
+        const tiles = typeof DecompressionStream === "function" ? ["TILES_JPEG"] : [];
+        return [...video, ...tiles, "JPEG"];
     }
 }

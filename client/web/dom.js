@@ -192,7 +192,8 @@ export function ask(title, body, choices) {
     });
 }
 
-export const bytesText = (n) => n < 1e3 ? `${Math.round(n)} B` : n < 1e6 ? `${(n / 1e3).toFixed(0)} kB`
+export const bytesText = (n) => n < 1e3 ? `${Math.round(n)} B`
+    : n < 1e6 ? `${(n / 1e3).toFixed(0)} kB`
     : n < 1e9 ? `${(n / 1e6).toFixed(1)} MB` : `${(n / 1e9).toFixed(2)} GB`;
 
 // Metres in a unit that fits.

@@ -213,7 +213,6 @@ export const messages = {
         type: 0x0108, direction: "ANY", state: "HELLO", role: "NONE", since: 1,
         fields: [
             { name: "nonce", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
-            { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // the server stops soon; no new scenes or views
@@ -859,6 +858,7 @@ export const messages = {
             { name: "bitrate", kind: "u32", least: 0, most: 1000000000, since: 1, optional: true },
             { name: "target_fps", kind: "f32", least: 0, most: 1e+03, since: 1, optional: true },
             { name: "hidden", kind: "u8", least: 0, most: 1, since: 1, optional: true },
+            { name: "names", kind: "u8", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -908,7 +908,6 @@ export const messages = {
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "credit_frames", kind: "u32", least: 0, most: 1024, since: 1 },
-            { name: "named", kind: "bool", since: 1, optional: true },
         ],
     },
     // frames the client has taken
@@ -917,10 +916,6 @@ export const messages = {
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "frames", kind: "u32", least: 1, most: 1024, since: 1 },
-            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
-            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
-            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
-            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // a picture and where it comes from
@@ -1061,6 +1056,29 @@ export const messages = {
         fields: [
             { name: "mode", kind: "enum", values: "exposure_mode", since: 1 },
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
+        ],
+    },
+    // the client has this frame of the view's subscription, and gives credit for one more. Of every frame, for views with names 1
+    taken: {
+        type: 0x0313, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // what time is it at the daemon? Answered at once
+    clock_query: {
+        type: 0x0314, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // answer
+    clock: {
+        type: 0x0315, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
         ],
     },
     // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got
@@ -1273,7 +1291,7 @@ export const messages = {
     },
     // the client of the channel has a frame of its subscription, and all before it
     delivered: {
-        type: 0x0312, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        type: 0x0508, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
         fields: [
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },

@@ -5,13 +5,15 @@
 //   &load=PATH        file for a scene that is empty (under an asset root, or demo:)
 //   &ticket=T         access token or join ticket
 //   &camera=...       eye, target, lens (camera.js)
-//   &mode=PATH &tonemap=AGX &ev=1.5 &background=BLUR &debug=MIP &gi=PROBES ...
+//   &mode=PATH &samples=256 &tonemap=AGX &ev=1.5 &background=BLUR &debug=MIP &gi=PROBES
 import { enums } from "./hgp.js";
 import { cameraFromText, cameraToText } from "./camera.js";
 
 const CHOICES = { mode: ["mode", "render_mode"], tonemap: ["tonemap", "tonemap"],
-    background: ["background", "background"], debug: ["debug_view", "debug_view"] };
-const DEFAULTS = { mode: "REALTIME", tonemap: "ACES", background: "ENV", debug: "OFF" };
+    background: ["background", "background"], debug: ["debug_view", "debug_view"],
+    gi: ["gi", "gi"] };
+const DEFAULTS = { mode: "REALTIME", tonemap: "ACES", background: "ENV", debug: "OFF", gi: "AUTO" };
+const MOST_SAMPLES = 65536;
 
 // { scene, load, ticket, camera, params } of an address; what is malformed is left out.
 export function parseLink(hash) {
@@ -24,6 +26,9 @@ export function parseLink(hash) {
     if (ev >= -32 && ev <= 32)
         Object.assign(params, { exposure_ev: ev, exposure_mode: words.get("meter") === "off"
             ? "FIXED" : "AUTO" });
+    const samples = Number(words.get("samples") ?? 0);
+    if (Number.isInteger(samples) && samples >= 1 && samples <= MOST_SAMPLES)
+        params.samples = samples;
     return {
         scene: (words.get("scene") ?? "").slice(0, 100),
         load: words.get("load") ?? "",
@@ -47,6 +52,8 @@ export function formatLink({ scene, load, ticket, camera, params }) {
     for (const [word, [field]] of Object.entries(CHOICES))
         if (params?.[field] && params[field] !== DEFAULTS[word])
             words.set(word, params[field]);
+    if (params?.samples)
+        words.set("samples", String(params.samples));
     if (params?.exposure_ev || params?.exposure_mode === "FIXED")
         words.set("ev", String(params.exposure_ev ?? 0));
     if (params?.exposure_mode === "FIXED")

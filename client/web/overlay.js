@@ -57,11 +57,12 @@ export class Overlay {
             if (!from || !to)
                 return;
         }
-        this.drawing.append(svg("line", { class: type, x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
+        this.drawing.append(svg("line",
+            { class: type, x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
     }
 
     drawBox({ min, max }) {
-        const corner = (i) => [i & 1 ? max[0] : min[0], i & 2 ? max[1] : min[1], i & 4 ? max[2] : min[2]];
+        const corner = (i) => [0, 1, 2].map((k) => i >> k & 1 ? max[k] : min[k]);
         for (const [a, b] of EDGES)
             this.line(corner(a), corner(b), "box");
     }

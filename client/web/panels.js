@@ -17,7 +17,8 @@ const RESOLUTIONS = [["1", "Full"], ["0.75", "75 %"], ["0.5", "50 %"], ["0.25", 
 const SAMPLES = [16, 64, 256, 1024, 4096];
 
 export function panelHeader(title, onClose) {
-    return h("header", {}, h("h2", { text: title }), iconButton("close", `Close ${title}`, onClose));
+    return h("header", {}, h("h2", { text: title }),
+        iconButton("close", `Close ${title}`, onClose));
 }
 
 // ---- settings of the view ----------------------------------------------------------------------
@@ -40,9 +41,9 @@ export class ViewPanel {
             (v) => on.set({ samples: Number(v) }));
         rows.denoise = toggleRow("Denoise", (is) => on.set({ denoise: is ? "STILL" : "OFF" }));
         rows.resolution = selectRow("Resolution", RESOLUTIONS, (v) => on.resolution(Number(v)));
-        rows.quality = sliderRow("Quality in motion", { min: 30, max: 100, step: 5,
+        rows.quality = sliderRow("Quality while moving", { min: 30, max: 100, step: 5,
             format: (v) => `${v} %` }, (quality) => on.later({ quality }));
-        rows.codec = selectRow("Codec in motion", [["auto", "Automatic"], ["JPEG", "JPEG"],
+        rows.codec = selectRow("Codec", [["auto", "Automatic"], ["JPEG", "JPEG"],
             ["JPEG_444", "JPEG 4:4:4"], ["H264", "H.264"], ["H264_444", "H.264 4:4:4"],
             ["AV1", "AV1"], ["TILES_JPEG", "Tiles, JPEG"], ["TILES", "Tiles, lossless"]],
         (v) => on.codec(v));
@@ -61,7 +62,7 @@ export class ViewPanel {
         const { on, rows } = this;
         rows.tonemap = selectRow("Tone curve", choices(Object.keys(enums.tonemap), TONEMAPS),
             (tonemap) => on.set({ tonemap }));
-        rows.auto = toggleRow("Metered exposure", (is) =>
+        rows.auto = toggleRow("Metered", (is) =>
             on.set({ exposure_mode: is ? "AUTO" : "FIXED" }));
         rows.ev = sliderRow("Exposure", { min: -8, max: 8, step: 0.1,
             format: (v) => `${v > 0 ? "+" : ""}${v.toFixed(1)} EV` },
@@ -113,14 +114,16 @@ export class ViewPanel {
     backgroundSection() {
         const { on, rows } = this;
         rows.background = selectRow("Background", choices(["ENV", "BLUR", "COLOR", "DISPLAY"],
-            { ENV: "Environment", BLUR: "Out of focus", COLOR: "Lit colour", DISPLAY: "Plain colour" }),
+            { ENV: "Environment", BLUR: "Out of focus", COLOR: "Lit colour",
+                DISPLAY: "Plain colour" }),
         (background) => on.set({ background }));
         const pick = h("input", { type: "color", value: "#808080", id: "background-color",
             on: { input: () => on.later({ background_color: linearOf(pick.value) }) } });
         rows.ground = selectRow("Shadow ground", choices(["NONE", "Y", "Z"],
             { NONE: "None", Y: "Y is up", Z: "Z is up" }), (ground) => on.set({ ground }));
         return section("Background", false, rows.background.row,
-            h("div", { class: "row" }, h("label", { for: "background-color", text: "Colour" }), pick),
+            h("div", { class: "row" },
+                h("label", { for: "background-color", text: "Colour" }), pick),
             rows.ground.row);
     }
 
@@ -196,7 +199,8 @@ export class ScenePanel {
         const { scene } = this;
         const listed = scene.nodes.size < scene.total
             ? `the first ${scene.nodes.size} of ${scene.total} nodes` : `${scene.total} nodes`;
-        this.count.textContent = this.search.value ? `${this.tree.rows.length} of ${listed}` : listed;
+        this.count.textContent = this.search.value
+            ? `${this.tree.rows.length} of ${listed}` : listed;
     }
 
     update() {
@@ -220,8 +224,8 @@ export class ScenePanel {
         }
         const notes = scene.assets.flatMap((a) => a.warnings ?? []);
         if (notes.length)
-            rows.push(button(`${notes.length} ${notes.length === 1 ? "note" : "notes"} of the loader`,
-                () => on.warnings(notes)));
+            rows.push(button(`Notes of the loader (${notes.length})`, () =>
+                on.warnings(notes)));
         this.extra.replaceChildren(...rows.length ? [h("div", { class: "rows" }, ...rows)] : []);
     }
 }

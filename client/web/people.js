@@ -82,7 +82,8 @@ export class People {
         const before = this.shared.holder;
         this.shared = state;
         this.app.view.isFollowing = this.isFollowing && !this.isHolder;
-        if (state.holder !== before && state.change !== "NONE" && (this.isFollowing || this.isHolder))
+        if (state.holder !== before && state.change !== "NONE"
+            && (this.isFollowing || this.isHolder))
             toast(state.holder ? `The shared camera is with ${this.nameOf(state.holder)}.`
                 : "The shared camera is free.");
         this.draw();
@@ -150,9 +151,13 @@ export class People {
         this.noteList.replaceChildren(...overlay.notes.map((note, i) => h("li", {},
             h("span", { class: "count", text: String(i + 1) }),
             h("button", { type: "button", class: "plain", text: note.text || "(no text)",
-                on: { click: () => { inspector.showNote(note); inspector.goTo(note.position); } } }))));
+                on: { click: () => {
+                    inspector.showNote(note);
+                    inspector.goTo(note.position);
+                } } }))));
         if (!overlay.notes.length)
-            this.noteList.replaceChildren(h("li", { class: "hint", text: "No notes yet. Press N." }));
+            this.noteList.replaceChildren(
+                h("li", { class: "hint", text: "No notes yet. Press N." }));
     }
 
     // ---- the panel -----------------------------------------------------------------------------
@@ -165,8 +170,9 @@ export class People {
             const give = this.isHolder && s.session !== this.self
                 ? iconButton("camera", `Give the camera to ${this.nameOf(s.session)}`,
                     () => this.ask("camera_give", { session: s.session })) : null;
-            const about = [s.role.toLowerCase(), s.session === shared.holder ? "has the camera" : "",
-                s.away ? "away" : ""].filter(Boolean).join(", ");
+            const about = [s.role.toLowerCase(),
+                s.session === shared.holder ? "has the camera" : "", s.away ? "away" : ""]
+                .filter(Boolean).join(", ");
             return h("li", {}, dot, h("span", { class: "name", text: this.nameOf(s.session) }),
                 h("span", { class: "hint", text: about }), give);
         }));

@@ -51,7 +51,8 @@ export async function share(app) {
         : canInvite ? `A link with access is good for ${GUESTS} people and this scene only.`
         : "Who opens the link signs in with a token or a ticket of their own.";
     const answer = await ask("Share", h("div", { class: "body" }, field,
-        h("div", { class: "row" }, h("label", { for: "share-camera", text: "Camera, settings" }), camera),
+        h("div", { class: "row" },
+            h("label", { for: "share-camera", text: "Camera, settings" }), camera),
         canInvite ? access.row : null, h("p", { class: "hint", text: hint })),
     [["Close", "close"], ["Copy link", "copy"]]);
     if (answer !== "copy")

@@ -6,9 +6,11 @@ export const VIEWS = [["Default", "0", {}], ["Front", "1", [0, 0]], ["Right", "2
     ["Back", "3", [180, 0]], ["Left", "4", [-90, 0]], ["Top", "5", [0, 90]],
     ["Bottom", "6", [0, -90]], ["Isometric", "7", [45, 35.26]]];
 
-const KEYS = [["Arrow keys", "turn; with Shift move"], ["W A S D, Q E", "go ahead, sideways, down, up"],
+const KEYS = [["Arrow keys", "turn; with Shift move"],
+    ["W A S D, Q E", "go ahead, sideways, down, up"],
     ["+ −", "zoom"], ["O G K", "orbit, fly, walk"], ["F", "show everything"],
-    ["Shift F", "show what is selected"], ["1 … 7, 0", "front, right, back, left, top, bottom, isometric, default"],
+    ["Shift F", "show what is selected"],
+    ["1 … 7, 0", "front, right, back, left, top, bottom, isometric, default"],
     ["Enter", "pick what is in the middle"], ["M", "measure: two picks"], ["N", "note"],
     ["P", "real time or path traced"], ["Space", "play or pause"], ["C", "scene panel"],
     ["V", "view panel"], ["T", "statistics"], ["Esc", "clear, or close a panel"]];
@@ -21,9 +23,9 @@ export function showHelp() {
     const list = (rows) => h("dl", { class: "keys" }, ...rows.flatMap(([key, text]) =>
         [h("dt", {}, h("kbd", { text: key })), h("dd", { text })]));
     const title = (text) => h("h3", { text });
-    return ask("Controls", h("div", { class: "body", tabindex: "0", role: "group", "aria-label": "Keys" },
-        title("Keys, when the picture has the focus"), list(KEYS), title("Mouse and touch"),
-        list(GESTURES)), [["Close", "close"]]);
+    const body = { class: "body", tabindex: "0", role: "group", "aria-label": "Keys" };
+    return ask("Controls", h("div", body, title("Keys, when the picture has the focus"),
+        list(KEYS), title("Mouse and touch"), list(GESTURES)), [["Close", "close"]]);
 }
 
 // A token for a server that asks for one; null: given up.
@@ -31,7 +33,8 @@ export async function askToken(reason) {
     const input = h("input", { class: "text", type: "password", id: "token", autocomplete: "off",
         "aria-describedby": "token-error", autofocus: true });
     const body = h("div", { class: "body" },
-        h("label", { for: "token", text: "This server needs an access token or a join ticket." }), input,
+        h("label", { for: "token", text: "This server needs an access token or a join ticket." }),
+        input,
         h("p", { id: "token-error", class: "error-text", role: "alert", text: reason ?? "" }));
     const answer = await ask("Sign in", body, [["Cancel", "cancel"], ["Sign in", "go"]]);
     return answer === "go" ? input.value.trim() : null;
@@ -106,7 +109,8 @@ export function menuButton(name, label, items, props = {}) {
             on: { toggle: (e) => e.newState === "closed" && close(), keydown: step } },
         ...items().map(([text, picture, key, action]) => h("button", { type: "button",
             role: "menuitem", on: { click: () => act(action) } },
-        picture ? icon(picture) : "", h("span", { text }), h("span", { class: "key", text: key }))));
+        picture ? icon(picture) : "", h("span", { text }),
+        h("span", { class: "key", text: key }))));
         document.body.append(popup);
         popup.showPopover();
         place(popup, opener);

@@ -6,6 +6,10 @@ const WINDOW_MS = 2000;
 const GRAPH_FRAMES = 60;
 const DRAW_MS = 250;
 
+// The latency by its stages, in their order.
+const SPLIT = { uplink: "· to the server", wait: "· until rendering", render: "· rendering",
+    encode: "· encoding", send: "· until sent", network: "· network", show: "· decoding, drawing" };
+
 const ms = (v) => v === null || v === undefined || !Number.isFinite(v) ? "–" : `${v.toFixed(1)} ms`;
 
 export function median(values) {
@@ -26,9 +30,10 @@ export class Stats {
         setInterval(() => this.draw(), DRAW_MS);
     }
 
-    add({ frame, latency_ms, decode_ms }) {
+    add({ frame, latency_ms, decode_ms, split }) {
         const time_ms = performance.now();
         this.last = frame;
+        this.split = split ?? this.split;
         this.frames.push({ time_ms, bytes: frame.data.length, decode_ms });
         if (latency_ms !== null) {
             this.latencies.push(latency_ms);
@@ -47,10 +52,13 @@ export class Stats {
         const { last, frames, connection } = this;
         const seconds = WINDOW_MS / 1000;
         const bytes = frames.reduce((sum, f) => sum + f.bytes, 0);
+        const parts = Object.entries(this.split ?? {}).map(([name, v]) =>
+            [SPLIT[name], ms(Math.max(0, v))]);
         const stages = (last?.stages ?? []).map((s) => [words(s.name), ms(Number(s.ns) / 1e6)]);
         return [
             ["Frames", `${(frames.length / seconds).toFixed(1)} fps`],
-            ["Input to picture", ms(median(this.latencies))],
+            ["Latency", ms(median(this.latencies))],
+            ...parts,
             ["Round trip", ms(connection.rtt_ms)],
             ["Decoding", ms(median(frames.map((f) => f.decode_ms)))],
             ...stages.slice(0, 12),
@@ -76,7 +84,8 @@ export class Stats {
         const most = Math.max(50, ...this.latencies);
         const points = this.latencies.map((v, i) => `${i},${(39 - v / most * 37).toFixed(1)}`);
         this.graph.replaceChildren(svg("polyline", { points: points.join(" "), fill: "none",
-            stroke: "currentColor", "stroke-width": "1.2", "vector-effect": "non-scaling-stroke" }));
+            stroke: "currentColor", "stroke-width": "1.2",
+            "vector-effect": "non-scaling-stroke" }));
     }
 }
 

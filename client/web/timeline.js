@@ -18,7 +18,8 @@ export class Timeline {
     build() {
         this.play = h("button", { type: "button", class: "icon-button",
             on: { click: () => this.toggle() } });
-        this.select = h("select", { "aria-label": "Animation", on: { change: () => this.choose() } });
+        this.select = h("select", { "aria-label": "Animation",
+            on: { change: () => this.choose() } });
         this.slider = h("input", { type: "range", min: "0", step: "any", value: "0",
             "aria-label": "Time", on: { input: () => this.seek(Number(this.slider.value)) } });
         this.output = h("output", {});

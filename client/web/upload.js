@@ -120,7 +120,8 @@ export async function choose(files) {
     if (!main) {
         const env = files.find((f) => ENVIRONMENTS.includes(ending(f.path)));
         if (env)
-            return { kind: "environment", name: env.path, files: [{ uri: env.path, file: env.file }] };
+            return { kind: "environment", name: env.path,
+                files: [{ uri: env.path, file: env.file }] };
         throw refuse(files[0]?.path ?? "drop", `none of these is a scene: ${SCENES.join(", ")}`);
     }
     const folder = folderOf(main.path);
@@ -136,7 +137,8 @@ export async function choose(files) {
 async function hashFile(part) {
     if (part.file.size > FILE_LIMIT_BYTES)
         throw new RequestError({ status: "limit", what: part.uri, limit: "2 GiB for each file",
-            reason: "a browser cannot read more at once; load it from an asset folder of the server" });
+            reason: "a browser cannot read more at once; "
+                + "load it from an asset folder of the server" });
     part.bytes = new Uint8Array(await part.file.arrayBuffer());
     part.hash = new Uint8Array(await crypto.subtle.digest("SHA-256", part.bytes));
 }

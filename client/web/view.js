@@ -1,6 +1,6 @@
 // view.js - the view of the scene: its size and settings, its camera, its frames and their credit.
 //
-// Events: "shown" (detail: { frame, latency_ms, decode_ms }), "verified" (detail: boolean: the
+// Events: "shown" (detail: { frame, latency_ms, decode_ms, split }), "verified" (boolean: the
 // settled pixels on the canvas have the hash that the server states), "trouble" (detail: an
 // error), "params" (settings changed).
 import { isSame, makeCamera } from "./camera.js";
@@ -8,7 +8,7 @@ import { FramePainter, hexOf } from "./decode.js";
 import { enums } from "./hgp.js";
 
 const VIEW = 1;
-const CREDIT_FRAMES = 2;
+const CREDIT_FRAMES = 16; // the daemon keeps to what the network and the decoder take
 const RESIZE_MS = 120;
 const LEAST_SIDE_PX = 16;
 const GREATEST_SIDE_PX = 16384;
@@ -101,7 +101,7 @@ export class View extends EventTarget {
     }
 
     settings() {
-        return { view: VIEW, width: this.width, height: this.height, ...this.params };
+        return { view: VIEW, width: this.width, height: this.height, names: 1, ...this.params };
     }
 
     // ---- settings ------------------------------------------------------------------------------
@@ -220,7 +220,9 @@ export class View extends EventTarget {
     sendCamera(force = false) {
         if (!force && (this.sent && isSame(this.sent, this.camera)))
             return false;
-        if (!this.isStarted || this.isFollowing || (!force && this.connection.backlog_bytes > BACKLOG_BYTES))
+        if (!this.isStarted || this.isFollowing)
+            return false;
+        if (!force && this.connection.backlog_bytes > BACKLOG_BYTES)
             return false;
         if (!force)
             this.node = 0n;
@@ -250,27 +252,32 @@ export class View extends EventTarget {
 
     // ---- frames --------------------------------------------------------------------------------
 
-    onFrame(frame) {
-        if (frame.view === VIEW)
-            this.painter.push(frame);
+    onFrame({ frame, begun_ms, received_ms }) {
+        if (frame.view !== VIEW)
+            return;
+        frame.times = { begun_ms, received_ms };
+        this.painter.push(frame);
     }
 
     onShown(frame, { decode_ms }) {
-        this.giveCredit();
+        this.giveCredit(frame);
         this.failures.delete(frame.encoding);
         this.frame = frame;
         const seq = Number(frame.input_seq);
         const input = this.inputs.get(seq);
         if (input)
             this.shown = input.camera;
-        const latency_ms = input && !input.seen ? performance.now() - input.time_ms : null;
+        const now_ms = performance.now();
+        const latency_ms = input && !input.seen ? now_ms - input.time_ms : null;
+        const split = latency_ms === null ? null : this.split(frame, input.time_ms, now_ms);
         if (input)
             input.seen = true;
         for (const old of this.inputs.keys())
             if (old < seq)
                 this.inputs.delete(old);
         this.label(frame);
-        this.dispatchEvent(new CustomEvent("shown", { detail: { frame, latency_ms, decode_ms } }));
+        this.dispatchEvent(new CustomEvent("shown",
+            { detail: { frame, latency_ms, decode_ms, split } }));
         if (frame.settled && frame.hash)
             this.verify(frame);
     }
@@ -283,14 +290,31 @@ export class View extends EventTarget {
         this.failures.set(frame.encoding, isOver ? 0 : count);
         this.connection.send("key_frame", { view: VIEW,
             ...isOver ? { failed: enums.encoding[frame.encoding] } : {} });
-        this.giveCredit();
+        this.giveCredit(frame);
         if (isOver)
             this.trouble(error);
     }
 
-    giveCredit() {
-        if (!this.isIdle)
-            this.connection.send("credit", { view: VIEW, frames: 1 });
+    // Says when the frame came as well: the server holds its rate to what the network delivers.
+    giveCredit({ number, times }) {
+        if (this.isIdle || !times)
+            return;
+        const ns = (ms) => BigInt(Math.round(ms * 1000)) * 1000n;
+        const { best } = this.connection;
+        this.connection.send("taken", { view: VIEW, number,
+            begun_ns: ns(times.begun_ms), received_ns: ns(times.received_ms), ...best ? { rtt_ns: ns(best.rtt_ms) } : {} });
+    }
+
+    // Where the time from input to picture went, in ms by stage; null: the server does not say.
+    split(frame, input_ms, shown_ms) {
+        const at = (field) => this.connection.toPageTime(frame[field]);
+        const [came, begin, end, encoded, sent] = ["input_ns", "render_begin_ns", "render_end_ns",
+            "encode_end_ns", "sent_ns"].map(at);
+        if ([came, begin, end, encoded, sent].includes(null))
+            return null;
+        return { uplink: came - input_ms, wait: begin - came, render: end - begin,
+            encode: encoded - end, send: sent - encoded,
+            network: frame.times.received_ms - sent, show: shown_ms - frame.times.received_ms };
     }
 
     // What the canvas shows, readable for tests and scripts.

@@ -157,7 +157,8 @@ struct hg_view_state {
     struct hg_draw_unlit unlit;
     struct hg_prefetch prefetch;
     struct { // of pictures in motion
-        float budget_ms; // target of the frame time where the settings have none; 0 = none either
+        float budget_ms;  // target of the frame time where the settings have none; 0 = none either
+        uint32_t sharing; // views of the scene that move, this one included; 0 = it alone
         struct hg_quality quality;
         struct hg_temporal_view temporal;
         struct hg_reflect_view reflections;

@@ -282,9 +282,11 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         handle_auth(conn, request, &m->auth);
         return;
     case HGP_T_ping:
-        hg_conn_send_urgent(conn, request, HGP_T_pong,
-            &(struct hgp_pong){
-                .nonce = m->ping.nonce, .has_time_ns = true, .time_ns = hg_clock_now_ns()});
+        hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        return;
+    case HGP_T_clock_query:
+        hg_conn_send_urgent(
+            conn, request, HGP_T_clock, &(struct hgp_clock){.time_ns = hg_clock_now_ns()});
         return;
     case HGP_T_pong:
         return;

@@ -22,7 +22,6 @@ static void subscribe(struct hg_session *s, const struct hgp_subscribe *m)
     struct hg_session_view *view = hg_session_view_find(s, m->view);
     view->credit = view->first_credit = m->credit_frames;
     view->subscribed = m->credit_frames > 0;
-    view->named = m->has_named && m->named;
     view->resubscribe = false;
     if (!view->subscribed)
         hg_session_view_clear(s, view); // a suspect that is stopped need not be tried
@@ -134,7 +133,15 @@ static void add_credit(struct hg_session *s, const struct hgp_credit *m)
     struct hg_session_view *view = hg_session_view_find(s, m->view);
     if (!view->subscribed)
         return; // stopped
-    if (m->has_number && s->attached && m->number > view->number_base)
+    view->credit += view->credit < UINT32_MAX - 1024 ? m->frames : 0;
+    hg_session_view_grant_all(s);
+}
+
+// The client has a frame: the worker is told, with the time.
+static void take(struct hg_session *s, const struct hgp_taken *m)
+{
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
+    if (view->subscribed && s->attached && m->number > view->number_base)
         hg_link_send(s->scene->link, s->number, 0, HGP_T_delivered,
             &(struct hgp_delivered){.view = m->view,
                 .number = m->number - view->number_base,
@@ -145,8 +152,7 @@ static void add_credit(struct hg_session *s, const struct hgp_credit *m)
                 .received_ns = m->received_ns,
                 .has_rtt_ns = m->has_rtt_ns,
                 .rtt_ns = m->rtt_ns});
-    view->credit += view->credit < UINT32_MAX - 1024 ? m->frames : 0;
-    hg_session_view_grant_all(s);
+    add_credit(s, &(struct hgp_credit){.view = m->view, .frames = 1});
 }
 
 // With the time when it came.
@@ -172,6 +178,10 @@ static void relay_checked(struct hg_session *s, struct hg_packet *packet, const 
     }
     if (packet->header.type == HGP_T_credit) {
         add_credit(s, &m->credit);
+        return;
+    }
+    if (packet->header.type == HGP_T_taken) {
+        take(s, &m->taken);
         return;
     }
     if (packet->header.type == HGP_T_subscribe)

@@ -39,7 +39,6 @@ struct hg_session_view {
     struct hg_packet *params; // accepted view_sets, merged; NULL before
     struct hg_packet *camera; // view_cameras, merged; NULL = none
     bool subscribed, resubscribe;
-    bool named;       // the client says which frames it has
     uint32_t credit;  // credit: frames that the client accepts
     uint32_t first_credit; // of the newest subscription
     bool unrecorded;       // its camera has changed since the state log was told

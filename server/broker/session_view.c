@@ -204,10 +204,8 @@ void hg_session_view_subscribe(struct hg_session *s, struct hg_session_view *vie
 {
     struct hg_link *link = s->scene->link;
     hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_subscribe,
-        &(struct hgp_subscribe){.view = view->number,
-            .credit_frames = hg_session_view_take_window(s, view),
-            .has_named = view->named,
-            .named = true});
+        &(struct hgp_subscribe){
+            .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
 }
 
 // One frame more.
@@ -216,10 +214,8 @@ static void grant(struct hg_session *s, struct hg_session_view *view)
     if (view->resubscribe) { // frames were dropped: the worker shows the present state again
         view->resubscribe = false;
         hg_link_send(s->scene->link, s->number, 0, HGP_T_subscribe,
-            &(struct hgp_subscribe){.view = view->number,
-                .credit_frames = hg_session_view_take_window(s, view),
-                .has_named = view->named,
-                .named = true});
+            &(struct hgp_subscribe){
+                .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
         return;
     }
     hg_link_send(s->scene->link, s->number, 0, HGP_T_credit,

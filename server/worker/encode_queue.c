@@ -230,7 +230,7 @@ bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_
     return found;
 }
 
-// Before it is sent: what the client says of it must not come first.
+// What became of it is noted first: what the client says of it must not come before.
 static void send_frame(struct encode_stream *stream, const struct encode_request *request,
     struct hgp_frame *frame, const struct encode_output *out, uint64_t encode_ns)
 {
@@ -244,7 +244,7 @@ static void send_frame(struct encode_stream *stream, const struct encode_request
     if (!request->to.request)
         note_sent(stream, &(struct hg_control_sent){.number = frame->number,
                               .bytes = size,
-                              .encode_ns = frame->encode_end_ns - frame->encode_begin_ns,
+                              .encode_ns = encode_ns,
                               .sent_ns = frame->sent_ns,
                               .quality = request->quality,
                               .lossy = !frame->lossless});
@@ -268,6 +268,8 @@ static void encode_and_send(
     if (status) {
         if (!err.status)
             hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
+        if (!request->to.request)
+            note_sent(stream, &(struct hg_control_sent){.failed = true});
         hg_reply_error(request->to, &err);
     } else {
         send_frame(stream, request, &frame, &out, hg_clock_now_ns() - start);

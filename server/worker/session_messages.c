@@ -61,10 +61,10 @@ bool hg_session_message_handle(const struct request *r, uint16_t type)
             end_replay(r->session, r->message->replay_end.revision);
         return true;
     case HGP_T_ping:
-        hg_reply_send(r->to, HGP_T_pong,
-            &(struct hgp_pong){.nonce = r->message->ping.nonce,
-                .has_time_ns = true,
-                .time_ns = hg_clock_now_ns()});
+        hg_reply_send(r->to, HGP_T_pong, &(struct hgp_pong){.nonce = r->message->ping.nonce});
+        return true;
+    case HGP_T_clock_query:
+        hg_reply_send(r->to, HGP_T_clock, &(struct hgp_clock){.time_ns = hg_clock_now_ns()});
         return true;
     case HGP_T_pong:
         return true;

@@ -8,7 +8,7 @@ void hg_codec_set_list(struct view_slot *view, struct hgp_bytes codecs)
     list->count = codecs.size < sizeof list->items ? codecs.size : sizeof list->items;
     if (list->count)
         memcpy(list->items, codecs.data, list->count);
-    list->refused = 0;
+    list->refused = list->slow = 0;
     list->told = -1;
 }
 
@@ -22,7 +22,8 @@ static bool is_usable(
     const struct render_state *s, const struct view_slot *view, uint8_t encoding, bool needs_alpha)
 {
     const struct hg_view_params p = hg_view_params_filled(&view->settings.params);
-    const uint32_t bad = view->subscription.codecs.refused | hg_encode_stream_failed(view->encoder);
+    const struct view_codecs *list = &view->subscription.codecs;
+    const uint32_t bad = list->refused | list->slow | hg_encode_stream_failed(view->encoder);
     if (encoding >= ENCODER_COUNT || bad >> encoding & 1)
         return false;
     const struct encoder_ops *ops =
@@ -31,7 +32,15 @@ static bool is_usable(
            (!ops->most_px || (uint64_t)p.width * p.height <= ops->most_px);
 }
 
-void hg_codec_choose(const struct render_state *s, struct view_slot *view)
+// One that takes too long is left for the next one of the list, if that has more.
+static void leave_slow(struct view_slot *view)
+{
+    struct view_subscription *sub = &view->subscription;
+    if (sub->motion != sub->encoding && hg_control_encoder_is_slow(&view->control, sub->target_fps))
+        sub->codecs.slow |= 1u << sub->motion;
+}
+
+static void choose(const struct render_state *s, struct view_slot *view)
 {
     struct view_subscription *sub = &view->subscription;
     bool needs_alpha = view->settings.params.background == HG_BACKGROUND_NONE;
@@ -42,6 +51,13 @@ void hg_codec_choose(const struct render_state *s, struct view_slot *view)
                 sub->motion = (enum hgp_encoding)sub->codecs.items[i];
                 return;
             }
+}
+
+void hg_codec_choose(const struct render_state *s, struct view_slot *view)
+{
+    leave_slow(view);
+    choose(s, view);
+    hg_control_set_encoding(&view->control, view->subscription.motion);
 }
 
 void hg_codec_tell(

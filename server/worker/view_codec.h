@@ -3,8 +3,8 @@
 //
 // A client lists what it can decode, the best first (view_set's codecs). The first one that this
 // build has, that takes frames of the view's size, that the client has not refused since
-// (key_frame) and that has not failed here is used. Where the view has alpha, encodings that keep
-// it come first.
+// (key_frame), that has not failed here and holds target_fps is used. Where the view has alpha,
+// encodings that keep it come first.
 #ifndef HG_SERVER_WORKER_VIEW_CODEC_H
 #define HG_SERVER_WORKER_VIEW_CODEC_H
 

@@ -14,6 +14,8 @@
 #define SHARE         0.9          // of the interval that a frame may take on the wire
 #define ROOM          0.8          // and one of better quality than the one before
 #define LEAST_MS      4.0f         // of rendering
+#define SLOW          1.5          // times the interval that an encoder takes
+#define SLOW_FRAMES   10u          // of it, at least
 #define STILL_BYTES   1.5          // a pixel without loss, until one was sent
 #define LEAST_REST_NS 200000000u   // before a frame without loss
 #define MOST_REST_NS  3000000000u
@@ -95,12 +97,18 @@ void hg_control_queued(struct hg_control *c, uint64_t number, uint64_t begin_ns,
 
 void hg_control_sent(struct hg_control *c, const struct hg_control_sent *sent)
 {
+    if (sent->failed) {
+        hg_control_begin(c, c->informed);
+        return;
+    }
     c->sent++;
-    note(&c->encode_ns, (double)sent->encode_ns);
-    if (sent->lossy)
+    if (sent->lossy) {
+        note(&c->encode_ns, (double)sent->encode_ns);
         note(&c->usual_bytes, (double)sent->bytes / share_of(sent->quality));
-    else
+        c->encoded++;
+    } else {
         note(&c->still_bytes, (double)sent->bytes);
+    }
     struct hg_control_flight *f = NULL;
     for (uint32_t i = 0; i < c->count && !f; i++)
         f = flight(c, i)->number == sent->number ? flight(c, i) : NULL;
@@ -201,6 +209,20 @@ void hg_control_delivered(struct hg_control *c, const struct hg_control_delivery
     note_free(c, d->at_ns);
     c->acked_ns = d->at_ns;
     c->holds = false;
+}
+
+void hg_control_set_encoding(struct hg_control *c, uint32_t encoding)
+{
+    if (encoding == c->encoding)
+        return;
+    c->encoding = encoding;
+    c->encoded = 0;
+    c->usual_bytes = c->encode_ns = 0;
+}
+
+bool hg_control_encoder_is_slow(const struct hg_control *c, float fps)
+{
+    return fps > 0 && c->encoded >= SLOW_FRAMES && c->encode_ns > SLOW * 1e9 / (double)fps;
 }
 
 // ---- decisions ----------------------------------------------------------------------------------

@@ -42,7 +42,8 @@ struct hg_control_choice {
 struct hg_control_sent {
     uint64_t number, bytes, encode_ns, sent_ns;
     uint8_t quality;
-    bool lossy; // its size depends on the quality
+    bool lossy;  // its size depends on the quality
+    bool failed; // it could not be encoded: what is under way is forgotten
 };
 
 // What a client says of a frame, and when the daemon was told.
@@ -78,6 +79,7 @@ struct hg_control {
     double usual_bytes;                  // of a lossy frame at quality 80
     double still_bytes;                  // of a lossless one
     struct hg_control_choice now;        // the newest
+    uint32_t encoding, encoded;          // of lossy frames now; how many had it
     uint64_t sent, delivered, held;      // frames; held: times that one had to wait for a delivery
     bool holds;
 };
@@ -94,6 +96,11 @@ void hg_control_delivered(struct hg_control *c, const struct hg_control_delivery
 uint64_t hg_control_due_ns(struct hg_control *c, uint64_t now_ns);
 struct hg_control_choice hg_control_choose(
     struct hg_control *c, const struct hg_control_goal *goal);
+// Frames have this encoding from now on: what was measured of another one counts no more.
+void hg_control_set_encoding(struct hg_control *c, uint32_t encoding);
+// Its encoder takes much longer than a frame's interval: the next one of the client's should take
+// its place, if there is one.
+bool hg_control_encoder_is_slow(const struct hg_control *c, float fps);
 // How long a view has to rest before a lossless frame of `pixels` is sent: as long as it will be on
 // the wire, where nothing else passes meanwhile. 0 = it is not worth waiting.
 uint64_t hg_control_rest_ns(const struct hg_control *c, uint64_t pixels);

@@ -253,23 +253,30 @@ void hg_handle_subscribe(const struct request *r)
     struct view_slot *view = hg_request_view(r, m->view);
     if (!view)
         return;
-    hg_rate_subscribe(view, m->credit_frames, m->has_named && m->named);
+    hg_rate_subscribe(view, m->credit_frames);
     hg_request_ok(r);
 }
 
 void hg_handle_credit(const struct request *r)
 {
-    const struct hgp_credit *m = &r->message->credit;
+    struct view_slot *view = hg_request_view(r, r->message->credit.view);
+    if (view)
+        hg_rate_add_credit(view, r->message->credit.frames);
+}
+
+// Of a client without a daemon in between.
+void hg_handle_taken(const struct request *r)
+{
+    const struct hgp_taken *m = &r->message->taken;
     struct view_slot *view = hg_request_view(r, m->view);
     if (!view)
         return;
-    hg_rate_add_credit(view, m->frames);
-    if (m->has_number) // of a client without a daemon in between
-        hg_rate_delivered(view, &(struct hg_control_delivery){.number = m->number,
-                                    .at_ns = r->received_ns,
-                                    .begun_ns = m->begun_ns,
-                                    .received_ns = m->received_ns,
-                                    .rtt_ns = m->rtt_ns});
+    hg_rate_add_credit(view, 1);
+    hg_rate_delivered(view, &(struct hg_control_delivery){.number = m->number,
+                                .at_ns = r->received_ns,
+                                .begun_ns = m->begun_ns,
+                                .received_ns = m->received_ns,
+                                .rtt_ns = m->rtt_ns});
 }
 
 void hg_handle_delivered(const struct request *r)

@@ -98,7 +98,8 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->to = reply_to(s, session, what->request);
     request->quality = what->quality;
     request->parts = what->parts;
-    request->bitrate = view->subscription.bitrate;
+    request->bitrate = view->control.now.bitrate && !what->request ? view->control.now.bitrate
+                                                                   : view->subscription.bitrate;
     request->key_frame = !what->request && view->subscription.key_frame;
     request->frame = describe_frame(view, what->encoding);
     request->frame.settled &= what->settled || what->request; // one without loss is still to come

@@ -10,7 +10,7 @@ enum { MAX_SAMPLES_PER_STEP = 16, PROGRESS_NS = 200 * 1000 * 1000 };
 
 // ---- subscriptions ------------------------------------------------------------------------------
 
-void hg_rate_subscribe(struct view_slot *view, uint32_t credit, bool named)
+void hg_rate_subscribe(struct view_slot *view, uint32_t credit)
 {
     view->subscription.credit = credit;
     view->subscription.sent_number = 0;
@@ -18,7 +18,7 @@ void hg_rate_subscribe(struct view_slot *view, uint32_t credit, bool named)
     view->subscription.fresh = true;
     view->subscription.key_frame = true; // what the client has is not known
     view->progress.failed = false;
-    hg_control_begin(&view->control, named);
+    hg_control_begin(&view->control, view->subscription.names);
 }
 
 void hg_rate_add_credit(struct view_slot *view, uint32_t frames)
@@ -77,9 +77,10 @@ struct hg_control_choice hg_rate_choose(struct view_slot *view, uint32_t sharing
 {
     const struct view_subscription *sub = &view->subscription;
     hg_rate_note_sent(view);
-    return hg_control_choose(
-        &view->control, &(struct hg_control_goal){
-                            .fps = sub->target_fps, .quality = sub->quality, .sharing = sharing});
+    return hg_control_choose(&view->control, &(struct hg_control_goal){.fps = sub->target_fps,
+                                                 .quality = sub->quality,
+                                                 .bitrate = sub->bitrate,
+                                                 .sharing = sharing});
 }
 
 void hg_rate_delivered(struct view_slot *view, const struct hg_control_delivery *delivery)

@@ -5,8 +5,8 @@
 
 #include "server/worker/view_slot.h"
 
-// A client begins to watch, and may be sent `credit` frames. named: it will say which ones it has.
-void hg_rate_subscribe(struct view_slot *view, uint32_t credit, bool named);
+// A client begins to watch, and may be sent `credit` frames.
+void hg_rate_subscribe(struct view_slot *view, uint32_t credit);
 void hg_rate_add_credit(struct view_slot *view, uint32_t frames);
 // Whether the newest frame is due for the subscriber: the first of a new state, then those at
 // doubling sample counts or with another exposure, then the settled one; whether or not it is due

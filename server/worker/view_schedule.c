@@ -168,15 +168,35 @@ static bool may_be_cut(const struct render_state *s, const struct view_slot *vie
 }
 
 // Views that are watched and have moved of late, this one included.
-static uint32_t count_moving(const struct render_state *s, const struct view_slot *view)
+struct moving {
+    uint32_t all, of_scene;
+};
+
+static struct moving count_moving(
+    const struct render_state *s, const struct session *own, const struct view_slot *view)
 {
     const uint64_t now_ns = hg_clock_now_ns();
-    uint32_t count = 1;
+    struct moving count = {1, 1};
     for (const struct session *session = s->sessions; session; session = session->next)
-        for (const struct view_slot *it = session->views; it; it = it->next)
-            count += it != view && hg_view_slot_is_watched(it) && it->progress.moved_ns &&
-                     now_ns - it->progress.moved_ns < MOVING_NS;
+        for (const struct view_slot *it = session->views; it; it = it->next) {
+            if (it == view || !hg_view_slot_is_watched(it) || !it->progress.moved_ns ||
+                now_ns - it->progress.moved_ns >= MOVING_NS)
+                continue;
+            count.all++;
+            count.of_scene += session->scene == own->scene;
+        }
     return count;
+}
+
+// What the next picture may take.
+static void set_budget(
+    const struct render_state *s, const struct session *session, struct view_slot *view)
+{
+    if (!hg_view_slot_is_watched(view))
+        return;
+    const struct moving moving = count_moving(s, session, view);
+    hg_view_set_budget(view->view, hg_rate_choose(view, moving.all).target_ms);
+    hg_view_set_sharing(view->view, moving.of_scene);
 }
 
 // Renders, then reads: what is delivered is what the step left.
@@ -188,8 +208,7 @@ static void work(
     view->progress.failed = false;
     hg_scene_slot_publish(session->scene); // a batch may be open for too long
     hg_view_set_formats(view->view, hg_output_formats(s, view));
-    if (hg_view_slot_is_watched(view))
-        hg_view_set_budget(view->view, hg_rate_choose(view, count_moving(s, view)).target_ms);
+    set_budget(s, session, view);
     hg_view_set_slice(view->view, may_be_cut(s, view) ? SHARED_STEP_NS : 0);
     if (wants_step(session, view))
         status = step(session, view, hg_rate_samples(view, step_ns), &err);

@@ -45,8 +45,8 @@ struct view_settings {
 struct view_codecs {
     uint8_t items[16];
     uint32_t count;
-    uint32_t refused; // 1 << enum hgp_encoding
-    int told;         // encoding that the client was told, or -1
+    uint32_t refused, slow; // 1 << enum hgp_encoding; slow: does not hold target_fps here
+    int told;               // encoding that the client was told, or -1
 };
 
 // Frame delivery to a subscriber.
@@ -54,7 +54,7 @@ struct view_subscription {
     enum hgp_encoding encoding, still_encoding;
     struct view_codecs codecs;
     enum hgp_encoding motion; // chosen of `codecs`, or `encoding`
-    uint8_t quality, hidden;
+    uint8_t quality, hidden, names;
     uint32_t bitrate; // bit/s, 0 = by quality alone
     float max_fps, target_fps;
     bool key_frame;  // the next frame depends on none before it

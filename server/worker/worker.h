@@ -9,8 +9,8 @@
 // Files include only files of the lines above their own, and what a .c file exports is declared in
 // its own header, so calls go the same way. tests/unit/floors/floors.py reads this list:
 // Layers, lowest first:
-//   turn watch view_control                 whose turn it is; what threads are at; what the network
-//                                           delivers of a view, and what its frames may cost
+//   turn watch                              whose turn it is; what threads are at
+//   view_control                            what the network delivers, what frames may cost
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
 //   shader_seed                             compiled shaders in advance

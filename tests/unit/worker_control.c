@@ -221,6 +221,38 @@ static void test_views_that_move_share_the_time_of_a_frame(void **state)
     assert_int_equal(hg_control_choose(&c, &goal).quality, 80);
 }
 
+static void test_an_encoder_that_does_not_hold_the_frame_rate(void **state)
+{
+    (void)state;
+    struct hg_control c = {0};
+    hg_control_set_encoding(&c, 9);
+    for (uint64_t i = 1; i <= 20; i++) {
+        assert_false(hg_control_encoder_is_slow(&c, i < 10 ? 30.0f : 0.0f));
+        hg_control_sent(&c, &(struct hg_control_sent){.number = i,
+                                .bytes = 1000,
+                                .encode_ns = 80 * MS,
+                                .sent_ns = i * SECOND_NS,
+                                .quality = 80,
+                                .lossy = true});
+    }
+    assert_true(hg_control_encoder_is_slow(&c, 30));
+    assert_false(hg_control_encoder_is_slow(&c, 10));
+    hg_control_set_encoding(&c, 5); // what is known of one says nothing of another
+    assert_false(hg_control_encoder_is_slow(&c, 30));
+}
+
+static void test_a_frame_that_cannot_be_encoded_holds_nothing_up(void **state)
+{
+    (void)state;
+    struct hg_control c = {0};
+    hg_control_begin(&c, true);
+    hg_control_queued(&c, 1, SECOND_NS, MS);
+    hg_control_queued(&c, 2, SECOND_NS, MS);
+    assert_true(hg_control_due_ns(&c, SECOND_NS) == UINT64_MAX); // nothing is known yet
+    hg_control_sent(&c, &(struct hg_control_sent){.failed = true});
+    assert_true(hg_control_due_ns(&c, SECOND_NS) <= SECOND_NS);
+}
+
 static void test_nonsense_from_a_client_does_no_harm(void **state)
 {
     (void)state;
@@ -256,6 +288,8 @@ int main(void)
         cmocka_unit_test(test_a_stall_freezes_the_picture_and_leaves_no_queue),
         cmocka_unit_test(test_a_client_that_names_no_frames_is_bounded_by_its_credit_alone),
         cmocka_unit_test(test_views_that_move_share_the_time_of_a_frame),
+        cmocka_unit_test(test_an_encoder_that_does_not_hold_the_frame_rate),
+        cmocka_unit_test(test_a_frame_that_cannot_be_encoded_holds_nothing_up),
         cmocka_unit_test(test_nonsense_from_a_client_does_no_harm),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

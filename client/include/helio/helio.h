@@ -146,11 +146,11 @@ HELIO_API enum hg_status helio_next(
     struct helio *h, struct helio_message **out, struct hg_error *err) HG_MUST_CHECK;
 HELIO_API void helio_message_free(struct helio_message *message); // accepts NULL
 
-// Gives credit for a frame of a subscription (`frame`: of type HGP_T_frame, with request 0) and
-// says when it came: the daemon then keeps as many frames under way as the network delivers, of the
-// quality that it has room for. Of every frame, as soon as it has been taken, or of none.
-// Subscribe with credit for all that may be under way (16 suit round trips of up to half a second).
-// Errors of helio_send.
+// Says that a frame of a subscription has come (`frame`: of type HGP_T_frame, with request 0), and
+// when, and gives credit for one more: for views with `names`. The daemon then keeps as many frames
+// under way as the network delivers, of the quality that it has room for. Subscribe with credit for
+// all that may be under way (32 suit round trips of up to a second). helio_ping now and then tells
+// it the round trip. Errors of helio_send.
 HELIO_API enum hg_status helio_taken(
     struct helio *h, const struct helio_message *frame, struct hg_error *err) HG_MUST_CHECK;
 

@@ -74,7 +74,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("nonce", "U64", "", False),
     ]),
     "pong": (0x0108, "ANY", [
-        ("nonce", "U64", "", False), ("time_ns", "U64", "", True),
+        ("nonce", "U64", "", False),
     ]),
     "drain": (0x0109, "S2C", [
         ("deadline_ms", "U32", "", False), ("reason", "STR", "", False),
@@ -320,6 +320,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("ao", "ENUM", "ao", True), ("mirrors", "ENUM", "mirrors", True),
         ("shadow_maps", "ENUM", "shadow_maps", True), ("sharpen", "F32", "", True), ("codecs", "BYTES", "", True),
         ("bitrate", "U32", "", True), ("target_fps", "F32", "", True), ("hidden", "U8", "", True),
+        ("names", "U8", "", True),
     ]),
     "view_close": (0x0302, "C2S", [
         ("view", "U32", "", False),
@@ -337,11 +338,10 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("quality", "U8", "", True), ("parts", "BOOL", "", True),
     ]),
     "subscribe": (0x0305, "C2S", [
-        ("view", "U32", "", False), ("credit_frames", "U32", "", False), ("named", "BOOL", "", True),
+        ("view", "U32", "", False), ("credit_frames", "U32", "", False),
     ]),
     "credit": (0x0306, "C2S", [
-        ("view", "U32", "", False), ("frames", "U32", "", False), ("number", "U64", "", True),
-        ("begun_ns", "U64", "", True), ("received_ns", "U64", "", True), ("rtt_ns", "U64", "", True),
+        ("view", "U32", "", False), ("frames", "U32", "", False),
     ]),
     "frame": (0x0307, "S2C", [
         ("view", "U32", "", False), ("number", "U64", "", False), ("scene_revision", "U64", "", False),
@@ -393,6 +393,15 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     ]),
     "exposure": (0x0311, "S2C", [
         ("mode", "ENUM", "exposure_mode", False), ("exposure_ev", "F32", "", False),
+    ]),
+    "taken": (0x0313, "C2S", [
+        ("view", "U32", "", False), ("number", "U64", "", False), ("begun_ns", "U64", "", True),
+        ("received_ns", "U64", "", True), ("rtt_ns", "U64", "", True),
+    ]),
+    "clock_query": (0x0314, "C2S", [
+    ]),
+    "clock": (0x0315, "S2C", [
+        ("time_ns", "U64", "", False),
     ]),
     "key_frame": (0x0318, "C2S", [
         ("view", "U32", "", False), ("failed", "U8", "", True),
@@ -473,7 +482,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "busy": (0x0507, "W2B", [
         ("channel", "U32", "", False), ("request", "U32", "", False), ("view", "U32", "", False),
     ]),
-    "delivered": (0x0312, "B2W", [
+    "delivered": (0x0508, "B2W", [
         ("view", "U32", "", False), ("number", "U64", "", False), ("at_ns", "U64", "", False),
         ("begun_ns", "U64", "", True), ("received_ns", "U64", "", True), ("rtt_ns", "U64", "", True),
     ]),
