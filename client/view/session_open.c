@@ -222,11 +222,12 @@ static enum hg_status subscribe(struct hg_view_session *s, struct hg_error *err)
         .view = HG_CLI_VIEW,
         .has_encoding = true,
         .encoding = near ? HGP_encoding_RAW_RGBA8 : HGP_encoding_JPEG,
+        .has_names = true,
+        .names = 1,
         .has_still_encoding = true,
         .still_encoding = near ? HGP_encoding_RAW_RGBA8 : HGP_encoding_ZSTD_RGBA8,
     };
-    const struct hgp_subscribe sub = {
-        .view = HG_CLI_VIEW, .credit_frames = HG_VIEW_CREDIT, .has_named = true, .named = true};
+    const struct hgp_subscribe sub = {.view = HG_CLI_VIEW, .credit_frames = HG_VIEW_CREDIT};
     struct helio *h = s->work.render.cli.h;
     enum hg_status status = helio_call_for(h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
     return status ? status : helio_call_for(h, HGP_T_subscribe, &sub, HGP_T_ok, NULL, err);

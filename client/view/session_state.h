@@ -12,7 +12,7 @@ enum {
     HG_VIEW_REQUESTS_MAX = 64,
     HG_VIEW_ASSETS_MAX = 64,
     HG_VIEW_PATH_BYTES = 4096,
-    HG_VIEW_CREDIT = 16, // frames under way at most; the daemon keeps as many as the network takes
+    HG_VIEW_CREDIT = 32, // frames under way at most; the daemon keeps as many as the network takes
 };
 
 // What the window wants, guarded by the lock.

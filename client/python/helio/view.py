@@ -128,11 +128,12 @@ class View:
         self.session._check(lib.helio_frame(self.session.handle, ask, out, err), err)
         return Frame(self.session._take(out).fields)
 
-    def frames(self, credit: int = 16, timeout: Optional[float] = None) -> Iterator[Frame]:
+    def frames(self, credit: int = 32, timeout: Optional[float] = None) -> Iterator[Frame]:
         """Pictures as the view changes or improves, until the loop is left or `timeout` seconds pass
         without one. Cameras may be placed meanwhile."""
+        self.set(names=1)
         self.session._credited.add(self.number)
-        self.session.call("subscribe", "ok", view=self.number, credit_frames=credit, named=True)
+        self.session.call("subscribe", "ok", view=self.number, credit_frames=credit)
         try:
             for message in self.session.messages(timeout):
                 if message.name == "error":
