@@ -21,7 +21,7 @@ struct replay {
     enum hg_cli_doing doing;
     uint64_t begin_ns;
     struct hg_record_settled seen[HG_CLI_VIEWS_MAX]; // newest settled frame by view; view 0: none
-    bool subscribed[HG_CLI_VIEWS_MAX];
+    bool subscribed[HG_CLI_VIEWS_MAX], names[HG_CLI_VIEWS_MAX];
     uint32_t answer;        // request whose answer came; 0: none
     uint32_t sent, settled; // messages; frames that were compared
     uint32_t differ;
@@ -94,9 +94,10 @@ static bool is_view(uint32_t view)
 }
 
 static enum hg_status take_frame(
-    struct replay *r, const struct hgp_frame *frame, bool is_answer, struct hg_error *err)
+    struct replay *r, const struct helio_message *m, struct hg_error *err)
 {
     uint32_t request;
+    const struct hgp_frame *frame = &m->body->frame;
     const struct hgp_credit credit = {.view = frame->view, .frames = 1};
     if (!is_view(frame->view))
         return HG_OK;
@@ -106,8 +107,10 @@ static enum hg_status take_frame(
             (struct hg_record_settled){frame->view, frame->input_seq, frame->scene_revision, {0}};
         memcpy(seen->hash, frame->hash, sizeof seen->hash);
     }
-    if (is_answer || !r->subscribed[frame->view - 1])
+    if (m->request != 0 || !r->subscribed[frame->view - 1])
         return HG_OK;
+    if (r->names[frame->view - 1])
+        return helio_taken(r->cli.h, m, err);
     return helio_send(r->cli.h, HGP_T_credit, &credit, &request, err);
 }
 
@@ -122,7 +125,7 @@ static enum hg_status take_message(
         hg_cli_on_progress(&r->cli.progress, &m->body->progress);
     else if (m->request != 0)
         r->answer = m->request;
-    return m->type == HGP_T_frame ? take_frame(r, &m->body->frame, m->request != 0, err) : HG_OK;
+    return m->type == HGP_T_frame ? take_frame(r, m, err) : HG_OK;
 }
 
 // Everything that came, in its order, up to the answer of `request` (0: all of it).
@@ -168,6 +171,7 @@ static enum hg_status open_scene(
     hg_cli_disconnect(&r->cli);
     memset(r->seen, 0, sizeof r->seen);
     memset(r->subscribed, 0, sizeof r->subscribed);
+    memset(r->names, 0, sizeof r->names);
     r->doing = HG_CLI_DOING_CONNECT;
     enum hg_status status = hg_cli_connect(&r->cli, r->o->connect, &r->files, false, err);
     if (!status)
@@ -185,13 +189,16 @@ static bool is_left_out(enum hgp_type type)
 {
     return type == HGP_T_scene_open || type == HGP_T_scene_close || type == HGP_T_credit ||
            type == HGP_T_ping || type == HGP_T_pong || type == HGP_T_keep || type == HGP_T_bye ||
-           type == HGP_T_resume;
+           type == HGP_T_resume || type == HGP_T_taken;
 }
 
-static void note_subscription(struct replay *r, const struct hgp_subscribe *m)
+// What decides how credit is given.
+static void note_view(struct replay *r, enum hgp_type type, const union hgp_any *m)
 {
-    if (is_view(m->view))
-        r->subscribed[m->view - 1] = m->credit_frames > 0;
+    if (type == HGP_T_subscribe && is_view(m->subscribe.view))
+        r->subscribed[m->subscribe.view - 1] = m->subscribe.credit_frames > 0;
+    if (type == HGP_T_view_set && is_view(m->view_set.view) && m->view_set.has_names)
+        r->names[m->view_set.view - 1] = m->view_set.names > 0;
 }
 
 // Cameras and requests for frames go on at once; all else is waited for, so that a settled frame
@@ -213,8 +220,8 @@ static enum hg_status send(struct replay *r, const struct hg_record *record, str
             status = wait_some(r, deadline(r), err);
     }
     r->sent++;
-    if (!status && type == HGP_T_subscribe)
-        note_subscription(r, &message.subscribe);
+    if (!status)
+        note_view(r, type, &message);
     if (!status && type != HGP_T_view_camera && type != HGP_T_frame_request)
         memset(r->seen, 0, sizeof r->seen); // they show what was before
     return status;

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Writes helio/_messages.py, the messages of the protocol as tables, from protocol/messages.def and
-protocol/view_params.def; with --check it fails when the file is not current.
+"""Writes helio/_enums.py and helio/_messages.py, the messages of the protocol as tables, from
+protocol/messages.def and protocol/view_params.def; with --check it fails when they are not current.
 
     generate.py ROOT [--check]
 """
@@ -73,44 +73,63 @@ def rows_of_status(root):
             yield "STATUS", arguments(match.group(1))
 
 
-def write(root):
-    enums, records = read(root)
-    out = ['"""Messages of the protocol. Written by generate.py from protocol/messages.def: do not edit."""',
-           "from __future__ import annotations", "", "import enum",
-           "from typing import Dict, List, Tuple", "",
-           "# (field, kind, enum or list part, optional)", "Field = Tuple[str, str, str, bool]", "", ""]
-    out.append("class Status(enum.IntEnum):")
+def packed(items):
+    """As many to a line as there is room for."""
+    lines, line = [], " " * 7
+    for item in items:
+        if len(line) + 1 + len(item) > 115:
+            lines.append(line)
+            line = " " * 7
+        line += " " + item
+    return lines + ([line] if line.strip() else [])
+
+
+HEAD = ('"""%s of the protocol. Written by generate.py from protocol/messages.def: do not edit."""\n'
+        "from __future__ import annotations\n\n")
+
+
+def title(name):
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def enum_file(root, enums):
+    out = [HEAD % "Enums" + "import enum", "from typing import Dict", "", "", "class Status(enum.IntEnum):"]
     out += ["    %s = %d" % (symbol, value) for symbol, value, _ in statuses(root)]
     out += ["", "", "STATUS_NAMES: Dict[int, str] = {"]
     out += ['    %d: "%s",' % (value, name) for _, value, name in statuses(root)] + ["}"]
     for name, values in enums.items():
-        title = "".join(part.capitalize() for part in name.split("_"))
-        out += ["", "", "class %s(enum.IntEnum):" % title]
-        # mypy and IntEnum reserve no name that the protocol has, but digits cannot begin one.
+        out += ["", "", "class %s(enum.IntEnum):" % title(name)]
         out += ["    %s = %d" % value for value in values]
     out += ["", "", "ENUMS: Dict[str, type[enum.IntEnum]] = {"]
-    out += ['    "%s": %s,' % (name, "".join(p.capitalize() for p in name.split("_"))) for name in enums]
-    out += ["}", "", "# Parts of lists have number 0. In the order of C's structs.",
-            "RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {"]
+    out += ['    "%s": %s,' % (name, title(name)) for name in enums]
+    return "\n".join(out + ["}"]) + "\n"
+
+
+def message_file(records):
+    out = [HEAD % "Messages" + "from typing import Dict, List, Tuple", "",
+           "# (field, kind, enum or list part, optional)", "Field = Tuple[str, str, str, bool]", "",
+           "# Parts of lists have number 0. In the order of C's structs.",
+           "RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {"]
     for name, (number, direction, fields) in records.items():
         out.append('    "%s": (0x%04x, "%s", [' % (name, number, direction))
-        out += ['        ("%s", "%s", "%s", %s),' % field for field in fields]
+        out += packed(['("%s", "%s", "%s", %s),' % field for field in fields])
         out.append("    ]),")
     return "\n".join(out + ["}"]) + "\n"
 
 
 def main():
     root = sys.argv[1]
-    path = os.path.join(root, "client/python/helio/_messages.py")
-    text = write(root)
-    if sys.argv[2:] == ["--check"]:
+    enums, records = read(root)
+    for name, text in (("_enums.py", enum_file(root, enums)), ("_messages.py", message_file(records))):
+        path = os.path.join(root, "client/python/helio", name)
+        if sys.argv[2:] != ["--check"]:
+            with open(path, "w", encoding="utf-8") as f:
+                f.write(text)
+            continue
         with open(path, encoding="utf-8") as f:
             if f.read() != text:
-                sys.exit("client/python/helio/_messages.py is not current: run "
-                         "client/python/generate.py ROOT, or cmake --build build --target protocol_update")
-        return
-    with open(path, "w", encoding="utf-8") as f:
-        f.write(text)
+                sys.exit("client/python/helio/%s is not current: run client/python/generate.py ROOT, or "
+                         "cmake --build build --target protocol_update" % name)
 
 
 if __name__ == "__main__":

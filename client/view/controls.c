@@ -26,7 +26,7 @@ enum hg_view_action hg_controls_find(SDL_Scancode key, bool *moves)
 {
     for (int i = 0; i < HG_VIEW_ACTION_COUNT; i++)
         if (SDL_GetScancodeFromName(hg_view_keys[i].name) == key) {
-            *moves = hg_view_keys[i].action <= HG_VIEW_DO_TILT_DOWN;
+            *moves = hg_view_keys[i].action <= HG_VIEW_DO_ZOOM_OUT;
             return hg_view_keys[i].action;
         }
     *moves = false;
@@ -52,7 +52,9 @@ static double sum(double a, double b)
 void hg_controls_wish(const struct hg_controls *c, bool fast, struct hg_navigate_wish *wish)
 {
     wish->right = sum(both(c, HG_VIEW_DO_LEFT, HG_VIEW_DO_RIGHT), c->move[0]);
-    wish->forward = sum(both(c, HG_VIEW_DO_BACK, HG_VIEW_DO_FORWARD), -c->move[1]);
+    wish->forward = sum(sum(both(c, HG_VIEW_DO_BACK, HG_VIEW_DO_FORWARD),
+                            both(c, HG_VIEW_DO_ZOOM_OUT, HG_VIEW_DO_ZOOM_IN)),
+        -c->move[1]);
     wish->up = sum(both(c, HG_VIEW_DO_DOWN, HG_VIEW_DO_UP), c->lift);
     wish->turn = sum(both(c, HG_VIEW_DO_TURN_LEFT, HG_VIEW_DO_TURN_RIGHT), c->look[0]);
     wish->tilt = sum(both(c, HG_VIEW_DO_TILT_DOWN, HG_VIEW_DO_TILT_UP), -c->look[1]);
@@ -98,10 +100,8 @@ enum hg_view_action hg_controls_button(int button, enum hg_navigate_style style)
         return HG_VIEW_DO_MODE;
     case SDL_CONTROLLER_BUTTON_Y:
         return HG_VIEW_DO_VARIANT;
-    case SDL_CONTROLLER_BUTTON_LEFTSHOULDER:
-        return HG_VIEW_DO_CAMERA_BEFORE;
     case SDL_CONTROLLER_BUTTON_RIGHTSHOULDER:
-        return HG_VIEW_DO_CAMERA_NEXT;
+        return HG_VIEW_DO_CAMERA;
     case SDL_CONTROLLER_BUTTON_START:
         return HG_VIEW_DO_HELP;
     case SDL_CONTROLLER_BUTTON_BACK:

@@ -115,13 +115,12 @@ static void show_frame(struct hg_view_session *s, const struct hgp_frame *frame)
     tell(s);
 }
 
-static void give_credit(struct hg_view_session *s, uint32_t frames)
+// Credit for a frame, and when it came: the server's controller goes by that.
+static void give_credit(struct hg_view_session *s, const struct helio_message *frame)
 {
-    const struct hgp_credit credit = {.view = HG_CLI_VIEW, .frames = frames};
-    uint32_t request;
     struct hg_error ignored; // a connection that failed is found out when it is read
-    if (frames > 0 && helio_send(s->work.render.cli.h, HGP_T_credit, &credit, &request, &ignored))
-        hg_view_say(s, "no credit could be given for frames");
+    if (helio_taken(s->work.render.cli.h, frame, &ignored) == HG_E_AGAIN)
+        hg_view_say(s, "the connection was lost and is being made again");
 }
 
 static void take_other(struct hg_view_session *s, const struct helio_message *m)
@@ -155,6 +154,8 @@ static void take_messages(struct hg_view_session *s)
             helio_message_free(m);
             continue;
         }
+        if (m->request == 0)
+            give_credit(s, m);
         helio_message_free(newest);
         newest = m;
         frames++;
@@ -169,7 +170,6 @@ static void take_messages(struct hg_view_session *s)
     pthread_mutex_unlock(&s->lock);
     show_frame(s, &newest->body->frame);
     helio_message_free(newest);
-    give_credit(s, frames);
 }
 
 // ---- what the window asks for ------------------------------------------------------------------
@@ -212,9 +212,9 @@ static enum hg_status send_pose(struct hg_view_session *s, struct hg_error *err)
 static enum hg_status find_fit(
     struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
 {
-    const struct hgp_view_fit fit = {.view = HG_CLI_VIEW};
+    struct hgp_view_fit fit = {.view = HG_CLI_VIEW};
     struct hgp_view_camera camera = {.view = HG_CLI_VIEW};
-    enum hg_status status;
+    enum hg_status status = HG_OK;
     if (q->ask == HG_VIEW_ASK_NODE) {
         camera.has_camera = true;
         camera.camera = q->camera;
@@ -222,7 +222,10 @@ static enum hg_status find_fit(
         if (!status)
             status = hg_view_ask_place(s, &camera, err);
     } else {
-        status = helio_camera_fit(s->work.render.cli.h, &fit, &camera, err);
+        if (q->text[0])
+            status = hg_cli_parse_view("view", q->text, &fit, err);
+        if (!status)
+            status = helio_camera_fit(s->work.render.cli.h, &fit, &camera, err);
     }
     if (status)
         return status;

@@ -3,7 +3,7 @@
 //
 // Floor 6 (client). Thread: the functions below belong to the thread of the window; none of them
 // waits for the server. The session's thread owns the connection. Frames never queue: of those that
-// have come only the newest is decoded, and credit is given back when it is. Cameras and poses of
+// have come only the newest is decoded. Cameras and poses of
 // animations never queue either: the newest replaces one that is not sent yet.
 #ifndef HG_CLIENT_VIEW_SESSION_H
 #define HG_CLIENT_VIEW_SESSION_H
@@ -84,7 +84,8 @@ enum hg_view_ask {
     HG_VIEW_ASK_ENVIRONMENT, // environment
     HG_VIEW_ASK_VARIANT,     // text
     HG_VIEW_ASK_NODE,        // camera; likewise, where that camera of the scene stands
-    HG_VIEW_ASK_FIT,         // the camera that shows all; hg_view_session_fitted has the answer
+    HG_VIEW_ASK_FIT,         // text = a named side, or empty; the camera that shows all:
+                             // hg_view_session_fitted has the answer
     HG_VIEW_ASK_PICK,        // x, y; hg_view_session_picked has the answer
     HG_VIEW_ASK_SHOT,        // text = file; the newest frame, without loss
 };

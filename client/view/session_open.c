@@ -222,6 +222,8 @@ static enum hg_status subscribe(struct hg_view_session *s, struct hg_error *err)
         .view = HG_CLI_VIEW,
         .has_encoding = true,
         .encoding = near ? HGP_encoding_RAW_RGBA8 : HGP_encoding_JPEG,
+        .has_names = true,
+        .names = 1,
         .has_still_encoding = true,
         .still_encoding = near ? HGP_encoding_RAW_RGBA8 : HGP_encoding_ZSTD_RGBA8,
     };

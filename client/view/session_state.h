@@ -12,7 +12,7 @@ enum {
     HG_VIEW_REQUESTS_MAX = 64,
     HG_VIEW_ASSETS_MAX = 64,
     HG_VIEW_PATH_BYTES = 4096,
-    HG_VIEW_CREDIT = 2, // frames under way: one that is decoded, one that is on its way
+    HG_VIEW_CREDIT = 32, // frames under way at most; the daemon keeps as many as the network takes
 };
 
 // What the window wants, guarded by the lock.

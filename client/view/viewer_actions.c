@@ -274,7 +274,18 @@ static bool do_window(struct hg_viewer *v, enum hg_view_action action)
     }
 }
 
-static void do_camera(struct hg_viewer *v, enum hg_view_action action)
+// All of the scene from a named side.
+static void show_side(struct hg_viewer *v, enum hg_view_action action)
+{
+    static const char *const names[] = {"front", "right", "back", "left", "top", "bottom", "iso"};
+    struct hg_view_request request = {.ask = HG_VIEW_ASK_FIT};
+    if (action < HG_VIEW_DO_FRONT || action > HG_VIEW_DO_ISOMETRIC)
+        return;
+    snprintf(request.text, sizeof request.text, "%s", names[action - HG_VIEW_DO_FRONT]);
+    ask(v, &request);
+}
+
+static void do_camera(struct hg_viewer *v, enum hg_view_action action, bool shift)
 {
     switch (action) {
     case HG_VIEW_DO_ORBIT:
@@ -292,12 +303,11 @@ static void do_camera(struct hg_viewer *v, enum hg_view_action action)
     case HG_VIEW_DO_START:
         go_to_start(v);
         break;
-    case HG_VIEW_DO_CAMERA_BEFORE:
-    case HG_VIEW_DO_CAMERA_NEXT:
-        choose_camera(v, action == HG_VIEW_DO_CAMERA_NEXT ? 1 : -1);
+    case HG_VIEW_DO_CAMERA:
+        choose_camera(v, shift ? -1 : 1);
         break;
     default:
-        break;
+        show_side(v, action);
     }
 }
 
@@ -349,6 +359,6 @@ void hg_viewer_do(struct hg_viewer *v, enum hg_view_action action, bool shift)
     v->dirty = true;
     if (do_window(v, action) || v->status.state != HG_VIEW_OPEN)
         return;
-    do_camera(v, action);
+    do_camera(v, action, shift);
     do_picture(v, action, shift);
 }

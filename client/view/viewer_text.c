@@ -109,7 +109,7 @@ static void draw_state(struct hg_viewer *v)
         return;
     if (s->state == HG_VIEW_FAILED) {
         hg_overlay_wrap(&text, HG_OVERLAY_BAD, s->text, columns);
-        hg_overlay_add(&text, HG_OVERLAY_DIM, "R tries again, Escape ends");
+        hg_overlay_add(&text, HG_OVERLAY_DIM, "F5 tries again, Esc ends");
     } else if (s->share >= 0) {
         hg_overlay_add(&text, HG_OVERLAY_PLAIN, "%s %.0f %%", s->text, s->share * 100);
     } else {

@@ -30,6 +30,8 @@ class App {
         this.link = takeAccess();
         const url = new URL("hgp", location.href);
         url.hash = "";
+        if (this.link.scene) // for load balancers, which keep a scene's viewers on one daemon
+            url.searchParams.set("scene", this.link.scene);
         url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         this.connection = new Connection(url.href, CLIENT);
         this.connection.token = this.link.ticket;

@@ -16,7 +16,7 @@ Pictures are numpy arrays where numpy is installed, and show themselves in noteb
 from __future__ import annotations
 
 from ._lib import HelioError
-from ._messages import (Background, CameraKind, DebugView, Encoding, EnvironmentKind, ExposureMode, Gi,
+from ._enums import (Background, CameraKind, DebugView, Encoding, EnvironmentKind, ExposureMode, Gi,
                         LightKind, Metric, ObjectKind, Plane, RenderMode, Role, Status, Tonemap)
 from .scene import Scene
 from .session import Info, Message, Session, connect, version

@@ -10,7 +10,8 @@ from ctypes import (POINTER, c_bool, c_char, c_char_p, c_double, c_float, c_int,
                     c_uint8, c_uint16, c_uint32, c_uint64, c_void_p)
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
-from ._messages import ENUMS, RECORDS, STATUS_NAMES, Status
+from ._enums import ENUMS, STATUS_NAMES, Status
+from ._messages import RECORDS
 
 NO_TIMEOUT = 2 ** 64 - 1
 
@@ -166,7 +167,8 @@ class Info(ctypes.Structure):
 
 
 class Message(ctypes.Structure):
-    _fields_ = [("type", c_int), ("request", c_uint32), ("size_bytes", c_uint32), ("body", c_void_p)]
+    _fields_ = [("type", c_int), ("request", c_uint32), ("size_bytes", c_uint32), ("body", c_void_p),
+                ("begun_ns", c_uint64), ("received_ns", c_uint64)]
 
 
 class File(ctypes.Structure):
@@ -205,6 +207,7 @@ PROTOTYPES: Dict[str, Tuple[Any, List[Any]]] = {
     "helio_send": (c_int, [_H, c_int, c_void_p, POINTER(c_uint32), _ERR]),
     "helio_next": (c_int, [_H, _MESSAGE, _ERR]),
     "helio_message_free": (None, [POINTER(Message)]),
+    "helio_taken": (c_int, [_H, POINTER(Message), _ERR]),
     "helio_set_handlers": (None, [_H, POINTER(Handlers)]),
     "helio_set_tap": (None, [_H, POINTER(Tap)]),
     "helio_set_timeout": (None, [_H, c_uint64]),

@@ -6,11 +6,11 @@ import json
 import os
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Tuple, Type, Union
+from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Set, Tuple, Type, Union
 
 from . import _lib
 from ._lib import HelioError, lib
-from ._messages import Role, Status
+from ._enums import Role, Status
 
 STATES = ("connecting", "greeting", "open", "closed")
 
@@ -125,6 +125,7 @@ class Session:
         self._timeout = timeout
         self._raised: Optional[BaseException] = None
         self._tap: Any = None
+        self._credited: Set[int] = set()  # subscribed views whose frames are acknowledged when taken
         self.on_progress: Optional[Callable[[str, int, int], None]] = None
         self.on_notice: Optional[Callable[[Dict[str, Any]], None]] = None
         # The C side calls these as long as the connection lives.
@@ -361,7 +362,11 @@ class Session:
 
     def _take(self, pointer: Any) -> Message:
         try:
-            return self._decode(pointer.contents)
+            message = self._decode(pointer.contents)
+            if message.name == "frame" and message.request == 0 and message["view"] in self._credited:
+                err = _lib.Error()
+                _lib.check(lib.helio_taken(self.handle, pointer, err), err)
+            return message
         finally:
             lib.helio_message_free(pointer)
 

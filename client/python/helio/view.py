@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterator, Optional, Sequence
 
 from . import _lib
 from ._lib import lib
-from ._messages import Encoding
+from ._enums import Encoding
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -128,9 +128,11 @@ class View:
         self.session._check(lib.helio_frame(self.session.handle, ask, out, err), err)
         return Frame(self.session._take(out).fields)
 
-    def frames(self, credit: int = 2, timeout: Optional[float] = None) -> Iterator[Frame]:
+    def frames(self, credit: int = 32, timeout: Optional[float] = None) -> Iterator[Frame]:
         """Pictures as the view changes or improves, until the loop is left or `timeout` seconds pass
         without one. Cameras may be placed meanwhile."""
+        self.set(names=1)
+        self.session._credited.add(self.number)
         self.session.call("subscribe", "ok", view=self.number, credit_frames=credit)
         try:
             for message in self.session.messages(timeout):
@@ -138,9 +140,9 @@ class View:
                     raise _lib.HelioError(message["code"], message["what"], message["where"],
                                           message["reason"])
                 if message.name == "frame" and message["view"] == self.number:
-                    self.session.send("credit", view=self.number, frames=1)
                     yield Frame(message.fields)
         finally:
+            self.session._credited.discard(self.number)
             if self.session._handle:
                 self.session.call("subscribe", "ok", view=self.number, credit_frames=0)
 

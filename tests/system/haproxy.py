@@ -1,0 +1,305 @@
+#!/usr/bin/env python3
+"""haproxy.py - deploy/haproxy/haproxy.cfg with the real HAProxy and two daemons.
+
+Four viewers of two scenes come over WebSockets through the proxy. Viewers of a scene are on one daemon.
+Then each daemon is drained and restarted, one after the other; every viewer goes on with its session
+(ticket) and gets further frames. Workers are tests/system/fake_worker: nothing is rendered.
+
+Needs haproxy; without it the exit code is 77. HELIO_SOURCE_DIR, HELIO_BUILD_DIR, HELIO_LIBRARY from ctest.
+"""
+import base64
+import os
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+SOURCE, BUILD = os.environ["HELIO_SOURCE_DIR"], os.environ["HELIO_BUILD_DIR"]
+sys.path.insert(0, os.path.join(SOURCE, "client", "python"))
+import helio  # noqa: E402
+
+PATIENCE_S = 120  # against hanging on a busy machine; nothing is measured
+
+
+def until(holds, what):
+    end = time.monotonic() + PATIENCE_S
+    while not holds():
+        if time.monotonic() > end:
+            raise TimeoutError("not in time: " + what)
+        time.sleep(0.05)
+
+
+def http(path, target):
+    """Status and body of a GET on a unix socket."""
+    with socket.socket(socket.AF_UNIX) as link:
+        link.settimeout(10)
+        link.connect(path)
+        link.sendall(("GET %s HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n" % target).encode())
+        data = b"".join(iter(lambda: link.recv(65536), b""))
+    head, _, body = data.partition(b"\r\n\r\n")
+    return int(head.split()[1]), body.decode()
+
+
+class Daemon:
+    def __init__(self, folder, name):
+        self.socket = os.path.join(folder, name + ".sock")
+        self.log = open(os.path.join(folder, name + ".log"), "ab")
+        self.arguments = [
+            os.path.join(BUILD, "bin", "heliod"), "--listen", "unix:" + self.socket,
+            "--state-dir", os.path.join(folder, name + ".state"), "--cache-dir", os.path.join(folder, name + ".cache"),
+            "--worker", os.path.join(BUILD, "tests", "fake_worker"), "--sandbox", "off", "--cgroup", "off",
+            "--durability", "written", "--drain-timeout", "10"]
+        self.scratch = os.path.join(folder, name + ".fake")
+        for kind in (".state", ".cache", ".fake"):
+            os.mkdir(os.path.join(folder, name + kind), 0o700)
+        self.start()
+
+    def start(self):
+        self.process = subprocess.Popen(self.arguments, stdout=self.log, stderr=self.log,
+                                        env=dict(os.environ, HELIO_FAKE_DIR=self.scratch))
+        until(self.is_ready, "a daemon that is ready")
+
+    def is_ready(self):
+        if self.process.poll() is not None:
+            raise RuntimeError("heliod ended with %d" % self.process.returncode)
+        try:
+            return http(self.socket, "/readyz")[0] == 200
+        except OSError:
+            return False
+
+    def metric(self, name):
+        body = http(self.socket, "/metrics")[1]
+        return next(float(line.split()[1]) for line in body.splitlines() if line.startswith(name + " "))
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        self.process.wait(PATIENCE_S)
+
+
+class Tunnel:
+    """A WebSocket client (RFC 6455) as a connected socket of raw bytes: `fd`."""
+
+    def __init__(self, path, target):
+        self.web = socket.socket(socket.AF_UNIX)
+        self.web.connect(path)
+        self.web.sendall(("GET %s HTTP/1.1\r\nHost: test\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                          "Sec-WebSocket-Key: %s\r\nSec-WebSocket-Version: 13\r\n"
+                          "Sec-WebSocket-Protocol: hgp.1\r\n\r\n"
+                          % (target, base64.b64encode(os.urandom(16)).decode())).encode())
+        head = b""
+        while not head.endswith(b"\r\n\r\n"):
+            byte = self.web.recv(1)
+            if not byte:
+                raise ConnectionError("closed before it was a WebSocket")
+            head += byte
+        if head.split()[1] != b"101":
+            self.web.close()
+            raise ConnectionError(head.split(b"\r\n")[0].decode())
+        self.near, far = socket.socketpair()
+        self.fd = far.detach()
+        for run in (self.send, self.receive):
+            threading.Thread(target=run, daemon=True).start()
+
+    def close(self):
+        for link in (self.web, self.near):
+            try:
+                link.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+
+    def frame(self, opcode, data):
+        size = len(data)
+        head = bytes([0x80 | opcode])
+        head += bytes([0x80 | size]) if size < 126 else struct.pack(">BH", 0xfe, size) \
+            if size < 65536 else struct.pack(">BQ", 0xff, size)
+        mask = os.urandom(4)
+        self.web.sendall(head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
+
+    def send(self):
+        try:
+            while data := self.near.recv(65536):
+                self.frame(2, data)
+        except OSError:
+            pass
+        self.close()
+
+    def exactly(self, size):
+        data = b""
+        while len(data) < size:
+            more = self.web.recv(size - len(data))
+            if not more:
+                raise ConnectionError("end")
+            data += more
+        return data
+
+    def receive(self):
+        try:
+            while True:
+                first, second = self.exactly(2)
+                size = second & 127
+                if size > 125:
+                    size = int.from_bytes(self.exactly(2 if size == 126 else 8), "big")
+                data = self.exactly(size)
+                if first & 15 == 8:
+                    break
+                if first & 15 == 9:
+                    self.frame(10, data)
+                elif first & 15 in (0, 2):
+                    self.near.sendall(data)
+        except OSError:
+            pass
+        self.close()
+
+
+class Viewer(threading.Thread):
+    """Looks at a scene until it is told to stop; goes on by its ticket when the connection ends."""
+
+    def __init__(self, proxy, scene):
+        super().__init__(daemon=True)
+        self.proxy, self.scene = proxy, scene
+        self.stop, self.frames, self.resumed, self.failure = False, 0, 0, None
+        self.secret = None
+
+    def dial(self):
+        self.tunnel = Tunnel(self.proxy, "/hgp?scene=" + self.scene)
+        return helio.connect("tcp:proxy:1", fd=self.tunnel.fd, timeout=PATIENCE_S)
+
+    def begin(self):
+        session = self.dial()
+        self.secret = session.call("keep", "ticket")["secret"]
+        scene = session.scene(self.scene)
+        if not scene.existed:
+            scene.load("demo:")
+        scene.view(16, 16)
+        return session
+
+    def go_on(self):
+        """As libhelio's own `reconnect`, which has no WebSockets: dial until the daemon is back."""
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                session = self.dial()
+                self.secret = session.call("resume", "resumed", secret=self.secret)["secret"]
+                self.resumed += 1
+                return session
+            except (OSError, helio.HelioError) as wrong:
+                lost = isinstance(wrong, OSError) or wrong.status in (
+                    helio.Status.E_CLOSED, helio.Status.E_TIMEOUT, helio.Status.E_IO)
+                if not lost or time.monotonic() > end:
+                    raise
+                time.sleep(0.1)
+
+    def look(self, session):
+        while not self.stop:
+            answer = session.call("frame_request", "frame", view=1, settled=False, encoding="raw_rgba8")
+            assert answer["width"] == 16
+            self.frames += 1
+            time.sleep(0.02)
+
+    def run(self):
+        try:
+            session = self.begin()
+            while not self.stop:
+                try:
+                    self.look(session)
+                except helio.HelioError as wrong:
+                    if wrong.status not in (helio.Status.E_CLOSED, helio.Status.E_IO, helio.Status.E_STATE):
+                        raise
+                    session.close()
+                    session = self.go_on()
+            session.close()
+        except BaseException as wrong:
+            self.failure = wrong
+
+
+def admin(path, command):
+    with socket.socket(socket.AF_UNIX) as link:
+        link.connect(path)
+        link.sendall((command + "\n").encode())
+        return b"".join(iter(lambda: link.recv(4096), b"")).decode().strip()
+
+
+def restart(daemon, name, viewers, panel):
+    """The procedure of docs/operations.md."""
+    said = admin(panel, "set server heliod/%s state drain" % name)
+    assert said == "", said
+    before = {v: v.resumed for v in viewers}
+    mine = int(daemon.metric("heliod_sessions"))
+    daemon.stop()
+    daemon.start()
+    until(lambda: sum(v.resumed - before[v] for v in viewers) >= mine or any(v.failure for v in viewers),
+          "%d sessions that go on" % mine)
+    admin(panel, "set server heliod/%s state ready" % name)
+    frames = {v: v.frames for v in viewers}
+    until(lambda: all(v.frames > frames[v] or v.failure for v in viewers), "frames after the restart")
+    return mine
+
+
+def check(folder):
+    bind, panel = os.path.join(folder, "proxy.sock"), os.path.join(folder, "admin.sock")
+    daemons = [Daemon(folder, name) for name in ("d1", "d2")]
+    env = dict(os.environ, HELIO_BIND="unix@" + bind, HELIO_ADMIN=panel,
+               **{"HELIO_D%d" % (i + 1): "unix@" + d.socket for i, d in enumerate(daemons)})
+    proxy = subprocess.Popen(["haproxy", "-db", "-f", os.path.join(SOURCE, "deploy/haproxy/haproxy.cfg")], env=env,
+                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    viewers = []
+    try:
+        until(lambda: os.path.exists(bind) and os.path.exists(panel), "haproxy")
+        until(lambda: http(bind, "/readyz")[0] == 200, "a way through the proxy")
+        assert http(bind, "/metrics")[0] == 403
+        names, i = {}, 0
+        while len(names) < 2:  # two names that hash to different daemons
+            name, i = "scene-%d" % i, i + 1
+            tunnel = Tunnel(bind, "/hgp?scene=" + name)
+            session = helio.connect("tcp:proxy:1", fd=tunnel.fd, timeout=PATIENCE_S)
+            at = [int(d.metric("heliod_sessions")) for d in daemons].index(1)
+            names.setdefault(at, name)
+            session.close()
+            tunnel.close()
+            until(lambda: sum(d.metric("heliod_sessions") for d in daemons) == 0, "a session that has ended")
+        viewers = [Viewer(bind, names[i % 2]) for i in range(4)]
+        for viewer in viewers:
+            viewer.start()
+        until(lambda: all(v.frames > 3 or v.failure for v in viewers), "first frames")
+        assert not any(v.failure for v in viewers), [v.failure for v in viewers]
+        assert [d.metric("heliod_sessions") for d in daemons] == [2, 2], "viewers of a scene are together"
+        assert [d.metric("heliod_scenes") for d in daemons] == [1, 1]
+        restarted = sum(restart(d, name, viewers, panel) for d, name in zip(daemons, ("d1", "d2")))
+        failures = [v.failure for v in viewers if v.failure]
+        for viewer in viewers:
+            viewer.stop = True
+        for viewer in viewers:
+            viewer.join(PATIENCE_S)
+        print("4 viewers, 2 daemons restarted, %d sessions went on, %d failed, %d frames"
+              % (restarted, len(failures), sum(v.frames for v in viewers)))
+        assert not failures, failures
+        assert restarted == 4 and all(v.resumed == 1 for v in viewers)
+    finally:
+        proxy.terminate()
+        proxy.wait(PATIENCE_S)
+        for d in daemons:
+            d.stop()
+
+
+def main():
+    if not shutil.which("haproxy"):
+        print("haproxy is not installed")
+        sys.exit(77)
+    with tempfile.TemporaryDirectory(prefix="hgp") as folder:
+        try:
+            check(folder)
+        except BaseException:
+            for name in filter(lambda n: n.endswith(".log"), sorted(os.listdir(folder))):
+                with open(os.path.join(folder, name), encoding="utf-8", errors="replace") as f:
+                    print("".join(f.readlines()[-15:]))
+            raise
+
+
+if __name__ == "__main__":
+    main()
