@@ -2,6 +2,8 @@
 //
 // Layers, lowest first:
 //   transport private_worker camera    sockets; a worker process; conventions of cameras
+//   tls websocket                      streams over sockets
+//   dial                               urls to streams
 //   conn                               state, why it ended, what waits to be sent
 //   session                            hello, authentication, what the library answers itself
 //   receive                            bytes to messages
@@ -71,6 +73,7 @@ struct helio {
     bool auth_sent;
     bool draining;
     struct hg_client_transport transport;
+    struct hg_client_tls_options tls;
     int wake_fd; // eventfd of helio_interrupt
     pid_t worker_pid;
     struct hg_error error; // why it is closed; status HG_OK while it is not
