@@ -38,6 +38,7 @@ struct hg_client_message {
     struct hg_arena arena;
     struct hgp_header header;
     uint8_t *payload;
+    uint64_t begun_ns; // when its header came
     struct hg_client_message *next;
 };
 
@@ -59,6 +60,7 @@ struct hg_client_server {
 
 // Going on with the session on another connection.
 struct hg_client_resume {
+    struct hg_client_tls_options tls; // for every connection
     uint64_t patience_ns;  // 0 = it is not wanted
     uint64_t deadline_ns;  // until then it is tried; 0 = the connection is not lost
     uint64_t retry_ns;     // the next try
@@ -73,7 +75,6 @@ struct helio {
     bool auth_sent;
     bool draining;
     struct hg_client_transport transport;
-    struct hg_client_tls_options tls;
     int wake_fd; // eventfd of helio_interrupt
     pid_t worker_pid;
     struct hg_error error; // why it is closed; status HG_OK while it is not
@@ -82,6 +83,7 @@ struct helio {
     struct hg_client_server server;
     uint32_t receive_limit, next_request;
     uint64_t timeout_ns, open_timeout_ns, heard_ns;
+    uint64_t rtt_ns; // of the newest helio_ping; 0 = none yet
 
     struct hg_writer out; // out.data[out_sent..out.size) waits to be sent
     size_t out_sent;
@@ -89,6 +91,7 @@ struct helio {
     struct hg_client_queue queue;
     struct helio_handlers handlers;
     struct hg_client_resume resume;
+    struct helio_tap tap;
 };
 
 // Ends the connection for a reason (the first one is kept) and reports it.

@@ -26,9 +26,9 @@ static bool keep_text(char **out, const char *text)
 // They are needed again when the connection is lost.
 static enum hg_status keep_tls(struct helio *h, const struct helio_options *o)
 {
-    h->tls.insecure = o->tls_insecure;
-    return keep_text(&h->tls.ca, o->tls_ca) && keep_text(&h->tls.pin, o->tls_pin) &&
-                   keep_text(&h->tls.cert, o->tls_cert) && keep_text(&h->tls.key, o->tls_key)
+    h->resume.tls.insecure = o->tls_insecure;
+    return keep_text(&h->resume.tls.ca, o->tls_ca) && keep_text(&h->resume.tls.pin, o->tls_pin) &&
+                   keep_text(&h->resume.tls.cert, o->tls_cert) && keep_text(&h->resume.tls.key, o->tls_key)
                ? HG_OK
                : HG_E_NOMEM;
 }
@@ -136,10 +136,10 @@ void helio_destroy(struct helio *h)
 {
     if (!h)
         return;
-    hg_free(h->tls.ca);
-    hg_free(h->tls.pin);
-    hg_free(h->tls.cert);
-    hg_free(h->tls.key);
+    hg_free(h->resume.tls.ca);
+    hg_free(h->resume.tls.pin);
+    hg_free(h->resume.tls.cert);
+    hg_free(h->resume.tls.key);
     hg_client_transport_close(&h->transport);
     if (h->wake_fd >= 0)
         close(h->wake_fd);
@@ -203,7 +203,10 @@ enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *messa
         return hg_error_set(err, HG_E_INVAL, info ? info->name : "message", NULL,
             "not a message that clients send");
     uint32_t id = request ? h->next_request : 0;
+    const size_t before = h->out.size;
     enum hg_status status = hg_client_enqueue(h, type, id, message, err);
+    if (!status && h->tap.sent)
+        h->tap.sent(h->tap.user, h->out.data + before, h->out.size - before);
     if (!status && request) {
         *request = id;
         h->next_request = id + 1 == HG_CLIENT_OWN_REQUEST ? 1 : id + 1;
@@ -248,7 +251,7 @@ static enum hg_status connect_on(struct helio *h)
     if (h->resume.deadline_ns && !h->transport.class)
         status = hg_client_redial(h);
     if (!status && h->transport.connecting)
-        status = hg_client_dial_continue(&h->transport, h->url, &h->tls, &reason);
+        status = hg_client_dial_continue(&h->transport, h->url, &h->resume.tls, &reason);
     if (status == HG_E_AGAIN || h->error.status)
         return status;
     if (status && h->resume.deadline_ns) { // the daemon does not accept connections yet
@@ -300,6 +303,11 @@ void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers)
     h->handlers = handlers ? *handlers : (struct helio_handlers){0};
 }
 
+void helio_set_tap(struct helio *h, const struct helio_tap *tap)
+{
+    h->tap = tap ? *tap : (struct helio_tap){0};
+}
+
 void helio_set_timeout(struct helio *h, uint64_t timeout_ns)
 {
     h->timeout_ns = timeout_ns;
@@ -310,4 +318,19 @@ void helio_interrupt(struct helio *h)
     uint64_t one = 1;
     ssize_t n = write(h->wake_fd, &one, sizeof one);
     (void)n; // full counter: the interrupt is pending already
+}
+
+enum hg_status helio_taken(struct helio *h, const struct helio_message *frame, struct hg_error *err)
+{
+    if (frame->type != HGP_T_frame || frame->request)
+        return hg_error_set(err, HG_E_INVAL, "taken", NULL, "is for frames of a subscription");
+    const struct hgp_taken taken = {.view = frame->body->frame.view,
+        .number = frame->body->frame.number,
+        .has_begun_ns = true,
+        .begun_ns = frame->begun_ns,
+        .has_received_ns = true,
+        .received_ns = frame->received_ns,
+        .has_rtt_ns = h->rtt_ns > 0,
+        .rtt_ns = h->rtt_ns};
+    return helio_send(h, HGP_T_taken, &taken, NULL, err);
 }

@@ -197,6 +197,8 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
             status = greeting(h, message);
         } else {
             h->draining |= message->pub.type == HGP_T_drain;
+            if (h->tap.received)
+                h->tap.received(h->tap.user, &message->pub);
             hg_client_queue_push(&h->queue, message);
             used = false;
         }

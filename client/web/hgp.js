@@ -37,7 +37,7 @@ export const status = {
 
 export const enums = {
     role: { NONE: 0, VIEW: 1, EDIT: 2, ADMIN: 3 },
-    encoding: { RAW_RGBA8: 0, RAW_RGBA32F: 1, ZSTD_RGBA8: 2, PNG8: 3, PNG16: 4, JPEG: 5, EXR_HALF: 6, EXR_FLOAT: 7 },
+    encoding: { RAW_RGBA8: 0, RAW_RGBA32F: 1, ZSTD_RGBA8: 2, PNG8: 3, PNG16: 4, JPEG: 5, EXR_HALF: 6, EXR_FLOAT: 7, JPEG_444: 8, H264: 9, H264_444: 10, AV1: 11, TILES: 12, TILES_JPEG: 13 },
     render_mode: { REALTIME: 0, PATH: 1 },
     trace_backend: { AUTO: 0, EMBREE: 1, COMPUTE: 2, KHR: 3 },
     denoise: { OFF: 0, STILL: 1, ANIMATION: 2 },
@@ -64,6 +64,8 @@ export const enums = {
     wrap: { REPEAT: 0, CLAMP: 1, MIRROR: 2 },
     object_kind: { NODE: 0, MESH: 1, MATERIAL: 2, TEXTURE: 3, LIGHT: 4, CAMERA: 5 },
     debug_view: { OFF: 0, MIP: 1, RESIDENCY: 2, MISSING: 3, CLUSTER: 4, LOD: 5, OVERDRAW: 6, MOTION: 7, HISTORY: 8, PROBES: 9, IRRADIANCE: 10, SHADOWS: 11, REFLECTIONS: 12, SCALE: 13, SHADOW_PAGES: 14 },
+    camera_change: { NONE: 0, REQUESTED: 1, TAKEN: 2, GIVEN: 3, RELEASED: 4, INACTIVE: 5, TURN_OVER: 6, LEFT: 7, LOCK: 8, WAITING: 9 },
+    annotation_kind: { MARKER: 0, TEXT: 1 },
     metric: { PSNR: 0, SSIM: 1, FLIP: 2, RMSE: 3, MAX: 4 },
 };
 
@@ -113,6 +115,34 @@ export const structs = {
         { name: "colors", kind: "bytes", max: 67108864, since: 1 },
         { name: "indices", kind: "bytes", max: 67108864, since: 1 },
     ],
+    // a session that has a scene open
+    participant: [
+        { name: "session", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+        { name: "role", kind: "enum", values: "role", since: 1 },
+        { name: "name", kind: "str", max: 128, since: 1 },
+        { name: "label", kind: "str", max: 64, since: 1 },
+        { name: "color", kind: "u32", least: 0, most: 16777215, since: 1 },
+        { name: "away", kind: "bool", since: 1 },
+    ],
+    // a session that waits for the shared camera
+    waiting_session: [
+        { name: "session", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+    ],
+    // a text or marker in a scene
+    annotation_entry: [
+        { name: "annotation", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+        { name: "kind", kind: "enum", values: "annotation_kind", since: 1 },
+        { name: "position", kind: "vec3", since: 1 },
+        { name: "normal", kind: "vec3", since: 1 },
+        { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "color", kind: "u32", least: 0, most: 16777215, since: 1 },
+        { name: "text", kind: "str", max: 2048, since: 1 },
+        { name: "author", kind: "str", max: 128, since: 1 },
+        { name: "label", kind: "str", max: 64, since: 1 },
+        { name: "own", kind: "bool", since: 1 },
+        { name: "time_ms", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        { name: "changed_ms", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+    ],
 };
 
 export const messages = {
@@ -139,7 +169,7 @@ export const messages = {
             { name: "capabilities", kind: "list", items: "text", max: 64, since: 1 },
         ],
     },
-    // present a token
+    // present a token, or a join ticket: what join_scene says comes before auth_ok then
     auth: {
         type: 0x0103, direction: "C2S", state: "AUTH", role: "NONE", since: 1,
         fields: [
@@ -250,6 +280,290 @@ export const messages = {
             { name: "first_id", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "id_count", kind: "u32", least: 0, most: 4294967295, since: 1 },
         ],
+    },
+    // which of these is this session told about the open scene? Those not named here stay as they were, at first false. Before ok comes the state of what became true: participants, camera_state (camera_moved, if it was moved), annotations. It ends with the scene, and goes on in a resumed session
+    scene_watch: {
+        type: 0x0130, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "participants", kind: "bool", since: 1, optional: true },
+            { name: "cursors", kind: "bool", since: 1, optional: true },
+            { name: "camera", kind: "bool", since: 1, optional: true },
+            { name: "annotations", kind: "bool", since: 1, optional: true },
+            { name: "edits", kind: "bool", since: 1, optional: true },
+        ],
+    },
+    // how others see this session
+    participant_set: {
+        type: 0x0131, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "label", kind: "str", max: 64, since: 1, optional: true },
+            { name: "color", kind: "u32", least: 0, most: 16777215, since: 1, optional: true },
+        ],
+    },
+    // who has the scene open; all of them each time, those of several changes within a twentieth of a second at once
+    participants: {
+        type: 0x0132, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "sessions", kind: "list", items: "participant", max: 4096, since: 1 },
+        ],
+    },
+    // where this client points; newest wins, never answered unless it is wrong
+    cursor_set: {
+        type: 0x0133, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "shown", kind: "bool", since: 1 },
+            { name: "position", kind: "vec3", since: 1 },
+            { name: "normal", kind: "vec3", since: 1 },
+            { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // where another session points; at most 20 a second of each
+    cursor: {
+        type: 0x0134, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "shown", kind: "bool", since: 1 },
+            { name: "position", kind: "vec3", since: 1 },
+            { name: "normal", kind: "vec3", since: 1 },
+            { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // an edit has taken effect; all watchers are told all edits, those of their own too, in the one order in which the worker accepted them
+    edited: {
+        type: 0x0135, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "number", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "revision", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "message", kind: "u16", least: 1, most: 65535, since: 1 },
+            { name: "object", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // ask for the shared camera of the scene. Without a holder (and unlocked) it is given at once; else this session waits for its turn. ok says that the request counts, camera_state who has it; a second one changes nothing
+    camera_request: {
+        type: 0x0136, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // take it from whoever has it; error PERM: it is locked, and this session is no administrator's
+    camera_take: {
+        type: 0x0137, direction: "C2S", state: "OPEN", role: "EDIT", since: 1,
+        fields: [],
+    },
+    // the holder, or an administrator, gives it to another session of the scene, or to the one that waits longest; one that waits no longer waits
+    camera_give: {
+        type: 0x0138, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // locked, only administrators change who has it, and its holder keeps it however inactive
+    camera_lock: {
+        type: 0x0139, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "locked", kind: "bool", since: 1 },
+        ],
+    },
+    // a view of this session has the shared camera, or no longer. While this session is the holder, view_camera for such a view moves the shared camera; else view_camera for it is refused (silently, without a request number)
+    camera_follow: {
+        type: 0x013a, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "follow", kind: "bool", since: 1 },
+        ],
+    },
+    // who has the shared camera, whenever that or who waits for it changes
+    camera_state: {
+        type: 0x013b, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "holder", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "locked", kind: "bool", since: 1 },
+            { name: "change", kind: "enum", values: "camera_change", since: 1 },
+            { name: "waiting", kind: "list", items: "waiting_session", max: 4096, since: 1 },
+        ],
+    },
+    // the shared camera, newest wins: all fields of view_camera that count now. Frames of views that follow have its input_seq
+    camera_moved: {
+        type: 0x013c, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "input_seq", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "camera", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "eye", kind: "vec3", since: 1, optional: true },
+            { name: "target", kind: "vec3", since: 1, optional: true },
+            { name: "up", kind: "vec3", since: 1, optional: true },
+            { name: "kind", kind: "enum", values: "camera_kind", since: 1, optional: true },
+            { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1, optional: true },
+            { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
+            { name: "near", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
+            { name: "far", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+        ],
+    },
+    // make an annotation of the open scene, or change one: one's own, with the role EDIT any. Answered by annotation; error LIMIT: the scene, or this author, has as many as it may
+    annotation_set: {
+        type: 0x0140, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "annotation", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "kind", kind: "enum", values: "annotation_kind", since: 1, optional: true },
+            { name: "position", kind: "vec3", since: 1, optional: true },
+            { name: "normal", kind: "vec3", since: 1, optional: true },
+            { name: "node", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "color", kind: "u32", least: 0, most: 16777215, since: 1, optional: true },
+            { name: "text", kind: "str", max: 2048, since: 1, optional: true },
+        ],
+    },
+    // remove one's own, with the role EDIT any
+    annotation_remove: {
+        type: 0x0141, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "annotation", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // list the annotations of the open scene
+    annotations_query: {
+        type: 0x0142, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // all annotations, in the order in which they were made
+    annotations: {
+        type: 0x0143, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "annotations", kind: "list", items: "annotation_entry", max: 4096, since: 1 },
+        ],
+    },
+    // as it is now: the answer, and without a request number for those who watch
+    annotation: {
+        type: 0x0144, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "annotation", kind: "list", items: "annotation_entry", max: 1, since: 1 },
+        ],
+    },
+    // for those who watch
+    annotation_removed: {
+        type: 0x0145, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "annotation", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // make a join ticket, with which others log in as with a token, into one scene of this session's tenant. Needs the role EDIT, or a token with tickets=COUNT; answered by join_ticket; error LIMIT: the tenant has as many as it may
+    join_make: {
+        type: 0x0148, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "scene", kind: "str", max: 128, since: 1, optional: true },
+            { name: "role", kind: "enum", values: "role", since: 1, optional: true },
+            { name: "uses", kind: "u32", least: 1, most: 1000000, since: 1, optional: true },
+            { name: "valid_s", kind: "u32", least: 1, most: 31536000, since: 1, optional: true },
+            { name: "label", kind: "str", max: 64, since: 1, optional: true },
+        ],
+    },
+    // answer; the daemon keeps a hash of the secret only, so it is told this once
+    join_ticket: {
+        type: 0x0149, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "ticket", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "secret", kind: "str", max: 128, since: 1 },
+            { name: "scene", kind: "str", max: 128, since: 1 },
+            { name: "role", kind: "enum", values: "role", since: 1 },
+            { name: "uses", kind: "u32", least: 1, most: 1000000, since: 1 },
+            { name: "valid_s", kind: "u32", least: 1, most: 31536000, since: 1 },
+        ],
+    },
+    // before auth_ok, of a join ticket: the only scene that this session may open
+    join_scene: {
+        type: 0x014a, direction: "S2C", state: "AUTH", role: "NONE", since: 1,
+        fields: [
+            { name: "scene", kind: "str", max: 128, since: 1 },
+        ],
+    },
+    // in place of auth, when a session is to be resumed: a join ticket that is used up, or too old, still lets a session that was made with it in, for the message resume and nothing else
+    auth_resume: {
+        type: 0x014b, direction: "C2S", state: "AUTH", role: "NONE", since: 1,
+        fields: [
+            { name: "token", kind: "str", max: 256, since: 1 },
+            { name: "secret", kind: "bytes", max: 64, since: 1 },
+        ],
+    },
+    // list join tickets: with the role ADMIN all, else those made with the same token; json: tickets[] with ticket, tenant, issuer, scene, role, label, uses, used, valid_s, sessions
+    join_query: {
+        type: 0x014c, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // void join tickets and end the sessions that were made with them, kept ones too: with the role ADMIN any, else those made with the same token; ok; error NOTFOUND: there is none
+    join_revoke: {
+        type: 0x014d, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "ticket", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // say something to people; ok; error NOTFOUND: there is no such session or scene
+    message_send: {
+        type: 0x0150, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "text", kind: "str", max: 1024, since: 1 },
+            { name: "session", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "scene", kind: "str", max: 128, since: 1, optional: true },
+        ],
+    },
+    // an administrator says something
+    message: {
+        type: 0x0151, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "from", kind: "str", max: 128, since: 1 },
+            { name: "text", kind: "str", max: 1024, since: 1 },
+        ],
+    },
+    // end a session, kept ones too; it cannot be resumed. ok; error NOTFOUND: there is none
+    kick: {
+        type: 0x0152, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "session", kind: "u64", least: 1n, most: 18446744073709551615n, since: 1 },
+            { name: "reason", kind: "str", max: 256, since: 1 },
+            { name: "block_s", kind: "u32", least: 0, most: 31536000, since: 1, optional: true },
+        ],
+    },
+    // stop in a while: drain is told to all sessions, new logins, scenes and views are refused, and at the deadline, or when all sessions but those of administrators have gone, the daemon ends as after SIGTERM. ok
+    drain_set: {
+        type: 0x0153, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "deadline_ms", kind: "u32", least: 0, most: 86400000, since: 1 },
+            { name: "reason", kind: "str", max: 256, since: 1 },
+            { name: "stay", kind: "bool", since: 1, optional: true },
+            { name: "cancel", kind: "bool", since: 1, optional: true },
+        ],
+    },
+    // be sent what sessions_query answers again and again; ok
+    sessions_watch: {
+        type: 0x0154, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
+        fields: [
+            { name: "interval_ms", kind: "u32", least: 0, most: 3600000, since: 1 },
+        ],
+    },
+    // of sessions_watch; none is sent while the one before waits for the client
+    statistics: {
+        type: 0x0155, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "text", kind: "str", max: 16777216, since: 1 },
+        ],
+    },
+    // this session ends soon, because nothing but pings and credit comes from its client; every other message keeps it
+    idle_warning: {
+        type: 0x0156, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "remaining_ms", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // right before an error or a notice: which limit it was
+    limited: {
+        type: 0x0157, direction: "S2C", state: "HELLO", role: "NONE", since: 1,
+        fields: [
+            { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
+            { name: "limit", kind: "str", max: 64, since: 1 },
+            { name: "retry_after_ms", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // after drain: the server goes on
+    drain_cancelled: {
+        type: 0x0158, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [],
     },
     // join a scene, or make it
     scene_open: {
@@ -540,6 +854,11 @@ export const messages = {
             { name: "mirrors", kind: "enum", values: "mirrors", since: 1, optional: true },
             { name: "shadow_maps", kind: "enum", values: "shadow_maps", since: 1, optional: true },
             { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "codecs", kind: "bytes", max: 16, since: 1, optional: true },
+            { name: "bitrate", kind: "u32", least: 0, most: 1000000000, since: 1, optional: true },
+            { name: "target_fps", kind: "f32", least: 0, most: 1e+03, since: 1, optional: true },
+            { name: "hidden", kind: "u8", least: 0, most: 1, since: 1, optional: true },
+            { name: "names", kind: "u8", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -569,6 +888,7 @@ export const messages = {
             { name: "next_up", kind: "vec3", since: 1, optional: true },
             { name: "lens_radius", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "focus_distance", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // one frame, answered by frame with this request id
@@ -626,6 +946,15 @@ export const messages = {
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1, optional: true },
             { name: "black", kind: "f32", least: 0, most: 1, since: 1, optional: true },
             { name: "clipped", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "depends", kind: "u32", least: 1, most: 4294967295, since: 1, optional: true },
+            { name: "codec", kind: "str", max: 32, since: 1, optional: true },
+            { name: "input_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "taken_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "render_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "render_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "encode_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "encode_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "sent_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // what would a settled frame of this view be made from? From here on its settled frames say it, too
@@ -727,6 +1056,45 @@ export const messages = {
         fields: [
             { name: "mode", kind: "enum", values: "exposure_mode", since: 1 },
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
+        ],
+    },
+    // the client has this frame of the view's subscription, and gives credit for one more. Of every frame, for views with names 1
+    taken: {
+        type: 0x0313, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // what time is it at the daemon? Answered at once
+    clock_query: {
+        type: 0x0314, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // answer
+    clock: {
+        type: 0x0315, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got
+    key_frame: {
+        type: 0x0318, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "failed", kind: "u8", least: 0, most: 255, since: 1, optional: true },
+        ],
+    },
+    // of a view with codecs: frames in motion have this encoding from now on; comes after view_set or key_frame was answered, and before the first such frame
+    view_codec: {
+        type: 0x0319, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1 },
         ],
     },
     // what is under a pixel of the newest frame?
@@ -919,6 +1287,18 @@ export const messages = {
             { name: "channel", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // the client of the channel has a frame of its subscription, and all before it
+    delivered: {
+        type: 0x0508, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "at_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
 };

@@ -153,8 +153,8 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions, .audit = &b->audit};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
-        .web = &b->web,
-        .tls = &b->tls,
+        .web = &b->streams.web,
+        .tls = &b->streams.tls,
         .slots = {.options = &b->options},
         .events = &hg_client_dispatch_events,
         .owner = &b->admission};
@@ -318,7 +318,7 @@ static void reload(struct hg_broker *b)
         size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
-        hg_tls_replace(&b->tls, &tls);
+        hg_tls_replace(&b->streams.tls, &tls);
         hg_client_dispatch_check_tokens(&b->conns);
         apply_log(&b->options);
         hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
@@ -543,7 +543,7 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     const bool is_inherited = b->takeover.inherited_fd >= 0;
     enum hg_status status = hg_loop_init(&b->loop, err);
     if (!status) // the key may be root's
-        status = hg_tls_open(&b->options, &b->tls, err);
+        status = hg_tls_open(&b->options, &b->streams.tls, err);
     if (!status && !is_inherited)
         status = listen_and_become(b, err);
     if (!status) // the launcher has to leave the group that shares out controllers, too
@@ -561,7 +561,7 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     if (!status)
         status = open_store(b, err);
     if (!status)
-        status = hg_web_open(&b->web, &b->options, &b->sessions, err);
+        status = hg_web_open(&b->streams.web, &b->options, &b->sessions, err);
     if (!status)
         status = wire_up(b, err);
     if (!status)
@@ -598,8 +598,8 @@ static void stop(struct hg_broker *b)
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
     hg_launcher_stop(&b->launcher);
-    hg_tls_finish(&b->tls);
-    hg_web_files_finish(&b->web.files);
+    hg_tls_finish(&b->streams.tls);
+    hg_web_files_finish(&b->streams.web.files);
     hg_upload_store_destroy(b->store);
     hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);
     hg_audit_close(&b->audit);

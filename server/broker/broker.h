@@ -51,6 +51,12 @@
 #include "server/broker/client_dispatch.h"
 #include "server/broker/takeover.h"
 
+// What streams are made of.
+struct hg_broker_streams {
+    struct hg_web web;
+    struct hg_tls tls;
+};
+
 struct hg_broker {
     struct hg_loop loop;
     struct hg_options options;
@@ -65,8 +71,7 @@ struct hg_broker {
     struct hg_state_log *state;
     struct hg_source state_news;
     struct hg_admission admission;
-    struct hg_web web;
-    struct hg_tls tls;
+    struct hg_broker_streams streams;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
     struct hg_launcher launcher;

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/clock.h"
 #include "server/broker/counters.h"
 #include "server/broker/resume.h"
 #include "server/broker/session.h"
@@ -295,6 +296,10 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         return;
     case HGP_T_ping:
         hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        return;
+    case HGP_T_clock_query:
+        hg_conn_send_urgent(
+            conn, request, HGP_T_clock, &(struct hgp_clock){.time_ns = hg_clock_now_ns()});
         return;
     case HGP_T_pong:
         return;

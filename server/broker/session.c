@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 #include "server/broker/list.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_list.h"
@@ -136,6 +137,38 @@ static void add_credit(struct hg_session *s, const struct hgp_credit *m)
     hg_session_view_grant_all(s);
 }
 
+// The client has a frame: the worker is told, with the time.
+static void take(struct hg_session *s, const struct hgp_taken *m)
+{
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
+    if (view->subscribed && s->attached && m->number > view->number_base)
+        hg_link_send(s->scene->link, s->number, 0, HGP_T_delivered,
+            &(struct hgp_delivered){.view = m->view,
+                .number = m->number - view->number_base,
+                .at_ns = hg_clock_now_ns(),
+                .has_begun_ns = m->has_begun_ns,
+                .begun_ns = m->begun_ns,
+                .has_received_ns = m->has_received_ns,
+                .received_ns = m->received_ns,
+                .has_rtt_ns = m->has_rtt_ns,
+                .rtt_ns = m->rtt_ns});
+    add_credit(s, &(struct hgp_credit){.view = m->view, .frames = 1});
+}
+
+// With the time when it came.
+static void relay_camera(
+    struct hg_session *s, struct hg_packet *packet, const struct hgp_view_camera *m)
+{
+    struct hgp_view_camera stamped = *m;
+    stamped.has_received_ns = true;
+    stamped.received_ns = hg_clock_now_ns();
+    struct hg_packet *with = hg_packet_encode(HGP_T_view_camera, &stamped);
+    if (with)
+        with->header.request = packet->header.request;
+    hg_session_request_relay(s, with ? with : packet);
+    hg_packet_unref(with);
+}
+
 static void relay_checked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
 {
     struct hg_error err = {0};
@@ -147,9 +180,16 @@ static void relay_checked(struct hg_session *s, struct hg_packet *packet, const 
         add_credit(s, &m->credit);
         return;
     }
+    if (packet->header.type == HGP_T_taken) {
+        take(s, &m->taken);
+        return;
+    }
     if (packet->header.type == HGP_T_subscribe)
         subscribe(s, &m->subscribe);
-    hg_session_request_relay(s, packet);
+    if (packet->header.type == HGP_T_view_camera)
+        relay_camera(s, packet, &m->view_camera);
+    else
+        hg_session_request_relay(s, packet);
 }
 
 static void clear_quarantine(
