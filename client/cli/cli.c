@@ -385,8 +385,17 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         .timeout_ns = timeout ? timeout : UINT64_C(30000000000),
         .max_receive_bytes = 640u * 1024 * 1024,
         .worker_args = args.items,
+        .tls_ca = o->tls_ca,
+        .tls_pin = o->tls_pin,
+        .tls_cert = o->tls_cert,
+        .tls_key = o->tls_key,
+        .tls_insecure = o->insecure,
         .reconnect_ns = o->has_reconnect ? (uint64_t)(o->reconnect * 1e9) : 0,
     };
+    if (o->insecure)
+        fputs("helio: --insecure: the daemon's certificate is not checked; whoever is in between "
+              "can read and change everything\n",
+            stderr);
     if (!status)
         status = open_session(cli, &options, err);
     explicit_bzero(token, sizeof token);

@@ -54,7 +54,10 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
             {.fd = helio_fd(h), .events = events_wanted(h)},
             {.fd = h->wake_fd, .events = POLLIN},
         };
-        int ms = poll_ms(deadline_ns);
+        const struct hg_client_transport *t = &h->transport;
+        const bool has_input = t->class && t->class->has_input && t->class->has_input(t) &&
+                               h->queue.count < HG_CLIENT_QUEUE_MESSAGES;
+        int ms = has_input ? 0 : poll_ms(deadline_ns);
         int n = poll(p, 2, is_lost && ms > REDIAL_MS ? REDIAL_MS : ms);
         if (n < 0 && errno != EINTR)
             return hg_client_fail(h, HG_E_IO, NULL, "poll: %s", strerror(errno)),

@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "client/lib/dial.h"
 
 // ---- ending -------------------------------------------------------------------------------------
 
@@ -65,7 +66,7 @@ enum hg_status hg_client_redial(struct helio *h)
     if (now_ns < r->retry_ns)
         return HG_E_AGAIN;
     r->retry_ns = now_ns + RETRY_NS;
-    return hg_client_transport_dial(&h->transport, h->url, &reason) ? HG_E_AGAIN : HG_OK;
+    return hg_client_dial(&h->transport, h->url, &reason) ? HG_E_AGAIN : HG_OK;
 }
 
 enum hg_status hg_client_fail_lost(struct helio *h, const char *fmt, ...)

@@ -2,6 +2,8 @@
 //
 // Layers, lowest first:
 //   transport private_worker camera    sockets; a worker process; conventions of cameras
+//   tls websocket                      streams over sockets
+//   dial                               urls to streams
 //   conn                               state, why it ended, what waits to be sent
 //   session                            hello, authentication, what the library answers itself
 //   receive                            bytes to messages
@@ -58,6 +60,7 @@ struct hg_client_server {
 
 // Going on with the session on another connection.
 struct hg_client_resume {
+    struct hg_client_tls_options tls; // for every connection
     uint64_t patience_ns;  // 0 = it is not wanted
     uint64_t deadline_ns;  // until then it is tried; 0 = the connection is not lost
     uint64_t retry_ns;     // the next try

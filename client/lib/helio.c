@@ -9,11 +9,28 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "client/lib/dial.h"
 #include "client/lib/receive.h"
 
 const char *helio_version(void)
 {
     return HELIO_VERSION;
+}
+
+static bool keep_text(char **out, const char *text)
+{
+    *out = text ? hg_strdup(text) : NULL;
+    return !text || *out;
+}
+
+// They are needed again when the connection is lost.
+static enum hg_status keep_tls(struct helio *h, const struct helio_options *o)
+{
+    h->resume.tls.insecure = o->tls_insecure;
+    return keep_text(&h->resume.tls.ca, o->tls_ca) && keep_text(&h->resume.tls.pin, o->tls_pin) &&
+                   keep_text(&h->resume.tls.cert, o->tls_cert) && keep_text(&h->resume.tls.key, o->tls_key)
+               ? HG_OK
+               : HG_E_NOMEM;
 }
 
 static enum hg_status prepare(
@@ -37,6 +54,9 @@ static enum hg_status prepare(
         h->token = hg_strdup(options->token);
     if (!h->server.device || (options->token && !h->token))
         return hg_error_set(err, HG_E_NOMEM, h->url, NULL, "no memory for a connection");
+    enum hg_status trusted = keep_tls(h, options);
+    if (trusted)
+        return hg_error_set(err, trusted, h->url, NULL, "no memory for a connection");
     h->resume.patience_ns = options->url ? options->reconnect_ns : 0;
     h->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (h->wake_fd < 0)
@@ -68,7 +88,7 @@ static enum hg_status begin(
 
 static enum hg_status dial(struct helio *h, const char *url, struct hg_error *err)
 {
-    enum hg_status status = hg_client_transport_dial(&h->transport, url, err);
+    enum hg_status status = hg_client_dial(&h->transport, url, err);
     h->state = h->transport.connecting ? HELIO_CONNECTING : HELIO_GREETING;
     return status;
 }
@@ -116,6 +136,10 @@ void helio_destroy(struct helio *h)
 {
     if (!h)
         return;
+    hg_free(h->resume.tls.ca);
+    hg_free(h->resume.tls.pin);
+    hg_free(h->resume.tls.cert);
+    hg_free(h->resume.tls.key);
     hg_client_transport_close(&h->transport);
     if (h->wake_fd >= 0)
         close(h->wake_fd);
@@ -156,7 +180,7 @@ int helio_fd(const struct helio *h)
 bool helio_want_write(const struct helio *h)
 {
     const struct hg_client_transport *t = &h->transport;
-    return h->state == HELIO_CONNECTING ||
+    return (h->state == HELIO_CONNECTING && !t->handshaking) ||
            (t->class && t->class->wants(t, true, h->out_sent < h->out.size) & POLLOUT);
 }
 
@@ -227,7 +251,7 @@ static enum hg_status connect_on(struct helio *h)
     if (h->resume.deadline_ns && !h->transport.class)
         status = hg_client_redial(h);
     if (!status && h->transport.connecting)
-        status = hg_client_transport_continue(&h->transport, h->url, &reason);
+        status = hg_client_dial_continue(&h->transport, h->url, &h->resume.tls, &reason);
     if (status == HG_E_AGAIN || h->error.status)
         return status;
     if (status && h->resume.deadline_ns) { // the daemon does not accept connections yet

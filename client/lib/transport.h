@@ -1,6 +1,5 @@
-// transport.h - the stream of bytes to a daemon or worker: urls to connected sockets, read and
-// write. Floor 6 (client). One thread at a time. Nothing blocks, except the look-up of a host's
-// name.
+// transport.h - the stream of bytes to a daemon or worker: read and write. Floor 6 (client). One
+// thread at a time. Nothing blocks.
 //
 // A transport that changes bytes on their way (TLS, WebSocket) brings another class; framing and
 // the conversation above stay as they are.
@@ -26,23 +25,35 @@ struct hg_client_transport_class {
     // The events of `fd` to poll for (POLLIN | POLLOUT) before the owner can read or write.
     short (*wants)(const struct hg_client_transport *t, bool read, bool write);
     void (*close)(struct hg_client_transport *t);
+    // NULL in sockets. Goes on with the transport's own handshake: HG_OK when it is done,
+    // HG_E_AGAIN, or why it fails.
+    enum hg_status (*handshake)(
+        struct hg_client_transport *t, const char *url, struct hg_error *err);
+    // NULL in sockets. There is something to read that poll does not know of.
+    bool (*has_input)(const struct hg_client_transport *t);
+};
+
+// Whom to trust, and who one is, with TLS. Strings may be NULL.
+struct hg_client_tls_options {
+    char *ca;         // file (PEM) of authorities; NULL = the system's
+    char *pin;        // SHA-256 of the server's certificate, in digits: it alone is trusted
+    char *cert, *key; // of the client (PEM); key NULL = in cert
+    bool insecure;    // any certificate is taken
 };
 
 struct hg_client_transport {
     const struct hg_client_transport_class *class; // NULL: closed
     int fd;                                        // -1 while closed
     int error_number;                              // of the newest HG_E_IO
-    bool connecting;                               // hg_client_transport_continue goes on
+    void *state;                                   // of the class
+    bool secure, websocket;                        // what the url asks for
+    bool handshaking;                              // the newest layer's is not done
+    bool connecting;                               // hg_client_dial_continue goes on
     struct addrinfo *addresses, *address;          // tcp: all, and the one being tried
 };
 
-// {.fd = -1} = closed. Begins to connect to `url` (unix:PATH, tcp:HOST:PORT). HG_OK: it may still
-// be connecting. HG_E_INVAL, HG_E_CLOSED, HG_E_PERM, HG_E_NOMEM; then it stays closed.
-enum hg_status hg_client_transport_dial(
-    struct hg_client_transport *t, const char *url, struct hg_error *err) HG_MUST_CHECK;
-// HG_OK when connected, HG_E_AGAIN while it takes longer, or why no address could be reached.
-enum hg_status hg_client_transport_continue(
-    struct hg_client_transport *t, const char *url, struct hg_error *err) HG_MUST_CHECK;
+extern const struct hg_client_transport_class hg_client_sockets;
+
 // Takes over a connected socket. HG_E_INVAL: it is none, and is closed.
 enum hg_status hg_client_transport_adopt(struct hg_client_transport *t, int fd) HG_MUST_CHECK;
 void hg_client_transport_close(struct hg_client_transport *t); // accepts a closed one

@@ -82,11 +82,22 @@ enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32])
     return hg_sha256(token.data ? token.data : "", token.size, out);
 }
 
+enum hg_status hg_token_subject_hash(const char *subject, uint8_t out[32])
+{
+    enum hg_status status = hg_sha256(subject, strlen(subject), out);
+    for (int i = 0; i < 32; i++) // what no token has as its hash
+        out[i] ^= 0xff;
+    return status;
+}
+
 static enum hg_status parse_token(
     char *word, struct hg_token *out, bool *plain, struct hg_error *err)
 {
     static const char prefix[] = "sha256:";
     size_t length = strlen(word);
+    *plain = false;
+    if (strncmp(word, "subject:", 8) == 0 && word[8])
+        return hg_token_subject_hash(word + 8, out->hash);
     *plain = strncmp(word, prefix, sizeof prefix - 1) != 0;
     if (!*plain)
         return hg_sha256_parse(word + sizeof prefix - 1, sizeof out->hash, out->hash)

@@ -36,13 +36,16 @@ struct hg_tokens {
 // Reads lines of
 //   TOKEN ROLE [NAME] [tenant=NAME] [expires=DATE] [scenes=PATTERN] [sessions=COUNT] [rate=COUNT]
 //   [weight=COUNT]
-// where TOKEN is `sha256:` and 64 hexadecimal digits, or the token itself; DATE is YYYY-MM-DD or
-// YYYY-MM-DDThh:mm:ssZ. HG_E_INVAL: err->what = the file, err->where = "line N".
-// HG_E_NOTFOUND, HG_E_PERM, HG_E_IO, HG_E_LIMIT, HG_E_NOMEM. *out is empty on failure.
+// where TOKEN is `subject:` and the common name of a client's certificate, `sha256:` and 64
+// hexadecimal digits, or the token itself; DATE is YYYY-MM-DD or YYYY-MM-DDThh:mm:ssZ. HG_E_INVAL:
+// err->what = the file, err->where = "line N". HG_E_NOTFOUND, HG_E_PERM, HG_E_IO, HG_E_LIMIT,
+// HG_E_NOMEM. *out is empty on failure.
 enum hg_status hg_tokens_read(
     const char *path, struct hg_tokens *out, struct hg_error *err) HG_MUST_CHECK;
 // The hash under which a token is looked for. HG_E_NOMEM.
 enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32]) HG_MUST_CHECK;
+// The hash of the client whose certificate has that common name. HG_E_NOMEM.
+enum hg_status hg_token_subject_hash(const char *subject, uint8_t out[32]) HG_MUST_CHECK;
 // NULL when unknown or expired at `now_s`. Takes the same time wherever and whether it is found.
 const struct hg_token *hg_tokens_find(
     const struct hg_tokens *tokens, const uint8_t hash[32], int64_t now_s);

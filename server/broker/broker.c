@@ -18,6 +18,7 @@
 #include "server/broker/call_filter.h"
 #include "server/broker/address_list.h"
 #include "server/broker/confine.h"
+#include "server/broker/conn_share.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
 #include "server/broker/recovery.h"
@@ -46,8 +47,11 @@ static enum hg_status check_listen(
     const struct hg_options *o, const struct hg_tokens *tokens, struct hg_error *err)
 {
     for (size_t i = 0; i < o->listen.count; i++) {
-        bool is_tcp;
-        enum hg_status status = hg_listener_check(o->listen.items[i], &is_tcp, err);
+        bool is_tcp, is_tls;
+        enum hg_status status = hg_listener_check(o->listen.items[i], &is_tcp, &is_tls, err);
+        if (!status && is_tls && !o->tls_cert)
+            status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
+                "tls needs a certificate; name it with --tls-cert");
         if (!status && is_tcp && !tokens->count)
             status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
                 "tcp clients need tokens; name a file with --tokens");
@@ -60,13 +64,19 @@ static enum hg_status check_listen(
 enum hg_status hg_broker_check(const struct hg_options *o, struct hg_error *err)
 {
     struct hg_tokens tokens;
+    struct hg_tls tls = {0};
     enum hg_status status = read_tokens(o, &tokens, err);
     if (!status)
         status = check_listen(o, &tokens, err);
     if (!status)
         status = hg_address_list_check(&o->metrics_from, "--metrics-from", err);
+    if (!status)
+        status = hg_address_list_check(&o->proxy_from, "--proxy-from", err);
     if (!status && o->log)
         status = hg_log_configure(o->log, err);
+    if (!status)
+        status = hg_tls_open(o, &tls, err);
+    hg_tls_finish(&tls);
     hg_tokens_finish(&tokens);
     return status;
 }
@@ -143,7 +153,8 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions, .audit = &b->audit};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
-        .web = &b->web,
+        .web = &b->streams.web,
+        .tls = &b->streams.tls,
         .slots = {.options = &b->options},
         .events = &hg_client_dispatch_events,
         .owner = &b->admission};
@@ -280,6 +291,7 @@ static void reload(struct hg_broker *b)
 {
     struct hg_options options;
     struct hg_tokens tokens = {0};
+    struct hg_tls tls = {0};
     struct hg_error err = {0};
     char text[700], names[400];
     hg_notify_send(
@@ -293,7 +305,10 @@ static void reload(struct hg_broker *b)
         status = hg_broker_check(&options, &err);
     if (!status)
         status = read_tokens(&options, &tokens, &err);
+    if (!status)
+        status = hg_tls_open(&options, &tls, &err);
     if (status) {
+        hg_tokens_finish(&tokens);
         hg_error_format(&err, text, sizeof text);
         hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, status, 0,
             "reload refused, everything stays as it was: %s", text);
@@ -303,6 +318,7 @@ static void reload(struct hg_broker *b)
         size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
+        hg_tls_replace(&b->streams.tls, &tls);
         hg_client_dispatch_check_tokens(&b->conns);
         apply_log(&b->options);
         hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
@@ -438,6 +454,7 @@ static void watch_accepts(struct hg_broker *b, uint64_t now_ns)
 static void tick(struct hg_broker *b)
 {
     uint64_t now_ns = b->loop.now_ns;
+    hg_conn_share_output(&b->conns);
     hg_conn_check_times(&b->conns);
     if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
         b->tokens_checked_ns = now_ns;
@@ -525,6 +542,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     char path[4096];
     const bool is_inherited = b->takeover.inherited_fd >= 0;
     enum hg_status status = hg_loop_init(&b->loop, err);
+    if (!status) // the key may be root's
+        status = hg_tls_open(&b->options, &b->streams.tls, err);
     if (!status && !is_inherited)
         status = listen_and_become(b, err);
     if (!status) // the launcher has to leave the group that shares out controllers, too
@@ -542,7 +561,7 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     if (!status)
         status = open_store(b, err);
     if (!status)
-        status = hg_web_open(&b->web, &b->options, &b->sessions, err);
+        status = hg_web_open(&b->streams.web, &b->options, &b->sessions, err);
     if (!status)
         status = wire_up(b, err);
     if (!status)
@@ -579,7 +598,8 @@ static void stop(struct hg_broker *b)
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
     hg_launcher_stop(&b->launcher);
-    hg_web_files_finish(&b->web.files);
+    hg_tls_finish(&b->streams.tls);
+    hg_web_files_finish(&b->streams.web.files);
     hg_upload_store_destroy(b->store);
     hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);
     hg_audit_close(&b->audit);

@@ -8,11 +8,14 @@
 //   json counters
 //   web_files                                    what HTTP serves
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
+//   proxy_header                                 the PROXY protocol
 //   address_list                                 addresses in options
 //   transport state_file upload                  bytes of a peer; of the state log; of a content
+//   tls                                          TLS
 //   http_answer ws_transport                     HTTP: requests to answers; WebSocket
 //   http_transport                               streams of HTTP
 //   detect                                       HGP or HTTP
+//   proxied                                      behind a proxy; all that an entry is
 //   packet listener peer_table state_folder      whole messages; where clients come in, and from
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record
@@ -24,6 +27,7 @@
 //   worker_process confine                       its arguments; what its process may do
 //   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
+//   conn_share                                   memory for output
 //   worker_pool                                  which worker a scene goes to
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
@@ -48,6 +52,12 @@
 #include "server/broker/client_dispatch.h"
 #include "server/broker/takeover.h"
 
+// What streams are made of.
+struct hg_broker_streams {
+    struct hg_web web;
+    struct hg_tls tls;
+};
+
 struct hg_broker {
     struct hg_loop loop;
     struct hg_options options;
@@ -62,7 +72,7 @@ struct hg_broker {
     struct hg_state_log *state;
     struct hg_source state_news;
     struct hg_admission admission;
-    struct hg_web web;
+    struct hg_broker_streams streams;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
     struct hg_launcher launcher;

@@ -104,6 +104,15 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
     return true;
 }
 
+// The line of tokens for a client that has shown a certificate; NULL: there is none.
+static const struct hg_token *find_by_certificate(struct hg_conn *conn)
+{
+    const struct hg_admission *a = conn->table->owner;
+    if (!conn->peer.subject[0] || hg_token_subject_hash(conn->peer.subject, conn->auth.hash))
+        return NULL;
+    return hg_tokens_find(a->tokens, conn->auth.hash, time(NULL));
+}
+
 static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hgp_hello *m)
 {
     const struct hg_admission *a = conn->table->owner;
@@ -120,17 +129,21 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
             "only the daemon's own user may connect: it has no tokens for others");
         return;
     }
+    const struct hg_token *known = trusted ? NULL : find_by_certificate(conn);
     conn->number = ++a->sessions->last_number;
-    if (trusted && !open_session(conn, NULL))
+    conn->auth.has_token = known != NULL;
+    if ((trusted || known) && !open_session(conn, known))
         return;
-    if (!trusted)
+    if (!trusted && !known)
         conn->state = HG_CONN_AUTH;
     hg_conn_send(conn, request, HGP_T_welcome,
         &(struct hgp_welcome){.version = conn->version,
             .server = hgp_str_make("heliod/" HELIO_VERSION),
             .session = conn->number,
-            .auth_required = !trusted,
-            .role = trusted ? HGP_role_ADMIN : HGP_role_NONE,
+            .auth_required = conn->state == HG_CONN_AUTH,
+            .role = trusted ? HGP_role_ADMIN
+                    : known ? known->role
+                            : HGP_role_NONE,
             .max_message_bytes = (uint32_t)a->options->max_message_bytes});
 }
 

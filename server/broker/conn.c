@@ -5,8 +5,10 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "server/broker/address_list.h"
 #include "server/broker/counters.h"
 #include "server/broker/list.h"
+#include "server/broker/ws_transport.h"
 
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
 // hello, auth and some pings; what is answered to them is small.
@@ -95,7 +97,8 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     struct hg_conn_table *table = conn->table;
     if (conn->state == HG_CONN_DEAD)
         return;
-    if (conn->state < HG_CONN_OPEN && conn->transport.served)
+    if (conn->state == HG_CONN_CLOSING ? !conn->number
+                                       : conn->state < HG_CONN_OPEN && conn->transport.served)
         hg_debug(NET, "closed %s: %s", conn->peer.name, reason);
     else if (conn->state < HG_CONN_OPEN)
         hg_peer_warn(&table->log, table->loop->now_ns, NET, "closed %s before it was open: %s",
@@ -155,6 +158,31 @@ static void destroy(struct hg_conn *conn)
     hgp_framer_finish(&conn->in);
     hg_outq_finish(&conn->out);
     hg_free(conn);
+}
+
+// ---- admission
+// ------------------------------------------------------------------------------------
+
+static void turn_away(struct hg_conn *conn, const char *reason)
+{
+    struct hg_error err = {0};
+    if (hg_transport_refuse(&conn->transport, reason)) {
+        close_transport(conn);
+        hg_conn_update(conn);
+        return;
+    }
+    hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
+    hg_conn_close(conn, &err, "too many connections");
+    if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
+        hg_conn_kill(conn, "too many connections");
+}
+
+// May it stay, as far as is known who it is?
+static void admit(struct hg_conn *conn)
+{
+    const char *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);
+    if (refusal)
+        turn_away(conn, refusal);
 }
 
 // ---- reading ------------------------------------------------------------------------------------
@@ -277,6 +305,18 @@ static void end_transport(struct hg_conn *conn, enum hg_status status)
     close_transport(conn);
 }
 
+// It comes from elsewhere than it seemed (PROXY protocol): that address counts.
+static void rename_peer(struct hg_conn *conn)
+{
+    struct hg_conn_table *table = conn->table;
+    conn->transport.renamed = false;
+    hg_slots_leave(&table->slots, &conn->slot, table->loop->now_ns);
+    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot))
+        hg_conn_kill(conn, "no memory for a connection");
+    else
+        admit(conn);
+}
+
 static void receive(struct hg_conn *conn)
 {
     const uint64_t before = conn->in.total_bytes;
@@ -285,6 +325,8 @@ static void receive(struct hg_conn *conn)
     conn->received_ns = conn->table->loop->now_ns;
     conn->ping_ns = 0;
     check_stage(conn);
+    if (conn->transport.renamed)
+        rename_peer(conn);
     if (conn->state == HG_CONN_CLOSING) { // further input is discarded
         hgp_framer_finish(&conn->in);
         if (status == HG_E_CLOSED || status == HG_E_IO)
@@ -463,20 +505,6 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
 
 // ---- accepting ----------------------------------------------------------------------------------
 
-static void turn_away(struct hg_conn *conn, const char *reason)
-{
-    struct hg_error err = {0};
-    if (hg_transport_refuse(&conn->transport, reason)) {
-        close_transport(conn);
-        hg_conn_update(conn);
-        return;
-    }
-    hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
-    hg_conn_close(conn, &err, "too many connections");
-    if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
-        hg_conn_kill(conn, "too many connections");
-}
-
 // NULL: no memory, and the transport is closed.
 static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport *transport)
 {
@@ -513,24 +541,49 @@ static void take_client(
     struct hg_conn_table *table, const struct hg_listener *listener, struct hg_transport *transport)
 {
     hg_count(HG_COUNT_ACCEPTED);
-    if (table->web && hg_detect_begin(transport, table->web)) {
-        hg_transport_close(transport);
-        return;
-    }
     struct hg_conn *conn = add_conn(table, transport);
     if (!conn)
         return;
     hg_debug(NET, "connection from %s at %s", conn->peer.name, listener->name);
-    const char *refusal = hg_slots_refusal(&table->slots, &conn->slot);
-    if (refusal)
-        turn_away(conn, refusal);
+    const struct hg_entry entry = {table->web, listener->tls ? table->tls : NULL};
+    const bool proxied = hg_address_list_has(&table->options->proxy_from, conn->peer.name);
+    if (proxied ? hg_proxied_begin(&conn->transport, &entry)
+                : hg_entry_begin(&conn->transport, &entry))
+        hg_conn_kill(conn, "no memory for a connection");
+    else
+        admit(conn);
+}
+
+bool hg_conn_kind(const struct hg_conn *conn, unsigned *kind)
+{
+    const bool websocket = conn->transport.class == &hg_transport_websocket;
+    const struct hg_transport *socket =
+        websocket ? hg_ws_transport_below(&conn->transport) : &conn->transport;
+    *kind = (socket->class == &hg_transport_tcp ? HG_CONN_TCP : 0u) |
+            (websocket ? HG_CONN_WEBSOCKET : 0u);
+    return (socket->class == &hg_transport_tcp || socket->class == &hg_transport_unix) &&
+           !(websocket && hg_ws_transport_has_ended(&conn->transport));
+}
+
+void hg_conn_save(const struct hg_conn *conn, struct hg_writer *streams)
+{
+    if (conn->transport.class == &hg_transport_websocket)
+        hg_ws_transport_save(&conn->transport, streams);
+    hg_packet_save_input(&conn->in, streams);
+    hg_outq_save(&conn->out, streams);
 }
 
 struct hg_conn *hg_conn_adopt(
-    struct hg_conn_table *table, int fd, bool is_tcp, struct hg_reader *streams)
+    struct hg_conn_table *table, int fd, unsigned kind, struct hg_reader *streams)
 {
     struct hg_transport transport;
-    hg_transport_open(&transport, is_tcp ? &hg_transport_tcp : &hg_transport_unix, fd);
+    hg_transport_open(&transport, kind & HG_CONN_TCP ? &hg_transport_tcp : &hg_transport_unix, fd);
+    const struct hg_transport below = transport;
+    if (kind & HG_CONN_WEBSOCKET &&
+        hg_ws_transport_load(&transport, &below, table->options, streams)) {
+        hg_transport_close(&transport);
+        return NULL;
+    }
     struct hg_conn *conn = add_conn(table, &transport);
     if (conn && (hg_packet_load_input(&conn->in, streams) || hg_outq_load(&conn->out, streams))) {
         hg_conn_kill(conn, "what its predecessor left makes no sense");
@@ -563,65 +616,9 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
 
 // ---- all of them --------------------------------------------------------------------------------
 
-// Those for which much waits share output-total equally by token while more than half of it is
-// used, so that nothing more is made for those above their share; above all of it the one for which
-// most waits is closed.
-enum { MUCH_OUTPUT = 1 << 20 };
-
-static bool shares_token(const struct hg_conn *a, const struct hg_conn *b)
-{
-    return a->auth.has_token == b->auth.has_token &&
-           memcmp(a->auth.hash, b->auth.hash, sizeof a->auth.hash) == 0;
-}
-
-static uint64_t share_of(const struct hg_conn *conn, uint32_t tokens, uint64_t total)
-{
-    uint32_t sharing = 0;
-    for (const struct hg_conn *it = conn->table->first; it; it = it->next)
-        sharing += it->out.bytes > MUCH_OUTPUT && shares_token(it, conn);
-    uint64_t share = total / 2 / (tokens ? tokens : 1) / (sharing ? sharing : 1);
-    return share > MUCH_OUTPUT ? share : MUCH_OUTPUT;
-}
-
-static uint32_t count_tokens(const struct hg_conn_table *table)
-{
-    uint32_t count = 0;
-    for (const struct hg_conn *it = table->first, *other; it; it = it->next) {
-        if (it->out.bytes <= MUCH_OUTPUT)
-            continue;
-        for (other = table->first; other != it; other = other->next)
-            if (other->out.bytes > MUCH_OUTPUT && shares_token(other, it))
-                break;
-        count += other == it;
-    }
-    return count;
-}
-
-static void check_output(struct hg_conn_table *table)
-{
-    uint64_t total = 0, most = table->options->output_total_bytes;
-    struct hg_conn *largest = NULL;
-    for (struct hg_conn *it = table->first; it; it = it->next) {
-        total += it->out.bytes;
-        if (!largest || it->out.bytes > largest->out.bytes)
-            largest = it;
-    }
-    bool is_short = total > most / 2;
-    uint32_t tokens = is_short ? count_tokens(table) : 0;
-    for (struct hg_conn *it = table->first; it && (is_short || table->was_short); it = it->next)
-        it->output_share = is_short && it->out.bytes > MUCH_OUTPUT ? share_of(it, tokens, most) : 0;
-    table->was_short = is_short;
-    if (total > most)
-        hg_count(HG_COUNT_REFUSED_OUTPUT);
-    if (total > most)
-        hg_conn_kill(largest, "more waits for it than for any other, and for all of them more than "
-                              "output-total");
-}
-
 void hg_conn_check_times(struct hg_conn_table *table)
 {
     uint64_t now_ns = table->loop->now_ns;
-    check_output(table);
     for (struct hg_conn *it = table->first, *next; it; it = next) {
         next = it->next;
         check_time(it, now_ns);

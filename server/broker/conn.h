@@ -3,12 +3,12 @@
 #ifndef HG_BROKER_CONN_H
 #define HG_BROKER_CONN_H
 
-#include "server/broker/detect.h"
 #include "server/broker/listener.h"
 #include "server/broker/loop.h"
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_log.h"
+#include "server/broker/proxied.h"
 #include "server/broker/slots.h"
 
 struct hg_session;
@@ -76,13 +76,14 @@ struct hg_conn_events {
     void (*ended)(struct hg_conn *conn);
 };
 
-// All connections. Zero-initialised but for the first six members.
+// All connections. Zero-initialised but for the first seven members.
 struct hg_conn_table {
     struct hg_loop *loop;
     const struct hg_options *options;
     const struct hg_conn_events *events;
     void *owner; // for `events`
     const struct hg_web *web; // what those get that speak HTTP
+    const struct hg_tls *tls; // of the tls listeners
     const uint64_t *reached; // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
     uint32_t paused_count;
@@ -98,10 +99,17 @@ struct hg_conn_table {
 
 // Takes in the clients that wait at a listener.
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+// How bytes reach the client, for the next program.
+enum { HG_CONN_TCP = 1, HG_CONN_WEBSOCKET = 2 };
+
 // A connection with an open session that this process has had before; `streams`: what has come and
 // was not taken, and what waits to be sent. NULL: no memory, or nonsense; the descriptor is closed.
 struct hg_conn *hg_conn_adopt(
-    struct hg_conn_table *table, int fd, bool is_tcp, struct hg_reader *streams) HG_MUST_CHECK;
+    struct hg_conn_table *table, int fd, unsigned kind, struct hg_reader *streams) HG_MUST_CHECK;
+// The kind of its transport (enum hg_conn_kind); false: it holds what another process cannot have.
+bool hg_conn_kind(const struct hg_conn *conn, unsigned *kind) HG_MUST_CHECK;
+// All of both directions, for hg_conn_adopt.
+void hg_conn_save(const struct hg_conn *conn, struct hg_writer *streams);
 // The session is open: messages are limited by `rate` a second from here on.
 void hg_conn_set_open(struct hg_conn *conn, double rate);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);

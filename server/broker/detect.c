@@ -50,6 +50,7 @@ static enum hg_status detect_read(struct hg_transport *t, void *dst, size_t size
     enum hg_status status =
         d->below.class->read(&d->below, d->first + d->size, ENOUGH - d->size, &n);
     d->size += n;
+    t->fault = d->below.fault;
     if (status)
         return status;
     if (!is_letter(d->first[0]) || size < ENOUGH) {
@@ -89,12 +90,6 @@ static void detect_end_writing(struct hg_transport *t)
     d->below.class->end_writing(&d->below);
 }
 
-static void detect_greet(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer)
-{
-    struct detect *d = t->state;
-    d->below.class->greet(&d->below, peer_timeout_ns, peer);
-}
-
 static void detect_close(struct hg_transport *t)
 {
     struct detect *d = t->state;
@@ -130,7 +125,6 @@ const struct hg_transport_class hg_transport_detect = {
     .write = detect_write,
     .wants = detect_wants,
     .end_writing = detect_end_writing,
-    .greet = detect_greet,
     .close = detect_close,
     .flush = detect_flush,
     .has_input = detect_has_input,

@@ -55,6 +55,22 @@ bool hg_handover_is_quiet(const struct hg_handover *h)
     return true;
 }
 
+uint32_t hg_handover_shed(const struct hg_handover *h, bool all)
+{
+    uint32_t count = 0;
+    for (struct hg_conn *it = h->conns->first, *next; it; it = next) {
+        unsigned kind;
+        next = it->next;
+        const bool between =
+            it->state == HG_CONN_PREFACE && it->transport.served && !(it->transport.stage & 1);
+        if (between || (all && it->state == HG_CONN_OPEN && !hg_conn_kind(it, &kind))) {
+            hg_conn_kill(it, "a new program takes over: its client comes again");
+            count++;
+        }
+    }
+    return count;
+}
+
 static void hurry_session(struct hg_session *s)
 {
     struct hg_error err = {0};
@@ -185,8 +201,11 @@ static void save_session(const struct hg_handover *h, const struct hg_session *s
 static void save_conn(const struct hg_handover *h, const struct hg_conn *conn)
 {
     struct hg_writer w = begin(CONN);
+    unsigned kind;
+    if (!hg_conn_kind(conn, &kind)) // hg_handover_shed has closed all such
+        return;
     hg_write_u32(&w, (uint32_t)conn->transport.fd);
-    hg_write_u8(&w, conn->transport.class == &hg_transport_tcp);
+    hg_write_u8(&w, (uint8_t)kind);
     hg_write_u32(&w, conn->session->number);
     hg_write_u16(&w, conn->version);
     hg_write_u8(&w, conn->peer_ended);
@@ -194,8 +213,7 @@ static void save_conn(const struct hg_handover *h, const struct hg_conn *conn)
     hg_write_bytes(&w, conn->auth.hash, sizeof conn->auth.hash);
     hg_write_f64(&w, conn->rate.per_second);
     put_text(&w, conn->client);
-    hg_packet_save_input(&conn->in, &w);
-    hg_outq_save(&conn->out, &w);
+    hg_conn_save(conn, &w);
     append(h, &w);
 }
 
@@ -204,6 +222,7 @@ static void save_listener(const struct hg_handover *h, const struct hg_listener 
     struct hg_writer w = begin(LISTENER);
     hg_write_u32(&w, (uint32_t)it->source.fd);
     put_text(&w, it->unix_path);
+    hg_write_u8(&w, it->tls);
     append(h, &w);
 }
 
@@ -355,7 +374,8 @@ static enum hg_status load_view(const struct hg_handover *h, struct hg_reader *r
 
 struct saved_conn {
     int fd;
-    bool is_tcp, peer_ended, has_token;
+    uint8_t kind;
+    bool peer_ended, has_token;
     uint16_t version;
     struct hg_session *session;
     uint8_t hash[32];
@@ -366,7 +386,7 @@ struct saved_conn {
 static bool read_conn(const struct hg_handover *h, struct hg_reader *r, struct saved_conn *out)
 {
     out->fd = (int)hg_read_u32(r);
-    out->is_tcp = hg_read_u8(r);
+    out->kind = hg_read_u8(r);
     out->session = hg_session_find(h->sessions, hg_read_u32(r));
     out->version = hg_read_u16(r);
     out->peer_ended = hg_read_u8(r);
@@ -385,7 +405,7 @@ static enum hg_status load_conn(const struct hg_handover *h, struct hg_reader *r
     if (!read_conn(h, r, &saved))
         return HG_E_FORMAT;
     keep_fd(saved.fd, false);
-    struct hg_conn *conn = hg_conn_adopt(h->conns, saved.fd, saved.is_tcp, r);
+    struct hg_conn *conn = hg_conn_adopt(h->conns, saved.fd, saved.kind, r);
     if (!conn)
         return HG_E_NOMEM;
     conn->session = saved.session;
@@ -407,12 +427,15 @@ static enum hg_status load_listener(
     char path[256];
     int fd = (int)hg_read_u32(r);
     take_text(r, path, sizeof path);
+    const bool tls = r->pos < r->size && hg_read_u8(r); // none from programs before TLS
     if (r->failed)
         return HG_E_FORMAT;
     keep_fd(fd, false);
     enum hg_status status = hg_listener_adopt(fd, h->listeners, err);
     if (!status && path[0])
         status = hg_listener_own(*h->listeners, path);
+    if (!status && tls)
+        hg_listener_set_tls(*h->listeners);
     return status;
 }
 

@@ -21,6 +21,9 @@ struct hg_handover {
 bool hg_handover_is_quiet(const struct hg_handover *h);
 // Ends what may be ended for that: requests other than edits are answered with CANCELLED, uploads
 // fail, handshakes are closed.
+// Closes connections that cannot be handed over: those of HTTP between two requests, and with `all`
+// those of TLS, whose clients go on with their sessions by ticket. Returns how many there were.
+uint32_t hg_handover_shed(const struct hg_handover *h, bool all);
 void hg_handover_hurry(const struct hg_handover *h);
 // *fd stays open over an exec. HG_E_NOMEM, HG_E_NOSPACE, HG_E_IO.
 enum hg_status hg_handover_save(

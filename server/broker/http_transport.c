@@ -64,6 +64,7 @@ static enum hg_status become_websocket(struct hg_transport *t)
     enum hg_status status = hg_ws_transport_begin(t, &h->below, h->web->options, h->in, h->in_size);
     if (!status)
         hg_free(h);
+    t->served = status; // from here on it is a handshake like any other
     return status ? HG_E_IO : HG_OK;
 }
 
@@ -109,6 +110,7 @@ static enum hg_status http_read(struct hg_transport *t, void *dst, size_t size, 
         status = take_request(t);
         if (status == HG_E_AGAIN)
             status = fill(h);
+        t->fault = h->below.fault;
         if (status)
             return status;
     }

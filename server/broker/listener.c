@@ -61,18 +61,21 @@ static bool split_host(const char *text, char *host, size_t host_size, char *por
     return strtoul(port, NULL, 10) <= 65535;
 }
 
-enum hg_status hg_listener_check(const char *address, bool *is_tcp, struct hg_error *err)
+enum hg_status hg_listener_check(
+    const char *address, bool *is_tcp, bool *is_tls, struct hg_error *err)
 {
     char host[256], port[8];
     struct sockaddr_un sun;
-    *is_tcp = strncmp(address, "tcp:", 4) == 0;
+    *is_tls = strncmp(address, "tls:", 4) == 0;
+    *is_tcp = *is_tls || strncmp(address, "tcp:", 4) == 0;
     if (*is_tcp && split_host(address + 4, host, sizeof host, port, sizeof port))
         return HG_OK;
     if (strncmp(address, "unix:", 5) == 0 && address[5] &&
         strlen(address + 5) < sizeof sun.sun_path)
         return HG_OK;
     return hg_error_set(err, HG_E_INVAL, address, NULL,
-        "expected unix:PATH (at most %zu bytes) or tcp:HOST:PORT", sizeof sun.sun_path - 1);
+        "expected unix:PATH (at most %zu bytes), tcp:HOST:PORT or tls:HOST:PORT",
+        sizeof sun.sun_path - 1);
 }
 
 // ---- unix ---------------------------------------------------------------------------------------
@@ -216,11 +219,14 @@ static enum hg_status open_tcp(const char *address, struct hg_listener **list, s
 enum hg_status hg_listener_open(
     const char *address, struct hg_listener **list, struct hg_error *err)
 {
-    bool is_tcp;
-    enum hg_status status = hg_listener_check(address, &is_tcp, err);
-    if (status)
-        return status;
-    return is_tcp ? open_tcp(address, list, err) : open_unix(address, list, err);
+    bool is_tcp, is_tls;
+    const struct hg_listener *before = *list;
+    enum hg_status status = hg_listener_check(address, &is_tcp, &is_tls, err);
+    if (!status)
+        status = is_tcp ? open_tcp(address, list, err) : open_unix(address, list, err);
+    for (struct hg_listener *it = *list; !status && is_tls && it != before; it = it->next)
+        hg_listener_set_tls(it);
+    return status;
 }
 
 enum hg_status hg_listener_adopt(int fd, struct hg_listener **list, struct hg_error *err)
@@ -245,6 +251,12 @@ enum hg_status hg_listener_adopt(int fd, struct hg_listener **list, struct hg_er
         (int)(size - offsetof(struct sockaddr_un, sun_path)),
         ((struct sockaddr_un *)&name)->sun_path);
     return HG_OK;
+}
+
+void hg_listener_set_tls(struct hg_listener *listener)
+{
+    listener->tls = true;
+    memcpy(listener->name, "tls", 3); // in place of tcp
 }
 
 enum hg_status hg_listener_own(struct hg_listener *listener, const char *path)

@@ -98,8 +98,10 @@ static void exec_successor(struct hg_takeover *t)
 void hg_takeover_step(struct hg_takeover *t)
 {
     bool late = t->loop->now_ns >= t->deadline_ns;
-    if (hg_handover_is_quiet(&t->all) && !hg_state_log_refusal(*t->state)) {
-        exec_successor(t);
+    const bool shed = hg_handover_shed(&t->all, false);
+    if (!shed && hg_handover_is_quiet(&t->all) && !hg_state_log_refusal(*t->state)) {
+        if (!hg_handover_shed(&t->all, true)) // their sessions are parked first
+            exec_successor(t);
     } else if (late && t->hurried) {
         give_up(t, hg_state_log_refusal(*t->state)
                        ? "the state log cannot be written (state-dir)"

@@ -107,6 +107,17 @@ static void name_source(const struct sockaddr_storage *address, struct hg_peer *
     }
 }
 
+void hg_peer_name(struct hg_peer *peer, const struct sockaddr_storage *address)
+{
+    socklen_t size =
+        address->ss_family == AF_INET6 ? sizeof(struct sockaddr_in6) : sizeof(struct sockaddr_in);
+    *peer = (struct hg_peer){0};
+    if (getnameinfo((const struct sockaddr *)address, size, peer->name, sizeof peer->name, NULL, 0,
+            NI_NUMERICHOST))
+        snprintf(peer->name, sizeof peer->name, "tcp");
+    name_source(address, peer);
+}
+
 static void greet_tcp(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer)
 {
     int on = 1;
@@ -116,12 +127,9 @@ static void greet_tcp(struct hg_transport *t, uint64_t peer_timeout_ns, struct h
     setsockopt(t->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     setsockopt(t->fd, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
     setsockopt(t->fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &timeout_ms, sizeof timeout_ms);
-    *peer = (struct hg_peer){0};
-    if (getpeername(t->fd, (struct sockaddr *)&address, &size) ||
-        getnameinfo((const struct sockaddr *)&address, size, peer->name, sizeof peer->name, NULL, 0,
-            NI_NUMERICHOST))
-        snprintf(peer->name, sizeof peer->name, "tcp");
-    name_source(&address, peer);
+    if (getpeername(t->fd, (struct sockaddr *)&address, &size))
+        address.ss_family = AF_UNSPEC;
+    hg_peer_name(peer, &address);
 }
 
 const struct hg_transport_class hg_transport_unix = {

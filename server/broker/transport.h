@@ -23,6 +23,7 @@ struct hg_peer {
     char name[64];    // address without port, or uid: for logs
     char source[64];  // what one host or user has: the address, the /64 of IPv6, the uid
     char network[64]; // of its neighbours: the /24 of IPv4, the /48 of IPv6; "" on this machine
+    char subject[129]; // of its certificate, verified; "" = it has shown none
     bool is_local;  // on this machine: it cannot vanish without a trace
     bool same_user; // it runs as the user of this process
 };
@@ -39,6 +40,7 @@ struct hg_transport_class {
     uint32_t (*wants)(const struct hg_transport *t, bool read, bool write);
     void (*end_writing)(struct hg_transport *t); // the peer sees the end of the stream
     // Called once after accept: sets socket options, and identifies the peer.
+    // NULL in those that come later.
     void (*greet)(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer);
     void (*close)(struct hg_transport *t); // closes fd, frees `state`
     // The following may be NULL: nothing waits in it, and it has nothing to say.
@@ -56,16 +58,21 @@ struct hg_transport {
     const struct hg_transport_class *class; // NULL: closed
     int fd;
     void *state; // of the class
-    const struct hg_peer *peer; // who it is, once that is known
-    const char *fault;          // with HG_E_FORMAT: which rule was broken
+    struct hg_peer *peer; // who it is, once that is known
+    const char *fault;    // with HG_E_FORMAT: which rule was broken
     // Changes when a request or an answer of the transport itself begins: time limits begin anew.
     // Odd while an answer is sent.
     uint32_t stage, known_stage; // known_stage: of the owner
     bool farewell;               // of the owner: it has ended the writing
+    bool renamed;                // *peer has become another: what is counted of it is counted anew
     bool served;                 // it has answered something itself: its end is nothing to warn of
 };
 
 extern const struct hg_transport_class hg_transport_unix, hg_transport_tcp;
+
+struct sockaddr_storage;
+// Names a peer by its address.
+void hg_peer_name(struct hg_peer *peer, const struct sockaddr_storage *address);
 
 // Takes over a connected descriptor, which becomes non-blocking.
 void hg_transport_open(struct hg_transport *t, const struct hg_transport_class *class, int fd);

@@ -249,6 +249,12 @@ static void ws_end_writing(struct hg_transport *t)
         ws->below.class->end_writing(&ws->below);
 }
 
+static void ws_greet(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer)
+{
+    struct websocket *ws = t->state;
+    ws->below.class->greet(&ws->below, peer_timeout_ns, peer);
+}
+
 static void ws_close(struct hg_transport *t)
 {
     struct websocket *ws = t->state;
@@ -262,6 +268,7 @@ const struct hg_transport_class hg_transport_websocket = {
     .write = ws_write,
     .wants = ws_wants,
     .end_writing = ws_end_writing,
+    .greet = ws_greet,
     .close = ws_close,
     .flush = ws_flush,
     .has_input = ws_has_input,
@@ -307,6 +314,12 @@ enum hg_status hg_ws_transport_begin(struct hg_transport *t, const struct hg_tra
 const struct hg_transport *hg_ws_transport_below(const struct hg_transport *t)
 {
     return &((const struct websocket *)t->state)->below;
+}
+
+bool hg_ws_transport_has_ended(const struct hg_transport *t)
+{
+    const struct websocket *ws = t->state;
+    return ws->verdict || ws->out.close;
 }
 
 // The layout is that of the structs: program and successor are of one machine, and sizes are

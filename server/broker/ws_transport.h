@@ -20,6 +20,7 @@ enum hg_status hg_ws_transport_begin(struct hg_transport *t, const struct hg_tra
 void hg_ws_transport_save(const struct hg_transport *t, struct hg_writer *w);
 enum hg_status hg_ws_transport_load(struct hg_transport *t, const struct hg_transport *below,
     const struct hg_options *options, struct hg_reader *r) HG_MUST_CHECK;
+bool hg_ws_transport_has_ended(const struct hg_transport *t); // one side has said so
 // The transport below.
 const struct hg_transport *hg_ws_transport_below(const struct hg_transport *t);
 

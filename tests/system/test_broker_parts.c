@@ -337,12 +337,12 @@ static void addresses_are_checked(void **state)
         "unix:/a", "tcp:localhost:80", "tcp:[::1]:0", "tcp:*:65535", "tcp:127.0.0.1:1"};
     static const char *const bad[] = {"", "unix:", "tcp:", "tcp:80", "tcp::1", "tcp:a:", "tcp:a:b",
         "tcp:a:65536", "tcp:::1:80", "udp:a:1", "/a"};
-    bool is_tcp;
+    bool is_tcp, is_tls;
     struct hg_error err;
     for (size_t i = 0; i < sizeof good / sizeof *good; i++)
-        assert_int_equal(hg_listener_check(good[i], &is_tcp, &err), HG_OK);
+        assert_int_equal(hg_listener_check(good[i], &is_tcp, &is_tls, &err), HG_OK);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
-        if (hg_listener_check(bad[i], &is_tcp, &err) != HG_E_INVAL)
+        if (hg_listener_check(bad[i], &is_tcp, &is_tls, &err) != HG_E_INVAL)
             fail_msg("'%s' is taken", bad[i]);
 }
 

@@ -172,6 +172,77 @@ static void patience_ends(void **state)
     daemon_finish(&d);
 }
 
+// A certificate for localhost in the folder, signed by itself.
+static void make_certificate(struct daemon *d)
+{
+    char command[3 * TEST_FOLDER_MAX + 300], path[TEST_FOLDER_MAX + 16];
+    snprintf(command, sizeof command,
+        "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 30 "
+        "-subj /CN=localhost -addext subjectAltName=DNS:localhost -keyout %s/key.pem "
+        "-out %s/cert.pem 2>%s/openssl",
+        d->folder, d->folder, d->folder);
+    assert_int_equal(system(command), 0);
+    snprintf(path, sizeof path, "%s/cert.pem", d->folder);
+    daemon_option(d, "tls-cert", path);
+    snprintf(path, sizeof path, "%s/key.pem", d->folder);
+    daemon_option(d, "tls-key", path);
+}
+
+static struct helio *enter_over(struct daemon *d, const char *scheme, bool secure)
+{
+    struct helio *h;
+    struct hg_error err = {0};
+    char url[128], ca[TEST_FOLDER_MAX + 16];
+    char *ports = daemon_read(d, "port");
+    const char *port = secure ? strchr(ports, '\n') + 1 : ports;
+    snprintf(url, sizeof url, "%slocalhost:%d", scheme, atoi(port));
+    free(ports);
+    snprintf(ca, sizeof ca, "%s/cert.pem", d->folder);
+    const struct helio_options options = {
+        .url = url, .token = "edit-token-1", .tls_ca = ca, .reconnect_ns = UINT64_C(60000000000)};
+    if (helio_connect(&options, &h, &err))
+        fail_msg("%s: %s", url, err.reason);
+    return h;
+}
+
+// SIGUSR2: sockets are handed over, and with them WebSockets; TLS is not, its clients resume.
+static void goes_on_in_a_new_program_over(const char *scheme, bool secure)
+{
+    struct daemon d;
+    struct hg_error err = {0};
+    struct hgp_scene_opened scene;
+    uint8_t before[32], after[32];
+    daemon_init_tokens(&d);
+    daemon_option(&d, "listen", "tls:127.0.0.1:0");
+    make_certificate(&d);
+    daemon_start(&d);
+    struct helio *h = enter_over(&d, scheme, secure);
+    assert_int_equal(helio_scene_open(h, "", &scene, &err), HG_OK);
+    struct hgp_view_set view = {
+        .view = 1, .has_width = true, .width = 16, .has_height = true, .height = 16};
+    assert_int_equal(helio_call_for(h, HGP_T_view_set, &view, HGP_T_ok, NULL, &err), HG_OK);
+    move(h, scene.first_id, 3);
+    shoot(h, before);
+    daemon_signal(&d, SIGUSR2);
+    daemon_wait_log(&d, "took over");
+    shoot(h, after);
+    assert_memory_equal(before, after, sizeof before);
+    move(h, scene.first_id, 4);
+    shoot(h, after);
+    assert_memory_not_equal(before, after, sizeof before);
+    assert_int_equal(reconnects(h), secure ? 1 : 0);
+    helio_destroy(h);
+    daemon_finish(&d);
+}
+
+static void new_programs_take_over_streams(void **state)
+{
+    (void)state;
+    goes_on_in_a_new_program_over("ws://", false);
+    goes_on_in_a_new_program_over("tls:", true);
+    goes_on_in_a_new_program_over("wss://", true);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 1)
@@ -180,6 +251,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(calls_go_on),
         cmocka_unit_test(what_may_have_been_done_is_told),
         cmocka_unit_test(patience_ends),
+        cmocka_unit_test(new_programs_take_over_streams),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -49,7 +49,8 @@ struct helio; // one connection
 
 // Zero is the default of every member.
 struct helio_options {
-    const char *url;                // unix:PATH or tcp:HOST:PORT; NULL = start a private worker
+    const char *url;                // unix:PATH, tcp:HOST:PORT, tls:HOST:PORT, ws://HOST[:PORT] or
+                                    // wss://HOST[:PORT]; NULL = start a private worker
     const char *token;              // NULL = none; needed when the daemon requires one
     const char *client;             // name for the daemon's logs; default "libhelio/VERSION"
     uint64_t timeout_ns;            // until the session is open; default 30 s
@@ -59,6 +60,12 @@ struct helio_options {
     const char *const *worker_args; // its arguments after --fd 3, NULL-terminated; NULL = none
     uint64_t reconnect_ns;          // when the connection to a daemon is lost, or the daemon was
                                     // restarted, try for so long to go on; 0 = do not (see below)
+    const char *tls_ca;             // tls, wss: file (PEM) of authorities that may have signed the
+                                    // daemon's certificate; NULL = those of the system
+    const char *tls_pin;            // SHA-256 of the daemon's certificate in 64 digits: that one
+                                    // is trusted, whoever has signed it
+    const char *tls_cert, *tls_key; // the client's own (PEM); key NULL = in the same file
+    bool tls_insecure;              // takes any certificate: whoever is in between reads along
 };
 
 // Going on with a session (reconnect_ns): the connection is made again and the daemon gives back
@@ -119,7 +126,8 @@ HELIO_API int helio_fd(const struct helio *h);
 // True while bytes wait to be sent (or a connection is being made): poll for writing too.
 HELIO_API bool helio_want_write(const struct helio *h);
 // Reads and writes what is possible now; never blocks. HG_OK, or why the connection ended.
-// Stops reading while 256 messages (or max_receive_bytes) wait to be taken with helio_next.
+// Stops reading while 256 messages (or max_receive_bytes) wait to be taken with helio_next; call it
+// again when they are taken, also when nothing new arrives: TLS holds bytes of its own.
 HELIO_API enum hg_status helio_process(struct helio *h, struct hg_error *err) HG_MUST_CHECK;
 
 // Queues a message. `type` goes to the server and needs HELIO_OPEN. *request (may be NULL) becomes

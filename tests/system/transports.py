@@ -1,0 +1,653 @@
+#!/usr/bin/env python3
+"""transports.py - the daemon's streams from outside, with independent code: HTTP, WebSocket (RFC 6455,
+frame by frame), TLS and the PROXY protocol by raw sockets and OpenSSL of Python's ssl.
+
+  transports.py HELIOD FAKE_WORKER [HELIO]
+  transports.py HELIOD FAKE_WORKER --idle COUNT     prints what idle sessions cost the daemon
+
+Every refusal is checked three ways: what the peer sees, the counter in /metrics, and that an honest client
+beside it is served. Loopback only."""
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import signal
+import socket
+import ssl
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+PREFACE = b"HGP\r\n\x1a\n\x01"
+KEY = "dGhlIHNhbXBsZSBub25jZQ=="
+MASK = bytes([0x37, 0xFA, 0x21, 0x3D])
+
+
+def message(kind, payload, request=1):
+    return struct.pack("<IHHII", len(payload), kind, 0, request, 0) + payload
+
+
+def text(value):
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+HELLO = PREFACE + message(0x0101, struct.pack("<HH", 1, 1) + text("test") + struct.pack("<I", 0))
+
+
+def auth(token):
+    return message(0x0103, text(token), 2)
+
+
+class Daemon:
+    def __init__(self, heliod, worker, *options, tokens="", env=None):
+        self.folder = tempfile.mkdtemp(prefix="helio-transports-")
+        with open(self.path("tokens"), "w", encoding="utf-8") as f:
+            os.fchmod(f.fileno(), 0o600)
+            f.write("view-token-1 view anna\n" + tokens)
+        os.mkdir(self.path("web"))
+        self.write("web/index.html", "<!doctype html><title>t</title>")
+        self.write("web/a.js", "export const a = 1\n" * 1000)
+        self.write("web/a.js.gz", "as gzip")
+        self.write("web/.secret", "no")
+        self.args = [heliod, "--listen", "unix:" + self.path("sock"), "--port-file", self.path("ports"),
+                     "--tokens", self.path("tokens"), "--cache-dir", self.path("cache"), "--worker", worker,
+                     "--web-root", self.path("web"), "--isolation", "shared", "--sandbox", "off", *options]
+        self.log = open(self.path("log"), "wb")
+        self.process = subprocess.Popen(self.args, stderr=self.log, env=env)
+        wait(lambda: os.path.exists(self.path("ports")), "the port file")
+        with open(self.path("ports"), encoding="ascii") as f:
+            self.ports = [int(line) for line in f]
+
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
+    def write(self, name, content):
+        with open(self.path(name), "w", encoding="utf-8") as f:
+            f.write(content)
+
+    def read_log(self):
+        with open(self.path("log"), encoding="utf-8", errors="replace") as f:
+            return f.read()
+
+    def stop(self):
+        self.process.kill()
+        self.process.wait()
+        self.log.close()
+        shutil.rmtree(self.folder)
+
+    def metric(self, name):
+        body = Http(self.ports[0]).get("/metrics")[2].decode()
+        found = re.search("^" + re.escape(name) + r" (\S+)", body, re.M)
+        return float(found.group(1)) if found else 0.0
+
+
+def wait(condition, what, seconds=60):
+    for _ in range(seconds * 50):
+        if condition():
+            return
+        time.sleep(0.02)
+    raise AssertionError("waited too long for " + what)
+
+
+def connect(port):
+    s = socket.create_connection(("127.0.0.1", port))
+    s.settimeout(60)
+    return s
+
+
+def read_all(s):
+    data = b""
+    with contextlib.suppress(ConnectionError, ssl.SSLError):
+        while part := s.recv(65536):
+            data += part
+    return data
+
+
+class Stream:
+    """A socket with what was read ahead."""
+
+    def __init__(self, s):
+        self.s, self.ahead = s, b""
+
+    def take(self, count):
+        while len(self.ahead) < count:
+            part = self.s.recv(65536)
+            assert part, "the daemon closed the connection"
+            self.ahead += part
+        out, self.ahead = self.ahead[:count], self.ahead[count:]
+        return out
+
+    def line(self):
+        while b"\r\n" not in self.ahead:
+            part = self.s.recv(65536)
+            assert part, "the daemon closed the connection"
+            self.ahead += part
+        out, self.ahead = self.ahead.split(b"\r\n", 1)
+        return out
+
+
+class Http:
+    def __init__(self, port, s=None):
+        self.stream = Stream(s or connect(port))
+
+    def send(self, data):
+        self.stream.s.sendall(data)
+
+    def answer(self, with_body=True):
+        status = int(self.stream.line().split()[1])
+        fields = {}
+        while line := self.stream.line():
+            name, value = line.split(b":", 1)
+            fields[name.decode().lower()] = value.strip().decode()
+        size = int(fields.get("content-length", "0")) if with_body else 0
+        return status, fields, self.stream.take(size)
+
+    def get(self, path, *fields, method="GET"):
+        self.send("\r\n".join([f"{method} {path} HTTP/1.1", "Host: here", *fields, "", ""]).encode())
+        return self.answer(method != "HEAD")
+
+
+def frame(first, payload=b"", mask=MASK, form=None):
+    size, length = len(payload), b""
+    if form is None:
+        form = 7 if size < 126 else 16 if size < 65536 else 64
+    if form == 7:
+        second = size
+    else:
+        second, length = (126, struct.pack(">H", size)) if form == 16 else (127, struct.pack(">Q", size))
+    head = bytes([first, second | (0x80 if mask else 0)]) + length
+    if not mask:
+        return head + payload
+    return head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(payload))
+
+
+class WebSocket:
+    def __init__(self, port, *fields, s=None, early=b""):
+        self.http = Http(port, s)
+        given = {"Upgrade": "websocket", "Connection": "keep-alive, Upgrade", "Sec-WebSocket-Version": "13",
+                 "Sec-WebSocket-Key": KEY, "Sec-WebSocket-Protocol": "other, hgp.1",
+                 "Sec-WebSocket-Extensions": "permessage-deflate; client_max_window_bits"}
+        given.update(dict(f.split(": ", 1) for f in fields))
+        lines = [f"{k}: {v}" for k, v in given.items() if v]
+        self.http.send("\r\n".join(["GET /hgp HTTP/1.1", "Host: here:80", *lines, "", ""]).encode() + early)
+        self.status, self.fields, self.body = self.http.answer()
+
+    def send(self, *parts):
+        self.http.send(b"".join(parts))
+
+    def next(self):
+        """Opcode and payload; a server's frame is final here and never masked."""
+        first, second = self.http.stream.take(2)
+        assert first & 0xF0 == 0x80 and not second & 0x80, (first, second)
+        size = second
+        if size == 126:
+            size = struct.unpack(">H", self.http.stream.take(2))[0]
+        elif size == 127:
+            size = struct.unpack(">Q", self.http.stream.take(8))[0]
+        return first & 15, self.http.stream.take(size)
+
+    def close_code(self):
+        """Of the close frame that comes next; then the stream ends."""
+        opcode, payload = self.next()
+        while opcode != 8:
+            opcode, payload = self.next()
+        code = struct.unpack(">H", payload[:2])[0] if payload else 1005
+        with contextlib.suppress(ConnectionError):
+            self.send(frame(0x88, payload[:2]))
+        self.http.stream.s.settimeout(60)
+        assert read_all(self.http.stream.s) == b""
+        return code
+
+    def hgp(self, count):
+        """`count` messages of HGP: type and payload."""
+        data, out = b"", []
+        while len(out) < count:
+            opcode, payload = self.next()
+            assert opcode == 2
+            data += payload
+            while len(data) >= 16 and len(data) >= 16 + struct.unpack("<I", data[:4])[0]:
+                size, kind = struct.unpack("<IH", data[:6])
+                out.append((kind, data[16:16 + size]))
+                data = data[16 + size:]
+        return out
+
+
+def is_served(d):
+    """An honest client opens a session."""
+    ws = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
+    assert ws.status == 101
+    kinds = [kind for kind, _ in ws.hgp(2)]
+    assert kinds == [0x0102, 0x0104], kinds
+    ws.send(frame(0x88, struct.pack(">H", 1000)))
+    assert ws.close_code() == 1000
+
+
+# ---- cases ---------------------------------------------------------------------------------------
+
+
+def http_serves(d):
+    h = Http(d.ports[0])
+    status, fields, body = h.get("/")
+    assert (status, body) == (200, b"<!doctype html><title>t</title>")
+    assert fields["content-type"] == "text/html; charset=utf-8"
+    for name, value in {"x-content-type-options": "nosniff", "referrer-policy": "no-referrer",
+                        "cross-origin-opener-policy": "same-origin",
+                        "cross-origin-resource-policy": "same-origin", "x-frame-options": "DENY"}.items():
+        assert fields[name] == value
+    assert "default-src 'none'" in fields["content-security-policy"]
+    assert "frame-ancestors 'none'" in fields["content-security-policy"]
+    # The same connection: HEAD, a file, what is known already, what is compressed.
+    status, fields, body = h.get("/a.js", method="HEAD")
+    assert (status, fields["content-length"], body) == (200, "19000", b"")
+    status, fields, body = h.get("/a.js?v=1")
+    assert (status, len(body)) == (200, 19000)
+    assert h.get("/a.js", "If-None-Match: \"x\", " + fields["etag"])[0] == 304
+    status, fields, body = h.get("/a.js", "Accept-Encoding: gzip")
+    assert (body, fields["content-encoding"], fields["content-type"]) == (
+        b"as gzip", "gzip", "text/javascript; charset=utf-8")
+    assert h.get("http://here/healthz")[2] == b"ok\n"
+    wait(lambda: Http(d.ports[0]).get("/readyz")[0] == 200, "readiness")
+    # Requests that are there at once are answered in turn.
+    h.send(b"GET /healthz HTTP/1.1\r\nHost: a\r\n\r\n" * 40)
+    assert all(h.answer()[0] == 200 for _ in range(40))
+    metrics = h.get("/metrics")[2].decode()
+    for line in metrics.splitlines():
+        assert re.fullmatch(r"# (HELP|TYPE) heliod_\w+ .+|heliod_\w+(\{\w+=\"[^\"]*\"\})? [0-9.e+-]+", line), line
+    # A slow writer of a good request, byte by byte.
+    slow = Http(d.ports[0])
+    for byte in b"GET /healthz HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n":
+        slow.send(bytes([byte]))
+    assert slow.answer()[0] == 200
+    assert read_all(slow.stream.s) == b""
+
+
+def http_refuses(d):
+    before = d.metric('heliod_refused_total{reason="path"}')
+    for path in ("/../tokens", "/web/../../tokens", "/%2e%2e/tokens", "/..%2ftokens", "/..%5ctokens", "/a\\..\\b",
+                 "/%00", "/%zz", "/a/.."):
+        assert Http(d.ports[0]).get(path)[0] == 400, path
+    assert d.metric('heliod_refused_total{reason="path"}') == before + 9
+    for path in ("/.secret", "/tokens", "/nothing", "//etc/passwd", "/web/a.js", "/a.js/"):
+        assert Http(d.ports[0]).get(path)[0] == 404, path
+    rows = [
+        (b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 0\r\n\r\n", 405),
+        (b"TRACE / HTTP/1.1\r\nHost: a\r\n\r\n", 405),
+        (b"GET / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\n\r\nhello", 413),
+        (b"GET / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n", 413),
+        (b"GET /" + b"a" * 3000 + b" HTTP/1.1\r\nHost: a\r\n\r\n", 414),
+        (b"GET / HTTP/1.1\r\nHost: a\r\n" + b"A: b\r\n" * 100 + b"\r\n", 431),
+        (b"GET / HTTP/1.1\r\nHost: a\r\nA: " + b"b" * 9000 + b"\r\n\r\n", 431),
+        (b"GET / HTTP/1.1\r\n\r\n", 400), (b"GET / HTTP/1.1\nHost: a\n\n", 400), (b"GET / HTTP/3.0\r\nHost: a\r\n\r\n", 505),
+        (b"GET /hgp HTTP/1.1\r\nHost: a\r\n\r\n", 426),
+        (b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", 505),
+    ]
+    before = d.metric('heliod_refused_total{reason="http"}')
+    for request, status in rows:
+        h = Http(d.ports[0])
+        h.send(request)
+        assert h.answer()[0] == status, request[:60]
+        assert read_all(h.stream.s) == b""  # and the connection ends
+    assert d.metric('heliod_refused_total{reason="http"}') == before + len(rows)
+    before = d.metric('heliod_refused_total{reason="preface"}')
+    for begin in (b"\x16\x03\x01\x02\0\x01", b"\0" * 64, b"hgp\r\n"):
+        s = connect(d.ports[0])
+        s.sendall(begin)
+        assert read_all(s) == b""
+    assert d.metric('heliod_refused_total{reason="preface"}') == before + 3
+
+
+def upgrades_are_judged(d):
+    ws = WebSocket(d.ports[0])
+    assert ws.status == 101 and ws.fields["sec-websocket-accept"] == "s3pPLMBiTxaQ9kYGzzhZRbK+xOo="
+    assert ws.fields["sec-websocket-protocol"] == "hgp.1" and "sec-websocket-extensions" not in ws.fields
+    rows = [("Sec-WebSocket-Version: 8", 426), ("Upgrade: h2c", 426), ("Connection: close", 426),
+            ("Sec-WebSocket-Key: short", 400), ("Sec-WebSocket-Key: ", 400), ("Sec-WebSocket-Protocol: chat", 400),
+            ("Sec-WebSocket-Protocol: ", 400), ("Origin: http://evil.example", 403), ("Origin: null", 403),
+            ("Origin: http://here", 403), ("Origin: https://here:80.evil.example", 403),
+            ("Origin: http://here:80", 101), ("Origin: https://friend.example", 101)]
+    before = d.metric('heliod_refused_total{reason="origin"}')
+    for field, status in rows:
+        assert WebSocket(d.ports[0], field).status == status, field
+    assert d.metric('heliod_refused_total{reason="origin"}') == before + 4
+
+
+def frames_follow_the_rfc(d):
+    port = d.ports[0]
+    # HGP over fragments of one byte each, with control frames between them.
+    ws = WebSocket(port)
+    for i, byte in enumerate(HELLO):
+        ws.send(frame(0x02 if i == 0 else 0x00, bytes([byte])), frame(0x89, b"%d" % i))
+        assert ws.next() == (10, b"%d" % i)
+    ws.send(frame(0x80))
+    assert ws.hgp(1)[0][0] == 0x0102
+    ws.send(frame(0x89), frame(0x8A, b"unasked"), frame(0x89, b"x" * 125))
+    assert ws.next()[0] == 10
+    # The close handshake, begun by the client; the code comes back.
+    for payload, code in ((b"", 1005), (struct.pack(">H", 1001), 1001), (struct.pack(">H", 4999) + "\u00e4".encode(), 4999)):
+        ws = WebSocket(port)
+        ws.send(frame(0x88, payload))
+        assert ws.close_code() == code
+    # Begun by the daemon, behind its last words.
+    ws = WebSocket(port, early=frame(0x82, HELLO + auth("guessed-token")))
+    assert [kind for kind, _ in ws.hgp(3)][:2] == [0x0102, 0x0105]
+    assert ws.close_code() == 1000
+    rows = [
+        ("reserved bit 1", frame(0xC2), 1002), ("reserved bit 2", frame(0xA2), 1002), ("reserved bit 3", frame(0x92), 1002),
+        ("a deflated text", frame(0xC1, b"\xf2H\xcd"), 1002),
+        *((f"opcode {n}", frame(0x80 | n), 1002) for n in (3, 4, 5, 6, 7, 11, 12, 13, 14, 15)),
+        ("not masked", frame(0x82, b"a", mask=None), 1002),
+        ("an unmasked ping", frame(0x89, mask=None), 1002),
+        ("a fragmented ping", frame(0x09), 1002), ("a fragmented close", frame(0x08), 1002),
+        ("a ping of 126 bytes", frame(0x89, b"a" * 126), 1002), ("a close of 126 bytes", frame(0x88, b"a" * 126), 1002),
+        ("a continuation of nothing", frame(0x80, b"a"), 1002),
+        ("a message within another", frame(0x02, b"a") + frame(0x82, b"b"), 1002),
+        ("a long form of a short length", frame(0x82, b"a", form=16), 1002),
+        ("the longest form of a short length", frame(0x82, b"a" * 126, form=64), 1002),
+        ("a length with its highest bit", b"\x82\xff\x80" + b"\0" * 7 + MASK, 1002),
+        ("a message that is too large", b"\x82\xff\0\0\1" + b"\0" * 5 + MASK, 1009),
+        ("a text that is too large", b"\x81\xff" + struct.pack(">Q", 65537) + MASK, 1009),
+        ("a text", frame(0x81, b"hello"), 1003), ("an empty text", frame(0x81), 1003),
+        ("a text in fragments", frame(0x01, b"\xe2\x82") + frame(0x80, b"\xac"), 1003),
+        ("no UTF-8", frame(0x81, b"\xff"), 1007), ("overlong UTF-8", frame(0x81, b"\xc0\xaf"), 1007),
+        ("a surrogate", frame(0x81, b"\xed\xa0\x80"), 1007), ("a cut sequence", frame(0x81, b"\xe2\x82"), 1007),
+        ("a bad byte before the end", frame(0x01, b"ab\xfe"), 1007),
+        ("a close of one byte", frame(0x88, b"\x03"), 1002),
+        *((f"close code {n}", frame(0x88, struct.pack(">H", n)), 1002)
+          for n in (0, 999, 1004, 1005, 1006, 1015, 1016, 2999, 5000, 65535)),
+        ("a reason that is no UTF-8", frame(0x88, struct.pack(">H", 1000) + b"\xff"), 1007),
+    ]
+    before = d.metric('heliod_refused_total{reason="websocket"}')
+    for what, data, code in rows:
+        ws = WebSocket(port)
+        ws.send(data)
+        got = ws.close_code()
+        assert got == code, f"{what}: {got}"
+    assert d.metric('heliod_refused_total{reason="websocket"}') == before + len(rows)
+    assert "a reserved bit is set" in d.read_log()
+
+
+def slow_and_silent_clients_end(d):
+    """Slowloris: a head, a handshake, and a WebSocket that never become whole (handshake-timeout 1 s)."""
+    begin = Http(d.ports[0])
+    begin.send(b"GET / HTTP/1.1\r\nHost: a\r\nX: ")
+    silent = connect(d.ports[0])
+    half = connect(d.ports[0])
+    half.sendall(PREFACE[:4])
+    opened = WebSocket(d.ports[0])
+    for _ in range(4):
+        is_served(d)
+        with contextlib.suppress(ConnectionError):
+            begin.send(b"a")
+        time.sleep(0.1)
+    assert begin.answer()[0] == 408
+    for s in (silent, half, opened.http.stream.s):
+        read_all(s)
+    assert d.metric('heliod_refused_total{reason="handshake-timeout"}') >= 4
+
+
+def proxies_say_for_whom(d):
+    def header(source, family=0x11, command=0x21, extra=b""):
+        if family == 0x11:
+            block = socket.inet_aton(source) + socket.inet_aton("10.0.0.1") + struct.pack(">HH", 1, 2)
+        elif family == 0x21:
+            block = socket.inet_pton(socket.AF_INET6, source) + b"\0" * 16 + struct.pack(">HH", 1, 2)
+        else:
+            block = b""
+        return b"\r\n\r\n\0\r\nQUIT\n" + bytes([command, family]) + struct.pack(">H", len(block + extra)) + block + extra
+
+    def metrics(begin):
+        h = Http(d.ports[0])
+        h.send(begin)
+        return h.get("/metrics")[0]
+
+    assert metrics(header("10.1.2.3")) == 403  # metrics-from is loopback
+    assert metrics(header("127.0.0.9", extra=b"\x04\0\1a")) == 200
+    assert metrics(header("2001:db8::1", 0x21)) == 403
+    assert metrics(header("", 0, 0x20)) == 200  # a health check: the proxy itself
+    for bad in (b"PROXY TCP4 1.1.1.1 2.2.2.2 1 2\r\n", header("1.1.1.1", command=0x31), header("1.1.1.1", extra=b"a" * 2100),
+                header("1.1.1.1")[:12] + b"\x21\x11\0\4aaaa", b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"):
+        s = connect(d.ports[0])
+        s.sendall(bad)
+        assert read_all(s) == b"", bad[:40]
+    assert "version 1 of the PROXY protocol" in d.read_log()
+    # Wrong tokens are counted for the address that is named.
+    s = connect(d.ports[0])
+    s.sendall(header("10.7.7.7") + HELLO + auth("wrong-token-1"))
+    read_all(s)
+    assert "wrong token from 10.7.7.7" in d.read_log()
+
+
+# ---- TLS -----------------------------------------------------------------------------------------
+
+
+def make_certificates(folder):
+    def run(*args):
+        subprocess.run(["openssl", *args], check=True, cwd=folder, capture_output=True)
+
+    key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
+    run("req", "-x509", *key, "-keyout", "ca.key", "-out", "ca.pem", "-subj", "/CN=test authority", "-days", "30")
+    with open(os.path.join(folder, "names"), "w", encoding="ascii") as f:
+        f.write("subjectAltName=DNS:localhost,IP:127.0.0.1\n")
+    for name in ("localhost", "second", "carla"):
+        run("req", *key, "-keyout", name + ".key", "-out", name + ".csr", "-subj", "/CN=" + name)
+        run("x509", "-req", "-in", name + ".csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "30",
+            "-extfile", "names", "-out", name + ".pem")
+
+
+def trusting(pki, *alpn, own=None):
+    context = ssl.create_default_context(cafile=os.path.join(pki, "ca.pem"))
+    if alpn:
+        context.set_alpn_protocols(list(alpn))
+    if own:
+        context.load_cert_chain(os.path.join(pki, own + ".pem"), os.path.join(pki, own + ".key"))
+    return context
+
+
+def secure(context, port, session=None):
+    return context.wrap_socket(connect(port), server_hostname="localhost", session=session)
+
+
+def tls_serves(d, pki):
+    port = d.ports[1]
+    context = trusting(pki, "http/1.1")
+    s = secure(context, port)
+    assert s.version() in ("TLSv1.2", "TLSv1.3") and s.selected_alpn_protocol() == "http/1.1"
+    status, _, body = Http(0, s).get("/a.js")
+    assert (status, len(body)) == (200, 19000)
+    # Tickets: the next handshake is a short one.
+    again = secure(context, port, s.session)
+    assert again.session_reused
+    assert Http(0, again).get("/healthz")[0] == 200
+    # HGP and WebSocket over it.
+    s = secure(trusting(pki, "hgp/1"), port)
+    s.sendall(HELLO + auth("view-token-1"))
+    assert Stream(s).take(16)[4:6] == struct.pack("<H", 0x0102)
+    ws = WebSocket(0, s=secure(context, port), early=frame(0x82, HELLO + auth("view-token-1")))
+    assert [kind for kind, _ in ws.hgp(2)] == [0x0102, 0x0104]
+    # A certificate that names a line of tokens needs none of them.
+    s = secure(trusting(pki, own="carla"), port)
+    s.sendall(HELLO)
+    stream = Stream(s)
+    size, kind = struct.unpack("<IH", stream.take(16)[:6])
+    payload = stream.take(size)
+    assert kind == 0x0102 and b"\0\3\0" in payload[2:], payload
+    wait(lambda: "carla-tenant" in d.read_log() or "session" in d.read_log(), "the session")
+    # Refusals: what is too old, another protocol, no TLS at all.
+    before = d.metric('heliod_refused_total{reason="tls"}')
+    for alpn, version in ((["h2"], None), ([], ssl.TLSVersion.TLSv1_1)):
+        context = trusting(pki, *alpn)
+        if version:
+            context.minimum_version = ssl.TLSVersion.TLSv1
+            context.maximum_version = version
+            context.set_ciphers("ALL:@SECLEVEL=0")
+        try:
+            secure(context, port).recv(1)
+            raise AssertionError("the handshake was done")
+        except (ssl.SSLError, ConnectionError):
+            pass
+    s = connect(port)
+    s.sendall(b"GET / HTTP/1.1\r\nHost: a\r\n\r\n")
+    read_all(s)
+    assert d.metric('heliod_refused_total{reason="tls"}') == before + 3
+    is_served(d)
+
+
+def certificates_are_reloaded(d, pki):
+    """SIGHUP: who is connected stays, who comes gets the new one; a bad file changes nothing."""
+    s = secure(trusting(pki), d.ports[1])
+    old = s.getpeercert()["subject"]
+    for suffix in (".pem", ".key"):
+        shutil.copy(os.path.join(pki, "second" + suffix), os.path.join(pki, "server" + suffix))
+    d.process.send_signal(signal.SIGHUP)
+    wait(lambda: d.read_log().count("reloaded:") == 1, "the reload")
+    new = secure(trusting(pki), d.ports[1])
+    assert new.getpeercert()["subject"] != old
+    assert Http(0, s).get("/healthz")[0] == 200
+    with open(os.path.join(pki, "server.pem"), "w", encoding="ascii") as f:
+        f.write("nothing\n")
+    d.process.send_signal(signal.SIGHUP)
+    wait(lambda: "reload refused" in d.read_log(), "the refusal")
+    assert "server.pem" in d.read_log()
+    assert secure(trusting(pki), d.ports[1]).getpeercert()["subject"] == new.getpeercert()["subject"]
+
+
+def clients_connect(d, pki, helio):
+    """helio by every kind of url; and whom it does not trust."""
+    plain, tls = d.ports
+    ca = ["--tls-ca", os.path.join(pki, "ca.pem")]
+    digest = hashlib.sha256(ssl.PEM_cert_to_DER_cert(ssl.get_server_certificate(("127.0.0.1", tls)))).hexdigest()
+    rows = [(f"tcp:127.0.0.1:{plain}", [], 0), (f"ws://127.0.0.1:{plain}", [], 0), (f"ws://127.0.0.1:{plain}/x", [], 5),
+            (f"tls:localhost:{tls}", ca, 0), (f"tls://127.0.0.1:{tls}", ca, 0), (f"wss://localhost:{tls}/hgp", ca, 0),
+            (f"tls:localhost:{tls}", [], 5), (f"tls:localhost:{tls}", ["--tls-pin", digest], 0),
+            (f"tls:localhost:{tls}", ["--tls-pin", "0" * 64], 5), (f"wss://localhost:{tls}", ["--insecure"], 0),
+            (f"tls:localhost:{plain}", ["--insecure"], 4), (f"ws://127.0.0.1:{tls}", [], 4),
+            (f"http://127.0.0.1:{plain}", [], 2)]
+    for url, options, code in rows:
+        got = subprocess.run([helio, "ping", "--count", "1", "-c", url, "--token", "view-token-1", *options],
+                             capture_output=True, text=True, check=False)
+        assert got.returncode == code, (url, options, got.returncode, got.stderr)
+        assert ("--insecure: the daemon's certificate is not checked" in got.stderr) == ("--insecure" in options)
+    own = ["--tls-cert", os.path.join(pki, "carla.pem"), "--tls-key", os.path.join(pki, "carla.key")]
+    got = subprocess.run([helio, "sessions", "--json", "-c", f"tls:localhost:{tls}", *ca, *own], capture_output=True, text=True,
+                         check=False)
+    assert got.returncode == 0 and '"carla-tenant"' in got.stdout, got
+
+
+def sessions_survive_a_takeover(d):
+    """SIGUSR2: a WebSocket goes on in the new program, in the middle of a message."""
+    ws = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
+    ws.hgp(2)
+    ping = message(0x0107, struct.pack("<Q", 7), 9)
+    whole = frame(0x82, ping)
+    ws.send(whole[:9])  # the header, and a part of the payload
+    time.sleep(0.1)
+    d.process.send_signal(signal.SIGUSR2)
+    wait(lambda: "took over" in d.read_log(), "the takeover")
+    ws.send(whole[9:])
+    opcode, payload = ws.next()
+    assert opcode == 2 and struct.unpack("<I", payload[8:12])[0] == 9
+    ws.send(frame(0x89, b"still there"))
+    assert ws.next() == (10, b"still there")
+    is_served(d)
+
+
+def with_tls(heliod, worker, plain, *cases):
+    with tempfile.TemporaryDirectory(prefix="helio-pki-") as pki:
+        make_certificates(pki)
+        for suffix in (".pem", ".key"):
+            shutil.copy(os.path.join(pki, "localhost" + suffix), os.path.join(pki, "server" + suffix))
+        d = Daemon(heliod, worker, *plain, *MANY, "--listen", "tls:127.0.0.1:0", "--tls-cert", os.path.join(pki, "server.pem"),
+                   "--tls-key", os.path.join(pki, "server.key"), "--tls-client-ca", os.path.join(pki, "ca.pem"),
+                   tokens="subject:carla admin carla-tenant\n")
+        try:
+            for case in cases:
+                case(d, pki)
+                print("ok", case.__name__ if case.__name__ != "<lambda>" else "", flush=True)
+        finally:
+            d.stop()
+
+
+MANY = ["--max-connections", "8192", "--max-per-address", "8192", "--max-per-network", "8192", "--max-handshakes",
+        "8192", "--max-sessions", "8192", "--max-sessions-per-token", "8192"]
+
+
+def idle_cost(d, count, context):
+    """Bytes that each of `count` idle sessions costs: over TLS, or with None in the clear."""
+    first = secure(context, d.ports[1]) if context else connect(d.ports[0])  # what is taken once
+    first.sendall(HELLO)
+    Stream(first).take(16)
+    before = d.metric("heliod_memory_bytes")
+    sessions = []
+    for _ in range(count):
+        s = secure(context, d.ports[1]) if context else connect(d.ports[0])
+        s.sendall(HELLO + auth("view-token-1"))
+        sessions.append(s)
+    for s in sessions:
+        s.settimeout(60)
+        stream = Stream(s)
+        for kind in (0x0102, 0x0104):
+            size, got = struct.unpack("<IH", stream.take(16)[:6])
+            assert got == kind, got
+            stream.take(size)
+    # After two silent seconds buffers are given back.
+    wait(lambda: d.metric("heliod_memory_bytes") - before < count * 24 * 1024, "memory to come back", 15)
+    time.sleep(1)
+    after = d.metric("heliod_memory_bytes")
+    for s in (*sessions, first):
+        s.close()
+    wait(lambda: d.metric("heliod_sessions") == 0, "the end of the sessions")
+    return (after - before) / count, after
+
+
+def idle_sessions_are_small(d, pki, tls, count=200):
+    """In a daemon of their own: memory that was freed would be taken again."""
+    each, total = idle_cost(d, count, trusting(pki, "hgp/1") if tls else None)
+    print(f"  {count} idle sessions over {'tls' if tls else 'tcp'}: {each / 1024:.1f} KiB each, "
+          f"daemon {total / 2**20:.1f} MiB", flush=True)
+    assert each <= 24 * 1024
+    assert total <= 64 * 2**20
+
+
+def measure_idle(heliod, worker, plain, count):
+    for tls in (False, True):
+        with_tls(heliod, worker, plain, lambda d, pki, tls=tls: idle_sessions_are_small(d, pki, tls, count))
+
+
+def main():
+    heliod, worker = sys.argv[1:3]
+    clients = [lambda d, pki: clients_connect(d, pki, sys.argv[3])] if sys.argv[3:] else []
+    idle = int(sys.argv[4]) if sys.argv[3:4] == ["--idle"] else 0
+    plain = ["--listen", "tcp:127.0.0.1:0"]
+    if idle:
+        measure_idle(heliod, worker, plain, idle)
+        return
+    d = Daemon(heliod, worker, *plain, "--allowed-origins", "https://friend.example")
+    try:
+        for case in (http_serves, http_refuses, upgrades_are_judged, frames_follow_the_rfc, sessions_survive_a_takeover):
+            case(d)
+            is_served(d)
+            print("ok", case.__name__, flush=True)
+    finally:
+        d.stop()
+    d = Daemon(heliod, worker, *plain, "--handshake-timeout", "1")
+    try:
+        slow_and_silent_clients_end(d)
+        print("ok slow_and_silent_clients_end", flush=True)
+    finally:
+        d.stop()
+    d = Daemon(heliod, worker, *plain, "--proxy-from", "127.0.0.0/8")
+    try:
+        proxies_say_for_whom(d)
+        print("ok proxies_say_for_whom", flush=True)
+    finally:
+        d.stop()
+    with_tls(heliod, worker, plain, tls_serves, *clients, certificates_are_reloaded)
+    measure_idle(heliod, worker, plain, 200)
+
+
+if __name__ == "__main__":
+    main()
