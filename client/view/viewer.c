@@ -101,7 +101,7 @@ static void measure(struct hg_viewer *v)
 
 static void take_session(struct hg_viewer *v)
 {
-    char message[HG_VIEW_TEXT_BYTES], title[400];
+    char message[HG_VIEW_TEXT_BYTES];
     memcpy(message, v->status.message, sizeof message);
     hg_view_session_status(v->session, &v->status);
     if (v->taken.messages != v->status.messages) {
@@ -118,9 +118,6 @@ static void take_session(struct hg_viewer *v)
     take_answers(v);
     if (hg_view_session_take(v->session, &v->picture))
         show_picture(v);
-    hg_viewer_title(v, title, sizeof title);
-    if (strcmp(title, SDL_GetWindowTitle(v->window)) != 0)
-        SDL_SetWindowTitle(v->window, title);
     v->dirty = true;
 }
 
@@ -267,6 +264,10 @@ static void draw_picture(struct hg_viewer *v)
 
 static void draw(struct hg_viewer *v)
 {
+    char title[400];
+    hg_viewer_title(v, title, sizeof title);
+    if (strcmp(title, SDL_GetWindowTitle(v->window)) != 0)
+        SDL_SetWindowTitle(v->window, title);
     draw_checker(v);
     draw_picture(v);
     hg_viewer_draw_text(v);

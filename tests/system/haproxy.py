@@ -168,7 +168,7 @@ class Viewer(threading.Thread):
 
     def dial(self):
         self.tunnel = Tunnel(self.proxy, "/hgp?scene=" + self.scene)
-        return helio.connect("tcp:proxy:1", fd=self.tunnel.fd, timeout=PATIENCE_S)
+        return helio.connect("tcp:proxy:1", fd=self.tunnel.fd, timeout=PATIENCE_S, answer_timeout=PATIENCE_S)
 
     def begin(self):
         session = self.dial()

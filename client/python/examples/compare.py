@@ -6,7 +6,7 @@ import sys
 import helio
 
 samples = int(sys.argv[2]) if len(sys.argv) > 2 else 16
-with helio.connect(asset_roots=[os.path.dirname(os.path.abspath(sys.argv[1]))], timeout=None) as session:
+with helio.connect(asset_roots=[os.path.dirname(os.path.abspath(sys.argv[1]))]) as session:
     scene = session.scene()
     scene.load(sys.argv[1])
     pictures = []

@@ -74,7 +74,8 @@ def _arguments(roots: Sequence[str], cache: Optional[str], more: Sequence[str]) 
 
 
 def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: Optional[float] = 30,
-            reconnect: float = 0, asset_roots: Sequence[str] = (), cache_dir: Optional[str] = None,
+            answer_timeout: Optional[float] = None, reconnect: float = 0,
+            asset_roots: Sequence[str] = (), cache_dir: Optional[str] = None,
             worker: Optional[str] = None, worker_args: Sequence[str] = (), wait: bool = True,
             fd: Optional[int] = None, max_receive_bytes: int = 640 << 20) -> "Session":
     """Opens a session.
@@ -82,7 +83,8 @@ def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: 
     url          unix:PATH or tcp:HOST:PORT; None starts a private worker, which may read the folders
                  `asset_roots` and keeps its caches in `cache_dir`
     token        for daemons that want one; default HELIO_TOKEN of the environment
-    timeout      seconds until the session is open, and for each answer behind that; None: for ever
+    timeout      seconds until the session is open; None: 30
+    answer_timeout  seconds that each call waits for its answer (Session.timeout); None: for ever
     reconnect    seconds to go on with the session for when the connection is lost
     wait         False: return at once; the caller polls Session.fd and calls process()
     fd           a connected socket in place of url, which only names it then
@@ -111,9 +113,9 @@ def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: 
     else:
         status = lib.helio_start(options, handle, err)
     _lib.check(status, err)
-    session = Session(handle, timeout)
+    session = Session(handle, answer_timeout)
     if wait:
-        session._wait_open()
+        session._wait_open(timeout)
     return session
 
 
@@ -158,10 +160,10 @@ class Session:
             raise HelioError(Status.E_CLOSED, "session", "", "is closed")
         return self._handle
 
-    def _wait_open(self) -> None:
+    def _wait_open(self, timeout: Optional[float]) -> None:
         try:
             while self.info.state != "open":
-                self.wait(self._timeout)
+                self.wait(30 if timeout is None else timeout)
         except BaseException:
             self.close()
             raise

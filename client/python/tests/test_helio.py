@@ -80,7 +80,7 @@ class Rendering(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         roots = [] if MODEL == "demo:" else [os.path.dirname(os.path.realpath(MODEL))]
-        cls.session = helio.connect(asset_roots=roots, timeout=200)
+        cls.session = helio.connect(asset_roots=roots, timeout=200, answer_timeout=300)
         cls.scene = cls.session.scene()
         cls.loaded = cls.scene.load(MODEL)
         cls.view = cls.scene.view(32, 24, **SMALL)
