@@ -138,6 +138,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
         draw->gathered != NULL && hg_lighting_has_sky_sun(draw->lighting) ? HG_FRAME_SUN_DISC : 0;
     f->flags |= hg_draw_is(draw, HG_DRAW_CHECKERBOARD) ? HG_FRAME_CHECKERBOARD : 0;
     f->flags |= s->ao != HG_VIEW_AO_NONE ? HG_FRAME_OCCLUSION : 0;
+    f->flags |= draw->gathered != NULL ? HG_FRAME_FINE : 0;
     hg_lighting_fill(draw->lighting, sample, &f->lighting);
     f->lighting.cluster_scale_x *= (float)s->width / (float)hg_draw_size(draw->request).width;
     f->lighting.cluster_scale_y *= (float)s->height / (float)hg_draw_size(draw->request).height;

@@ -1,14 +1,11 @@
-// gather.c - see gather.h.
-#include "renderer/gi/gather.h"
+// gather.c - see gather.h. Its words are made in gather_words.c.
+#include "renderer/gi/gather_film.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "base/simd.h"
-#include "renderer/gi/words.h"
-#include "renderer/lod/vertex_pack.h"
-#include "renderer/math/vec.h"
 #include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 
@@ -21,72 +18,41 @@
 #define LAMP_PRIOR   0.02f
 #define LAMP_FILLED  0.1f // worth of a pixel that has its share of a lamp from others
 #define STRIP        8  // rows that are filtered together
-#define LEAST_ALBEDO 0.02f
+#define LEAST_ALBEDO  1e-4f // of a channel, that its light is divided by
+#define ENOUGH_ALBEDO 0.02f // of the brightest channel, from which on a pixel counts in full
 
 // How far neighbours may differ.
 #define NORMAL_SQUARINGS 3     // the cosine between normals to the power of 8
 #define SLOPE_REACH      1.5f  // of what the depth's gradient explains
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define ALIKE_COSINE     0.9f  // of pixels that tell each other's variance,
-#define ALIKE_DEPTH      0.05f // as a share of the depth
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
 #define SUNLIT_REACH     1.5f  // those of shares of directional lights: their edges are sharp
-#define SHARP            0.1f  // roughness below which neighbours see other things
 #define ROUGH_REACH      0.1f
 #define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
 #define LOBE_SHARE       1.0f  // and half the squared share of alpha by which their normals may
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
 
-// Light of one kind: radiance; of what scatters also the environment's part of it had nothing been
-// in its way, and the luminance of what did come. Then how much it is worth, variance of its
-// luminance.
-enum { RED, GREEN, BLUE, OPEN_RED, OPEN_GREEN, OPEN_BLUE, SKY, WORTH, VARIANCE, LIGHT_PLANES };
-// Of surfaces. SLOPE_*: of depth, per px. CLOTH: 1 where sheen takes part in what scatters.
-enum { NORMAL_X, NORMAL_Y, NORMAL_Z, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, CLOTH, GUIDES };
-// SUNLIT: the share of directional lights that is seen, in place of a colour. LAMPLIT: that of the
-// lamps of one number, one number after the other; only where there are such.
-enum { SCATTERED, MIRRORED, SUNLIT, LAMPLIT, KINDS };
 static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN, GREEN}; // planes that are averaged
-
-struct hg_gi_gather {
-    struct hg_gi_gather_input in; // sums and halves while it is loaded; lamps: own, or NULL
-    float *loaded, *more;         // memory of `from`, guides and lamps; of `to` and rows
-    float *guides[GUIDES];
-    float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
-    float *rows;   // [strips][LIGHT_PLANES + 1][width]
-    uint32_t step; // px between taps
-    int kind;
-    uint32_t lamp; // number of those that are filtered
-    uint32_t *out;
-};
 
 static size_t strips_of(const struct hg_gi_gather *w)
 {
     return (w->in.height + STRIP - 1) / STRIP;
 }
 
-static size_t pixels_of(const struct hg_gi_gather *w)
-{
-    return (size_t)w->in.width * w->in.height;
-}
-
 // --- what the film has ---------------------------------------------------------------------------
-
-static float luminance(const float c[3])
-{
-    return 0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2];
-}
 
 static void set_guides(struct hg_gi_gather *w, size_t at, float hits)
 {
-    const size_t pixels = pixels_of(w);
+    const size_t pixels = hg_gi_gather_pixels(w);
     const float *sums = w->in.sums, scale = 1 / hits;
-    float n[3];
-    for (size_t c = 0; c < 3; c++)
-        n[c] = sums[(HG_PATH_GUIDE_NORMAL + c) * pixels + at];
-    hg_normalize3(n);
-    for (size_t c = 0; c < 3; c++)
-        w->guides[NORMAL_X + c][at] = n[c];
+    float along2 = 0;
+    for (size_t c = 0; c < 3; c++) {
+        const float n = sums[(HG_PATH_GUIDE_NORMAL + c) * pixels + at] * scale;
+        w->guides[NORMAL_X + c][at] = n;
+        along2 += n * n;
+    }
+    w->guides[ALONG][at] = fminf(sqrtf(along2), 1);
     w->guides[DEPTH][at] = expf(sums[HG_PATH_GUIDE_DEPTH * pixels + at] * scale);
     const float marked = sums[HG_PATH_GUIDE_ROUGHNESS * pixels + at];
     const float cloth = floorf(marked / HG_PATH_GUIDE_CLOTH); // samples that met some
@@ -105,7 +71,7 @@ static void add3(const float *planes, size_t first, size_t pixels, size_t at, fl
 static void set_light(struct hg_gi_gather *w, int kind, size_t at)
 {
     const struct hg_gi_gather_input *in = &w->in;
-    const size_t pixels = pixels_of(w);
+    const size_t pixels = hg_gi_gather_pixels(w);
     const size_t lobe = kind == SCATTERED ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_SPECULAR;
     const size_t albedo_at = kind == SCATTERED ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
     const float first = (float)in->first_half, second = (float)(in->samples - in->first_half);
@@ -128,12 +94,12 @@ static void set_light(struct hg_gi_gather *w, int kind, size_t at)
             w->from[kind][OPEN_RED + c][at] = open[c] / a;
         if (first > 0 && second > 0)
             differs[c] = (half[c] / first - (all[c] - half[c]) / second) / mean;
-        worth = fmaxf(worth, albedo[c] / a);
+        worth = fmaxf(worth, albedo[c] / (ENOUGH_ALBEDO * (float)in->samples));
     }
-    const float d = luminance(differs);
+    const float d = hg_gi_gather_luminance(differs);
     if (kind == SCATTERED)
-        w->from[kind][SKY][at] = luminance(sky);
-    w->from[kind][WORTH][at] = worth;
+        w->from[kind][SKY][at] = hg_gi_gather_luminance(sky);
+    w->from[kind][WORTH][at] = fminf(worth, 1);
     w->from[kind][VARIANCE][at] = 0.25f * d * d;
 }
 
@@ -155,7 +121,7 @@ static float variance_beside(const struct hg_gi_gather *w, int kind, size_t x, s
         if (q == at || cosine < ALIKE_COSINE ||
             fabsf(g[DEPTH][q] - g[DEPTH][at]) > ALIKE_DEPTH * g[DEPTH][at])
             continue;
-        const float d = luminance(c) - luminance(own);
+        const float d = hg_gi_gather_luminance(c) - hg_gi_gather_luminance(own);
         sum += d * d;
         count += 1;
     }
@@ -166,8 +132,8 @@ static float variance_beside(const struct hg_gi_gather *w, int kind, size_t x, s
 // for no other.
 static void set_sun(struct hg_gi_gather *w, size_t at)
 {
-    const size_t open_at = HG_PATH_GUIDE_OPEN_SUN * pixels_of(w) + at;
-    const size_t seen_at = HG_PATH_GUIDE_SEEN_SUN * pixels_of(w) + at;
+    const size_t open_at = HG_PATH_GUIDE_OPEN_SUN * hg_gi_gather_pixels(w) + at;
+    const size_t seen_at = HG_PATH_GUIDE_SEEN_SUN * hg_gi_gather_pixels(w) + at;
     const float open = w->in.sums[open_at], seen = w->in.sums[seen_at];
     const float half_open = w->in.halves[open_at], half_seen = w->in.halves[seen_at];
     if (!(open > 0))
@@ -187,7 +153,7 @@ static void set_sun(struct hg_gi_gather *w, size_t at)
 // and count little once they have a share from others: of many lamps each is asked for by few.
 static void set_lamp(struct hg_gi_gather *w, size_t at)
 {
-    const float packed = w->in.lamps[w->lamp * pixels_of(w) + at];
+    const float packed = w->in.lamps[w->lamp * hg_gi_gather_pixels(w) + at];
     const float seen = floorf(packed / HG_PATH_LAMP_SEEN) / 16;
     const float asked = packed - seen * (16 * HG_PATH_LAMP_SEEN);
     const float a = seen + LAMP_PRIOR, b = asked - seen + LAMP_PRIOR, both = a + b;
@@ -206,7 +172,7 @@ static void lamp_row(void *user, size_t y)
 static void load_row(void *user, size_t y)
 {
     struct hg_gi_gather *w = user;
-    const size_t width = w->in.width, pixels = pixels_of(w);
+    const size_t width = w->in.width, pixels = hg_gi_gather_pixels(w);
     for (size_t at = y * width; at < (y + 1) * width; at++) {
         const float hits = w->in.sums[HG_PATH_GUIDE_HITS * pixels + at];
         if (!(hits > 0)) // planes are zero
@@ -311,6 +277,7 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
     float *const *light = w->from[w->kind];
     const float *restrict nx = w->guides[NORMAL_X] + row, *restrict ny = w->guides[NORMAL_Y] + row;
     const float *restrict nz = w->guides[NORMAL_Z] + row, *restrict z = w->guides[DEPTH] + row;
+    const float *restrict along = w->guides[ALONG] + row;
     const float *restrict zx = w->guides[SLOPE_X] + row, *restrict zy = w->guides[SLOPE_Y] + row;
     const float *restrict rough = w->guides[ROUGHNESS] + row;
     const float *restrict cloth = w->guides[CLOTH] + row;
@@ -325,7 +292,9 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
     HG_SIMD_APART
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
-        const float cosine = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q];
+        // Means of few normals of leaves or bumps differ, however alike the surfaces are.
+        const float unsure = 1 - along[x] * along[q];
+        const float cosine = nx[x] * nx[q] + ny[x] * ny[q] + nz[x] * nz[q] + unsure;
         float n = cosine > 0 ? cosine : 0;
         for (int i = 0; i < NORMAL_SQUARINGS; i++)
             n *= n;
@@ -442,101 +411,6 @@ static void filter_strip(void *user, size_t strip)
         filter_row(w, y, &row);
 }
 
-// --- words ---------------------------------------------------------------------------------------
-
-// What is left of a pixel that no neighbour was like (edges within it): its luminance is at most
-// the third largest of those around it. Returns the factor that does it.
-static float despeckle(const struct hg_gi_gather *w, int kind, size_t at)
-{
-    float *const *light = w->from[kind];
-    const size_t width = w->in.width, x = at % width, y = at / width;
-    float most[3] = {0}; // the largest first
-    if (x == 0 || y == 0 || x + 1 == width || y + 1 == w->in.height)
-        return 1;
-    if (kind == MIRRORED && w->guides[ROUGHNESS][at] < SHARP) // thin things are seen in mirrors
-        return 1;
-    for (size_t v = y - 1; v <= y + 1; v++)
-        for (size_t u = x - 1; u <= x + 1; u++) {
-            const size_t q = v * width + u;
-            const float c[3] = {light[RED][q], light[GREEN][q], light[BLUE][q]};
-            float l = q == at ? 0 : luminance(c);
-            for (int i = 0; i < 3; i++)
-                if (l > most[i]) {
-                    const float less = most[i];
-                    most[i] = l;
-                    l = less;
-                }
-        }
-    const float own[3] = {light[RED][at], light[GREEN][at], light[BLUE][at]};
-    const float l = luminance(own);
-    return l > most[2] ? most[2] / l : 1;
-}
-
-// The environment's part of what scatters is what an open surface would have, times the share of it
-// that came: both are estimated from the same directions, so that their ratio has little noise,
-// none where all came (Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and
-// Stochastic Shadows"). What is left of the light is the rest.
-static void part_row(void *user, size_t y)
-{
-    struct hg_gi_gather *w = user;
-    float *const *s = w->from[SCATTERED];
-    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
-        const float open[3] = {s[OPEN_RED][at], s[OPEN_GREEN][at], s[OPEN_BLUE][at]};
-        const float all = luminance(open), share = all > 0 ? fminf(s[SKY][at] / all, 1) : 0;
-        for (int c = 0; c < 3; c++)
-            s[RED + c][at] = fmaxf(s[RED + c][at] - share * open[c], 0);
-        s[SKY][at] = share;
-    }
-}
-
-static void pack_lamp_row(void *user, size_t y)
-{
-    struct hg_gi_gather *w = user;
-    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
-        const float share = w->from[LAMPLIT][RED][at];
-        uint32_t *word = &w->out[4 * (pixels_of(w) + at) + w->lamp / 4];
-        *word |= (uint32_t)(sqrtf(share) * 255 + 0.5f) << (8 * (w->lamp % 4));
-    }
-}
-
-static uint32_t pack_sides(const float normal[3], float sunlit)
-{
-    const uint32_t fine = hg_pack_normal(normal);
-    uint32_t word = (uint32_t)(sqrtf(sunlit) * 255 + 0.5f) << 16;
-    for (int i = 0; i < 2; i++) {
-        const float along = (float)(int16_t)(fine >> (16 * i)) * (127.0f / 32767);
-        word |= (uint32_t)((int)rintf(along) & 0xff) << (8 * i);
-    }
-    return word;
-}
-
-static void pack_row(void *user, size_t y)
-{
-    struct hg_gi_gather *w = user;
-    for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
-        uint32_t *out = w->out + 4 * at;
-        const float depth = w->guides[DEPTH][at];
-        uint32_t bits;
-        float *const *s = w->from[SCATTERED], *const *m = w->from[MIRRORED];
-        const float n[3] = {
-            w->guides[NORMAL_X][at], w->guides[NORMAL_Y][at], w->guides[NORMAL_Z][at]};
-        const float a = despeckle(w, SCATTERED, at), b = despeckle(w, MIRRORED, at);
-        // Of metals nothing scatters but what facets send on to each other: about what they mirror.
-        const float scatters = s[WORTH][at];
-        float irradiance[3], radiance[3];
-        for (int c = RED; c <= BLUE; c++) {
-            radiance[c] = b * m[c][at];
-            irradiance[c] = a * s[c][at] + (1 - scatters) * radiance[c]; // s has its worth in it
-        }
-        out[0] = hg_gi_rgb9e5(irradiance[0], irradiance[1], irradiance[2]);
-        out[1] = hg_gi_rgb9e5(radiance[0], radiance[1], radiance[2]);
-        out[2] = pack_sides(n, w->from[SUNLIT][RED][at]);
-        memcpy(&bits, &depth, sizeof bits);
-        out[3] = (bits & ~HG_GATHERED_SHARE_MASK) |
-                 (uint32_t)(sqrtf(s[SKY][at] * scatters) * HG_GATHERED_SHARE_MASK + 0.5f);
-    }
-}
-
 // --- all of it -----------------------------------------------------------------------------------
 
 static void swap_planes(struct hg_gi_gather *w, int kind, int plane)
@@ -575,10 +449,11 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
     for (w->lamp = 0; w->lamp < HG_GATHERED_LAMPS && w->in.lamps != NULL; w->lamp++) {
         hg_jobs_for(jobs, height, lamp_row, w);
         filter_kind(w, jobs, LAMPLIT, LAMPLIT_STEP);
-        hg_jobs_for(jobs, height, pack_lamp_row, w);
+        hg_jobs_for(jobs, height, hg_gi_gather_pack_lamp_row, w);
     }
-    hg_jobs_for(jobs, height, part_row, w);
-    hg_jobs_for(jobs, height, pack_row, w);
+    hg_jobs_for(jobs, height, hg_gi_gather_part_row, w);
+    hg_jobs_for(jobs, height, hg_gi_gather_despeckle_row, w);
+    hg_jobs_for(jobs, height, hg_gi_gather_pack_row, w);
 }
 
 // Gives the planes of light their places in memory; without it says how much they take.
@@ -595,10 +470,10 @@ static size_t lay_out(
                 continue;
             }
             if (memory != NULL)
-                planes[kind][plane] = memory + count * pixels_of(w);
+                planes[kind][plane] = memory + count * hg_gi_gather_pixels(w);
             count++;
         }
-    return count * pixels_of(w);
+    return count * hg_gi_gather_pixels(w);
 }
 
 static enum hg_status no_memory(struct hg_error *err)
@@ -614,7 +489,7 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
     if (w == NULL)
         return no_memory(err);
     w->in = *input;
-    const size_t pixels = pixels_of(w), light = lay_out(w, NULL, NULL);
+    const size_t pixels = hg_gi_gather_pixels(w), light = lay_out(w, NULL, NULL);
     const size_t lamps = input->lamps != NULL ? HG_GATHERED_LAMPS * pixels : 0;
     w->loaded = hg_calloc(GUIDES * pixels + light + lamps, sizeof *w->loaded);
     if (w->loaded == NULL) {

@@ -23,7 +23,7 @@ struct hg_gi_gather_input {
     const float *lamps;
 };
 
-struct hg_gi_gather; // 88 bytes per pixel, and 57 more while it is filtered; 76 and 12 more with
+struct hg_gi_gather; // 92 bytes per pixel, and 57 more while it is filtered; 76 and 12 more with
                      // lamps
 
 // What the film has; the input is not needed any more then. HG_E_NOMEM.

@@ -73,6 +73,8 @@ void main()
         discard;
     hg_texture_counts = hg_progress_waits(pixel);
     hg_vertex v = hg_fetch_surface(in_draw.x, id.y, gl_FragCoord.xy);
+    if (hg_variant == 1u)
+        hg_texture_share = hg_frame_footprint();
     float alpha = hg_material_alpha(v.material, v);
     // A blended surface that an 8-bit image cannot show takes no layer.
     float least = hg_variant == 1u ? HG_MATERIAL_AT(v.material, alpha_cutoff) : 0.5 / 255.0;

@@ -17,6 +17,21 @@ hg_gpu_frame hg_frame; // a copy: see lib/flat.glsl
 };
 #endif
 
+#ifdef HG_FRAME_FLAT
+#define HG_FRAME_SAMPLES hg_frame_uniform.sample_count
+#else
+#define HG_FRAME_SAMPLES hg_frame.sample_count
+#endif
+
+// Scale of the steps of pixels in textures whose filtered values are no means of what a pixel shows: masks by a
+// threshold; colours of metal, which are multiplied by how metallic it is. As lib/path.glsl's footprint: the mean of samples is
+// filtered by the pixel. Source: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th ed., section 10.1.3.
+float hg_frame_footprint()
+{
+    bool fine = (hg_frame.flags & HG_FRAME_FINE) != 0u;
+    return fine ? max(inversesqrt(float(HG_FRAME_SAMPLES)), 0.125) : 1.0;
+}
+
 // Random bits from integers: one round of PCG on three words.
 // Source: Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", pcg3d.
 uvec3 hg_hash3(uvec3 v)

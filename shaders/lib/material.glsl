@@ -17,6 +17,11 @@
 #define HG_MATERIAL_DETAIL 2u
 #endif
 
+// Normal maps are filtered over whole pixels, whatever hg_texture_share is.
+#ifndef HG_MATERIAL_COARSE_NORMALS
+#define HG_MATERIAL_COARSE_NORMALS false
+#endif
+
 struct hg_surface {
     vec3 base_color; // linear
     float alpha;     // 1 unless the material blends; masked texels are 0 or 1
@@ -256,8 +261,12 @@ hg_surface hg_material_evaluate(hg_vertex v)
     float occlusion = 1.0;
     if (HG_HAS(HG_FEATURE_TEXTURES)) {
         base_texel = hg_material_sample(v.material, HG_MATERIAL_BASE_COLOR, true, v);
-        if (HG_MATERIAL_DETAIL > 1u)
+        if (HG_MATERIAL_DETAIL > 1u) {
+            float share = hg_texture_share;
+            hg_texture_share = HG_MATERIAL_COARSE_NORMALS ? 1.0 : share;
             normal_texel = hg_material_sample(v.material, HG_MATERIAL_NORMAL, false, v);
+            hg_texture_share = share;
+        }
         if (HG_MATERIAL_DETAIL > 0u)
             mr_texel = hg_material_sample(v.material, HG_MATERIAL_MR, false, v);
     }

@@ -14,6 +14,9 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #define HG_ENVIRONMENT_STOCHASTIC true
 #define HG_ENVIRONMENT_PROBES
 
+// Mips of normal maps say how rough they are; finer ones would be grain that takes more samples.
+#define HG_MATERIAL_COARSE_NORMALS HG_HAS2(HG_FEATURE2_GATHERED)
+
 #include "lib/frame.glsl"
 #include "lib/tables.glsl"
 #ifdef HG_FRAME_FLAT
@@ -276,6 +279,8 @@ vec4 surface(uvec2 id, out float depth)
     id.x = max(id.x, 1u);
     hg_vertex v = hg_fetch_surface(id.x - 1u, id.y, hg_at);
     depth = v.depth;
+    if (HG_HAS2(HG_FEATURE2_GATHERED))
+        hg_texture_share = hg_frame_footprint();
     hg_surface s = hg_material_evaluate(v);
     float alpha = hg_variant == 2u || hg_variant == 4u ? s.alpha : 1.0;
     if (s.unlit)

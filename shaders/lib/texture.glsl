@@ -48,6 +48,9 @@ vec2 hg_texture_xi = vec2(0.5);
 // Most taps that a stochastic lookup stands for; 1 = isotropic.
 float hg_texture_most_taps = 16.0;
 
+// Of the footprint that a lookup is filtered over, along its sides. Set by the pass before it samples.
+float hg_texture_share = 1.0;
+
 // Greatest number of mips by which a lookup of this invocation missed what it asked for.
 uint hg_texture_coarser = 0u;
 // Whether this invocation's misses count; set by the pass before it samples.
@@ -388,6 +391,8 @@ float hg_texture_footprint(vec2 size, vec2 ddx, vec2 ddy, float most, out vec2 a
 hg_texture_place hg_texture_find(hg_gpu_texture t, vec2 uv, vec2 ddx, vec2 ddy)
 {
     vec2 size = vec2(hg_texture_size(t));
+    ddx *= hg_texture_share;
+    ddy *= hg_texture_share;
     if (HG_TEXTURE_STOCHASTIC) {
         // The footprint of hg_texture_footprint in squares: no root, no division.
         vec2 x = ddx * size, y = ddy * size;

@@ -48,6 +48,8 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 #define HG_FRAME_SUN_DISC       2u
 // Ambient occlusion by the depth of the picture, in the light of probes (lib/gtao.glsl).
 #define HG_FRAME_OCCLUSION      4u
+// Colours, and alpha masks, are filtered over the share of a pixel that one of its samples stands for.
+#define HG_FRAME_FINE           8u
 // Every second pixel of a row is shaded, into a picture half as wide (checkerboard.h).
 #define HG_FRAME_CHECKERBOARD   0x100u
 

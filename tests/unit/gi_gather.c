@@ -87,9 +87,14 @@ static void run(struct film *f)
     hg_gi_gather_free(gather);
 }
 
+static float channel(uint32_t rgb9e5, uint32_t c)
+{
+    return (float)(rgb9e5 >> (9 * c) & 511u) * exp2f((float)(rgb9e5 >> 27) - 24);
+}
+
 static float green(uint32_t rgb9e5)
 {
-    return (float)(rgb9e5 >> 9 & 511u) * exp2f((float)(rgb9e5 >> 27) - 24);
+    return channel(rgb9e5, 1);
 }
 
 static float noise(uint32_t i) // in [0, 1)
@@ -120,6 +125,67 @@ static void test_constant(void **state)
         assert_true(fabsf(green(f.words[4 * at + 1]) - (there ? 0.75f : 0.0f)) <= 0.003f);
         assert_true(fabsf(depth - (there ? 2.0f : 0.0f)) <= 1e-4f);
     }
+    film_finish(&f);
+}
+
+// Dark channels of a colour have the light that bright ones have.
+static void test_dark_channels(void **state)
+{
+    static const float albedo[3] = {0.2f, 0.004f, 0.001f};
+    struct film f;
+    (void)state;
+    film_init(&f, 2);
+    for (size_t at = 0; at < PIXELS; at++) {
+        put_surface(&f, at, 2, 2);
+        for (size_t c = 0; c < 3; c++) {
+            f.sums[(HG_PATH_GUIDE_ALBEDO + c) * PIXELS + at] = albedo[c] * SAMPLES;
+            f.sums[(HG_PATH_GUIDE_REFLECTION + c) * PIXELS + at] = albedo[c] * SAMPLES;
+            f.sums[(HG_PATH_GUIDE_DIRECT + c) * PIXELS + at] = 3 * albedo[c] * SAMPLES;
+            f.sums[(HG_PATH_GUIDE_SPECULAR + c) * PIXELS + at] = 0.75f * albedo[c] * SAMPLES;
+        }
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++)
+        for (uint32_t c = 0; c < 3; c++) {
+            assert_true(fabsf(channel(f.words[4 * at], c) - 3) <= 0.01f);
+            assert_true(fabsf(channel(f.words[4 * at + 1], c) - 0.75f) <= 0.003f);
+        }
+    film_finish(&f);
+}
+
+// Leaves: normals of the samples of a pixel point anywhere, so their means are short and differ
+// from pixel to pixel. Little of their light is lost where few pixels have it, and most of its
+// noise is.
+static void test_leaves(void **state)
+{
+    struct film f;
+    double before = 0, sum = 0, squares = 0, before_squares = 0;
+    (void)state;
+    film_init(&f, 2);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const uint32_t i = (uint32_t)at;
+        const float light = noise(i) < 0.1f ? 5 : 0.05f;
+        put_surface(&f, at, 2, 2);
+        put_light(&f, at, light, 0);
+        for (uint32_t axis = 0; axis < 3; axis++)
+            f.sums[(HG_PATH_GUIDE_NORMAL + axis) * PIXELS + at] =
+                (noise(i + (axis + 1) * PIXELS) - 0.5f) * SAMPLES;
+        before += (double)light;
+        before_squares += (double)(light * light);
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const double light = (double)green(f.words[4 * at]);
+        sum += light;
+        squares += light * light;
+    }
+    const double mean = sum / PIXELS, expected = before / PIXELS;
+    const double deviation = sqrt(squares / PIXELS - mean * mean);
+    const double was = sqrt(before_squares / PIXELS - expected * expected);
+    print_message(
+        "leaves: mean %.3f of %.3f, deviation %.3f of %.3f\n", mean, expected, deviation, was);
+    assert_true(fabs(mean - expected) <= 0.1 * expected);
+    assert_true(deviation <= 0.5 * was);
     film_finish(&f);
 }
 
@@ -401,6 +467,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_constant),
+        cmocka_unit_test(test_dark_channels),
+        cmocka_unit_test(test_leaves),
         cmocka_unit_test(test_edges),
         cmocka_unit_test(test_sparse_light),
         cmocka_unit_test(test_edge_of_light),

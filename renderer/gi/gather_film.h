@@ -1,0 +1,49 @@
+// gather_film.h - gathered light while it is filtered, of gather.c and gather_words.c.
+// Floor 2 (gi). Thread: any one at a time; rows are done by jobs.
+#ifndef HG_RENDERER_GI_GATHER_FILM_H
+#define HG_RENDERER_GI_GATHER_FILM_H
+
+#include "renderer/gi/gather.h"
+
+#define ALIKE_DEPTH 0.05f // as a share of the depth
+
+// Light of one kind: radiance; of what scatters also the environment's part of it had nothing been
+// in its way, and the luminance of what did come. Then how much it is worth, variance of its
+// luminance.
+enum { RED, GREEN, BLUE, OPEN_RED, OPEN_GREEN, OPEN_BLUE, SKY, WORTH, VARIANCE, LIGHT_PLANES };
+// Of surfaces. SLOPE_*: of depth, per px. CLOTH: 1 where sheen takes part in what scatters.
+// NORMAL_*: means of unit normals, whose length ALONG tells how much samples agree.
+enum { NORMAL_X, NORMAL_Y, NORMAL_Z, ALONG, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, CLOTH, GUIDES };
+// SUNLIT: the share of directional lights that is seen, in place of a colour. LAMPLIT: that of the
+// lamps of one number, one number after the other; only where there are such.
+enum { SCATTERED, MIRRORED, SUNLIT, LAMPLIT, KINDS };
+
+struct hg_gi_gather {
+    struct hg_gi_gather_input in; // sums and halves while it is loaded; lamps: own, or NULL
+    float *loaded, *more;         // memory of `from`, guides and lamps; of `to` and rows
+    float *guides[GUIDES];
+    float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
+    float *rows;   // [strips][LIGHT_PLANES + 1][width]
+    uint32_t step; // px between taps
+    int kind;
+    uint32_t lamp; // number of those that are filtered
+    uint32_t *out;
+};
+
+static inline size_t hg_gi_gather_pixels(const struct hg_gi_gather *w)
+{
+    return (size_t)w->in.width * w->in.height;
+}
+
+static inline float hg_gi_gather_luminance(const float c[3])
+{
+    return 0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2];
+}
+
+// The words of all pixels, out of `from`; uses `to`. By jobs for rows of a picture.
+void hg_gi_gather_part_row(void *gather, size_t y);      // first: the environment's share
+void hg_gi_gather_despeckle_row(void *gather, size_t y); // then what of specks stays
+void hg_gi_gather_pack_row(void *gather, size_t y);
+void hg_gi_gather_pack_lamp_row(void *gather, size_t y); // of the lamps that are filtered
+
+#endif
