@@ -215,7 +215,11 @@ static bool send_some(struct hg_session *s, uint64_t most)
     uint64_t bytes = 0;
     for (struct hg_request *it = s->load.unsent; it && s->attached; it = next) {
         next = it->next;
-        if (hg_trial_must_wait(s, it) || !has_room(s, it))
+        if (hg_trial_must_wait(s, it)) {
+            hg_trial_subscribe(s); // a suspect view is not behind what waits for its trial
+            return false;
+        }
+        if (!has_room(s, it))
             return false;
         if (!hg_link_has_room(link) || bytes >= most) {
             link->feed.starved = true;
