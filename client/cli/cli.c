@@ -388,8 +388,10 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         return status;
     cli->connect_ns = hg_clock_now_ns() - begin;
     helio_set_timeout(cli->h, timeout ? timeout : HELIO_NO_TIMEOUT);
-    helio_set_handlers(cli->h, &(struct helio_handlers){&cli->progress, hg_cli_on_tick,
-                                   hg_cli_on_progress, hg_cli_on_notice});
+    helio_set_handlers(cli->h, &(struct helio_handlers){.user = &cli->progress,
+                                   .tick = hg_cli_on_tick,
+                                   .progress = hg_cli_on_progress,
+                                   .notice = hg_cli_on_notice});
     return with_scene ? helio_scene_open(cli->h, "", &cli->scene, err) : HG_OK;
 }
 

@@ -53,6 +53,14 @@ struct hg_client_server {
     uint16_t version;
     uint64_t session;
     uint32_t send_limit; // payload bytes that it takes
+    char scene[129];     // of a join ticket; "" = none
+};
+
+// What the server said last about a limit.
+struct hg_client_limited {
+    bool is_set;
+    uint32_t request, retry_after_ms;
+    char limit[33];
 };
 
 // Going on with the session on another connection.
@@ -86,6 +94,7 @@ struct helio {
     struct hg_client_queue queue;
     struct helio_handlers handlers;
     struct hg_client_resume resume;
+    struct hg_client_limited limited;
 };
 
 // Ends the connection for a reason (the first one is kept) and reports it.

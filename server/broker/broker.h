@@ -20,12 +20,15 @@
 //   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   worker_pool                                  which worker a scene goes to
+//   annotation block_list join_ticket pixel_rate  texts in scenes; who is let in; frames per second
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
-//   session_audit session_record
+//   session_audit session_record session_allow
 //   session_view session_upload
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
+//   session_end session_annotation session_camera session_ticket
+//   session_share session_admin                  people in a scene; administrators
 //   session_park
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
@@ -40,6 +43,12 @@
 #include "server/broker/client_dispatch.h"
 #include "server/broker/takeover.h"
 
+// Who is let in besides those whom the file of tokens names, and who is not.
+struct hg_guests {
+    struct hg_join_tickets tickets;
+    struct hg_block_list blocks;
+};
+
 struct hg_broker {
     struct hg_loop loop;
     struct hg_options options;
@@ -48,6 +57,7 @@ struct hg_broker {
     struct hg_tokens tokens;
     struct hg_audit audit;
     struct hg_quarantine quarantine;
+    struct hg_guests guests;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;
