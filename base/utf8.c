@@ -33,6 +33,13 @@ size_t hg_utf8_sequence(const char *text, size_t left)
     return length && fitting(p, length, left) == length ? length : 0;
 }
 
+bool hg_utf8_is_cut(const char *text, size_t left)
+{
+    const unsigned char *p = (const unsigned char *)text;
+    size_t length = left ? announced(p[0]) : 0;
+    return length > left && fitting(p, length, left) == left;
+}
+
 bool hg_utf8_is_valid(const char *text, size_t size)
 {
     for (size_t i = 0, n; i < size; i += n) {

@@ -11,6 +11,8 @@ struct decoder {
     uint16_t version;
     struct hg_arena *arena;
     struct hgp_fault *fault;
+    const char *wanted; // a field of the message itself; NULL: none
+    size_t wanted_at;   // where it begins; SIZE_MAX: it has not been met
 };
 
 static enum hg_status decode_layout(
@@ -190,6 +192,8 @@ static enum hg_status decode_layout(
             there = there && !status && (bits >> optional++ % HGP_BITMAP_FIELDS & 1);
             *((bool *)((char *)out + field->has_offset)) = there;
         }
+        if (there && !status && d->wanted && !place && strcmp(d->wanted, field->name) == 0)
+            d->wanted_at = d->r->pos;
         if (there && !status)
             status = decode_field(d, field, place, (char *)out + field->offset);
     }
@@ -200,7 +204,7 @@ enum hg_status hgp_layout_decode(const struct hgp_layout *layout, uint16_t versi
     struct hg_reader *payload, struct hg_arena *arena, void *out, struct hgp_fault *fault)
 {
     memset(out, 0, layout->struct_size);
-    struct decoder d = {payload, version, arena, fault};
+    struct decoder d = {.r = payload, .version = version, .arena = arena, .fault = fault};
     enum hg_status status = decode_layout(&d, layout, NULL, out);
     if (!status && payload->pos != payload->size)
         status = hgp_fault_set(
@@ -219,4 +223,23 @@ enum hg_status hgp_decode(uint16_t version, uint16_t type, struct hg_reader payl
     if (!info || info->since > version)
         return hgp_fault_set(fault, HG_E_UNSUPPORTED, NULL, NULL, 0, "unknown message type");
     return hgp_layout_decode(hgp_layout_find(type), version, &payload, arena, out, fault);
+}
+
+bool hgp_field_find(
+    uint16_t version, uint16_t type, struct hg_reader payload, const char *field, size_t *at)
+{
+    union hgp_any message;
+    struct hg_arena arena = {0};
+    const struct hgp_layout *layout = hgp_layout_find(type);
+    *at = 0;
+    if (!layout)
+        return false;
+    struct decoder d = {
+        .r = &payload, .version = version, .arena = &arena, .wanted = field, .wanted_at = SIZE_MAX};
+    const enum hg_status status = decode_layout(&d, layout, NULL, &message);
+    hg_arena_finish(&arena);
+    if (status || d.wanted_at == SIZE_MAX)
+        return false;
+    *at = d.wanted_at;
+    return true;
 }

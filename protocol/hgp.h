@@ -149,6 +149,11 @@ struct hgp_fault {
 enum hg_status hgp_decode(uint16_t version, uint16_t type, struct hg_reader payload,
     struct hg_arena *arena, void *out, struct hgp_fault *fault) HG_MUST_CHECK;
 
+// Where a well-formed payload has a field of the message itself (of an optional one: its value).
+// False: the payload has no such field, or cannot be decoded.
+bool hgp_field_find(
+    uint16_t version, uint16_t type, struct hg_reader payload, const char *field, size_t *at);
+
 // What a message's header says besides its length.
 struct hgp_envelope {
     enum hgp_type type;

@@ -10,6 +10,7 @@
 #define PARAM_VEC3(a, b) .kind = HGP_K_VEC3, .least = a, .most = b
 #define PARAM_VEC4(a, b) .kind = HGP_K_VEC4, .least = a, .most = b
 #define PARAM_ENUM(a, b) .kind = HGP_K_ENUM, .values = #a, .most = HGP_COUNT_##a - 1
+#define PARAM_BYTES(a, b) .kind = HGP_K_BYTES, .most = a
 #define IS_PATH_ANY      false
 #define IS_PATH_PATH     true
 

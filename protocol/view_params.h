@@ -28,6 +28,7 @@ enum hgp_enum_count {
 #define HGP_STANDARD_OF_F32(field, a, standard)
 #define HGP_STANDARD_OF_VEC3(field, a, standard)
 #define HGP_STANDARD_OF_VEC4(field, a, standard)
+#define HGP_STANDARD_OF_BYTES(field, a, standard)
 enum hgp_view_standard {
 #define HGP_VIEW_PARAM(kind, field, a, b, standard, unit, mode, key, place, doc)                   \
     HGP_STANDARD_OF_##kind(field, a, standard)

@@ -205,6 +205,16 @@ void hg_view_set_slice(struct hg_view *view, uint64_t slice_ns)
     view->state.accumulation.slices.ns = slice_ns;
 }
 
+void hg_view_set_budget(struct hg_view *view, float target_ms)
+{
+    view->state.motion.budget_ms = target_ms;
+}
+
+void hg_view_set_sharing(struct hg_view *view, uint32_t views)
+{
+    view->state.motion.sharing = views;
+}
+
 void hg_view_set_formats(struct hg_view *view, uint32_t formats)
 {
     view->state.formats = formats;

@@ -317,6 +317,12 @@ void hg_view_set_final(struct hg_view *view, bool final);
 // While others wait: a large settled picture that is not displayed before is drawn in areas, so
 // that a step takes about so long. 0: as a whole. It is the same picture.
 void hg_view_set_slice(struct hg_view *view, uint64_t slice_ns);
+// Frame time in motion that the quality gives way to where the parameters name none (target_ms).
+// 0: none. Changes no settled picture.
+void hg_view_set_budget(struct hg_view *view, float target_ms);
+// Views of its scene that move, this one included: each brings its part of the rays that the scene
+// has for light by way of surfaces in motion, so that all together bring them once a frame.
+void hg_view_set_sharing(struct hg_view *view, uint32_t views);
 // Which pixels are read after the next steps: bits 1 << enum hg_pixel_format; at first
 // HG_PIXEL_RGBA8 alone. A picture in motion has no others; one that rests has all.
 void hg_view_set_formats(struct hg_view *view, uint32_t formats);

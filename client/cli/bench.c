@@ -17,6 +17,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/program.h"
+#include "client/cli/bench_flow.h"
 #include "client/cli/cli.h"
 #include "client/cli/siege.h"
 
@@ -281,6 +282,13 @@ static enum hg_status start_with(struct bench *b, json_t *options, struct hg_err
     return status;
 }
 
+// Benchmarks that need no renderer of their own: clients of a daemon.
+static const struct {
+    const char *name;
+    enum hg_status (*run)(
+        struct hg_cli *cli, const json_t *options, char **report, struct hg_error *err);
+} own[] = {{"siege", hg_cli_siege}, {"latency", hg_cli_bench_latency}, {"many", hg_cli_bench_many}};
+
 static enum hg_status run(struct bench *b, struct hg_error *err)
 {
     json_t *options;
@@ -288,11 +296,12 @@ static enum hg_status run(struct bench *b, struct hg_error *err)
     if (status)
         return status;
     hg_cli_progress_stage(&b->cli->progress, "measuring");
-    if (strcmp(b->cli->options->args[0], "siege") == 0) {
-        status = hg_cli_siege(b->cli, options, &b->report, err);
-        json_decref(options);
-        return status;
-    }
+    for (size_t i = 0; i < sizeof own / sizeof *own; i++)
+        if (strcmp(b->cli->options->args[0], own[i].name) == 0) {
+            status = own[i].run(b->cli, options, &b->report, err);
+            json_decref(options);
+            return status;
+        }
     status = start_with(b, options, err);
     json_decref(options);
     if (status)

@@ -45,7 +45,7 @@ void hg_cli_init(struct hg_cli *cli, const struct hg_cli_options *options)
     if (sigaction(SIGHUP, NULL, &before) == 0 && before.sa_handler != SIG_IGN)
         sigaction(SIGHUP, &action, NULL);
     signal(SIGXFSZ, SIG_IGN); // ulimit -f: writing fails and names the file
-    *cli = (struct hg_cli){.options = options, .begin_ns = hg_clock_now_ns()};
+    *cli = (struct hg_cli){.options = options, .view = HG_CLI_VIEW, .begin_ns = hg_clock_now_ns()};
     hg_cli_progress_init(&cli->progress, options->progress);
     cli->progress.quiet = options->quiet;
     cli->progress.verbose = options->verbose;
@@ -337,15 +337,24 @@ static enum hg_status find_token(
 }
 
 // As helio_connect, but Ctrl-C already reaches the connection while it is made.
+void hg_cli_attach(struct hg_cli *cli)
+{
+    interrupt_target = cli->h;
+    if (stopped)
+        helio_interrupt(cli->h);
+    helio_set_handlers(cli->h, &(struct helio_handlers){.user = &cli->progress,
+                                   .tick = hg_cli_on_tick,
+                                   .progress = hg_cli_on_progress,
+                                   .notice = hg_cli_on_notice});
+}
+
 static enum hg_status open_session(
     struct hg_cli *cli, const struct helio_options *options, struct hg_error *err)
 {
     enum hg_status status = helio_start(options, &cli->h, err);
     if (status)
         return status;
-    interrupt_target = cli->h;
-    if (stopped)
-        helio_interrupt(cli->h);
+    hg_cli_attach(cli);
     uint64_t end = hg_clock_now_ns() + options->timeout_ns;
     struct helio_info info;
     for (helio_get_info(cli->h, &info); info.state != HELIO_OPEN; helio_get_info(cli->h, &info)) {
@@ -388,10 +397,6 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         return status;
     cli->connect_ns = hg_clock_now_ns() - begin;
     helio_set_timeout(cli->h, timeout ? timeout : HELIO_NO_TIMEOUT);
-    helio_set_handlers(cli->h, &(struct helio_handlers){.user = &cli->progress,
-                                   .tick = hg_cli_on_tick,
-                                   .progress = hg_cli_on_progress,
-                                   .notice = hg_cli_on_notice});
     return with_scene ? helio_scene_open(cli->h, "", &cli->scene, err) : HG_OK;
 }
 

@@ -34,7 +34,7 @@ enum hg_cli_doing {
 
 enum {
     HG_CLI_IMAGE_BYTES = 256 * 1024 * 1024, // greatest image file of a comparison
-    HG_CLI_VIEW = 1,                        // the one view a command uses
+    HG_CLI_VIEW = 1,                        // the view that a command begins with
 };
 
 struct hg_cli {
@@ -42,6 +42,7 @@ struct hg_cli {
     struct helio *h;
     bool embedded;
     struct hgp_scene_opened scene;
+    uint32_t view; // whose statistics are asked for
     struct hg_cli_progress progress;
     uint64_t begin_ns, connect_ns; // start of the program; how long connecting took
 };
@@ -78,6 +79,8 @@ void hg_cli_args_finish(struct hg_cli_args *args); // accepts a zeroed one
 // when `with_scene`. On failure *err is filled and *doing says what failed.
 enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct hg_cli_texts *files,
     bool with_scene, struct hg_error *err) HG_MUST_CHECK;
+// Takes over a connection that was made otherwise (cli->h): its handlers, and Ctrl-C.
+void hg_cli_attach(struct hg_cli *cli);
 // True once Ctrl-C (or SIGTERM) was seen.
 bool hg_cli_is_stopped(void);
 
@@ -197,9 +200,11 @@ enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_info(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_compare_command(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_run(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_window(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_cache(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_bench(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_serve(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options);

@@ -22,7 +22,7 @@ const struct hg_cli_option_row hg_cli_option_rows[] = {
         offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field),      \
         NULL},
 #define HG_CLI_VIEW_OPTION(field, param, name, kind, argument, low, text)                          \
-    {name, 0, HG_CLI_KIND_##kind, argument, HG_CLI_RENDER, low, 0, NULL, text,                     \
+    {name, 0, HG_CLI_KIND_##kind, argument, HG_CLI_RENDER | HG_CLI_WINDOW, low, 0, NULL, text,     \
         offsetof(struct hg_cli_options, field), offsetof(struct hg_cli_options, has_##field),      \
         &hgp_view_params[HGP_VIEW_##param]},
 #include "client/cli/options.def"
@@ -489,6 +489,7 @@ enum hg_status hg_cli_parse(
     if (!row)
         return refuse_command(argv[1], err);
     out->command = row->command;
+    out->argv = argv;
     bool only_args = false;
     for (int i = 2; i < argc; i++) {
         enum hg_status status = HG_OK;

@@ -106,7 +106,8 @@ struct hg_cli_region {
 // Every option's value, and whether it was given.
 struct hg_cli_options {
     enum hg_cli_command command;
-    const char *program; // "helio"
+    const char *program;     // "helio"
+    const char *const *argv; // the whole command line
     const char *args[HG_CLI_ARGS_MAX];
     uint32_t arg_count;
     bool help;

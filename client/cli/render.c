@@ -76,9 +76,14 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
             "needs a view with a target: --orbit or --eye with --target, or no --camera");
     if (o->has_turntable && (o->has_next_eye || o->has_next_target))
         return usage(err, "--turntable", "moves the camera; --next-eye and --next-target do, too");
+    return HG_OK;
+}
+
+static enum hg_status check_scene(const struct hg_cli_options *o, struct hg_error *err)
+{
     if (o->has_upload && !o->has_connect)
         return usage(err, "--upload", "needs --connect");
-    if (o->has_upload && strcmp(o->args[0], "demo:") == 0)
+    if (o->has_upload && o->arg_count > 0 && strcmp(o->args[0], "demo:") == 0)
         return usage(err, "--upload", "has nothing to send for demo:");
     if (o->has_sun && o->has_env && strcmp(o->env, "sky") != 0)
         return usage(err, "--sun", "is of the built-in sky: it needs --env sky");
@@ -169,23 +174,26 @@ static enum hg_status parse_shutter(struct hg_cli_render *r, struct hg_error *er
     return HG_OK;
 }
 
+enum hg_status hg_cli_render_check_scene(const struct hg_cli_options *o, struct hg_error *err)
+{
+    enum hg_status status = hg_cli_check_mode(o, err);
+    if (!status && o->has_view)
+        status = hg_cli_parse_view("--view", o->view, &(struct hgp_view_fit){0}, err);
+    if (!status && o->has_point_size)
+        status = hg_cli_parse_point_size(
+            "--point-size", o->point_size, &(struct hgp_asset_load){0}, err);
+    if (!status)
+        status = check_scene(o, err);
+    return status ? status : check_camera(o, err);
+}
+
 static enum hg_status check_arguments(struct hg_cli_render *r, struct hg_error *err)
 {
-    enum hg_status status = hg_cli_check_mode(r->o, err);
-    if (!status && r->o->has_view)
-        status = hg_cli_parse_view("--view", r->o->view, &(struct hgp_view_fit){0}, err);
-    if (status)
-        return status;
-    status = parse_shutter(r, err);
-    if (!status && r->o->has_point_size)
-        status = hg_cli_parse_point_size(
-            "--point-size", r->o->point_size, &(struct hgp_asset_load){0}, err);
-    if (status)
-        return status;
-    status = check_combinations(r->o, err);
-    if (status)
-        return status;
-    status = check_camera(r->o, err);
+    enum hg_status status = hg_cli_render_check_scene(r->o, err);
+    if (!status)
+        status = parse_shutter(r, err);
+    if (!status)
+        status = check_combinations(r->o, err);
     if (!status)
         status = check_region(r->o, err);
     if (!status)
@@ -532,25 +540,42 @@ static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
     return is_env_file(r->o) ? check_readable(r, r->o->env, err) : HG_OK;
 }
 
-static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
+enum hg_status hg_cli_render_connect(struct hg_cli_render *r, bool with_scene, struct hg_error *err)
 {
-    struct hg_cli_texts files = {.items = {r->o->args[0]}, .count = 1};
+    struct hg_cli_texts files = {0};
+    if (r->o->arg_count > 0)
+        files.items[files.count++] = r->o->args[0];
     if (is_env_file(r->o))
         files.items[files.count++] = r->o->env;
-    enum hg_status status = check_files(r, err);
-    if (status)
-        return status;
     r->doing = HG_CLI_DOING_CONNECT;
-    status = hg_cli_connect(&r->cli, r->o->connect, &files, true, err);
+    return hg_cli_connect(&r->cli, r->o->connect, &files, with_scene, err);
+}
+
+enum hg_status hg_cli_render_load(struct hg_cli_render *r, struct hg_error *err)
+{
+    enum hg_status status = load_scene(r, err);
+    if (!status)
+        status = set_environment(r, err);
+    return status ? status : set_catchers(r, err);
+}
+
+enum hg_status hg_cli_render_set_view(struct hg_cli_render *r, struct hg_error *err)
+{
+    enum hg_status status = set_view(r, err);
+    return status ? status : set_camera(r, err);
+}
+
+static enum hg_status render_all(struct hg_cli_render *r, struct hg_error *err)
+{
+    static enum hg_status (*const steps[])(struct hg_cli_render *, struct hg_error *) = {
+        hg_cli_render_load, hg_cli_render_set_view, hg_cli_render_frames};
+    enum hg_status status = check_files(r, err);
+    if (!status)
+        status = hg_cli_render_connect(r, true, err);
+    for (size_t i = 0; !status && i < sizeof steps / sizeof *steps; i++)
+        status = steps[i](r, err);
     if (status)
         return status;
-    static enum hg_status (*const steps[])(struct hg_cli_render *, struct hg_error *) = {
-        load_scene, set_environment, set_catchers, set_view, set_camera, hg_cli_render_frames};
-    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
-        status = steps[i](r, err);
-        if (status)
-            return status;
-    }
     hg_cli_render_warn_of_light(r);
     return r->o->stats_file ? hg_cli_render_stats(r, err) : HG_OK;
 }

@@ -75,6 +75,20 @@ bool hg_cli_frame_name(const char *pattern, int32_t frame, char *dst, size_t siz
 enum hg_status hg_cli_parse_planes(const char *what, const char *text, bool path, uint32_t *out,
     struct hg_error *err) HG_MUST_CHECK;
 
+// render.c: a scene and a view as options describe them; also for `helio view`.
+
+// HG_E_INVAL names the option that is wrong.
+enum hg_status hg_cli_render_check_scene(
+    const struct hg_cli_options *o, struct hg_error *err) HG_MUST_CHECK;
+// Opens the session, and with_scene a private scene. The private worker may read what the options
+// name.
+enum hg_status hg_cli_render_connect(
+    struct hg_cli_render *r, bool with_scene, struct hg_error *err) HG_MUST_CHECK;
+// Loads the scene's file, and sets the environment.
+enum hg_status hg_cli_render_load(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
+// Makes the view and sends its camera, which is r->turntable.start then.
+enum hg_status hg_cli_render_set_view(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
+
 // view.c: view parameters from options; pure. r->format, size, planes and
 // shutter are known.
 void hg_cli_render_view(const struct hg_cli_render *r, struct hgp_view_set *view);

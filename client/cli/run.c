@@ -16,6 +16,7 @@ struct runs {
     const struct hg_cli_options *o;
     struct hg_cli_script scripts[HG_CLI_ARGS_MAX];
     struct hg_cli_report report;
+    struct hg_cli_recorder *recorder; // of --record
     enum hg_cli_doing doing;
     char folder[4096]; // for ${SCRIPT_DIR}
 };
@@ -103,6 +104,12 @@ static enum hg_status read_script(struct runs *r, uint32_t i, struct hg_error *e
 
 static enum hg_status check_options(const struct hg_cli_options *o, struct hg_error *err)
 {
+    if (o->arg_count == 0)
+        return hg_error_set(err, HG_E_INVAL, "run", NULL, "needs SCRIPT..., or --replay");
+    if (o->has_pace)
+        return hg_error_set(err, HG_E_INVAL, "--pace", NULL, "needs --replay");
+    if (o->record && hg_cli_check_output(o->record, err))
+        return err->status;
     for (uint32_t i = 0; i < o->define.count; i++)
         if (!strchr(o->define.items[i], '=') || o->define.items[i][0] == '=')
             return hg_error_set(
@@ -142,6 +149,8 @@ static enum hg_status do_step(
     r->doing = HG_CLI_DOING_ARGUMENTS;
     if (hg_cli_run_is_expectation(s))
         return hg_cli_run_expect(r, s, err);
+    if (s->kind == HG_CLI_STEP_SWITCH)
+        return hg_cli_run_switch(r, s, err);
     return s->kind == HG_CLI_STEP_FRAME ? hg_cli_run_frame(r, s, err) : hg_cli_run_edit(r, s, err);
 }
 
@@ -221,6 +230,7 @@ static enum hg_cli_exit run_script(struct runs *runs, uint32_t i)
     }
     r->o = runs->o;
     r->report = &runs->report;
+    r->recorder = runs->recorder;
     r->script = &runs->scripts[i];
     r->doing = HG_CLI_DOING_ARGUMENTS;
     hg_cli_init(&r->cli, runs->o);
@@ -285,9 +295,14 @@ static enum hg_cli_exit run_all(struct runs *r)
 {
     struct hg_error err = {0};
     enum hg_cli_exit code = read_scripts(r);
+    if (code == HG_CLI_EXIT_OK && r->o->record &&
+        hg_cli_recorder_create(r->o->record, &r->recorder, &err))
+        code = hg_cli_report(NULL, HG_CLI_DOING_OUTPUT, &err);
     if (code == HG_CLI_EXIT_OK)
         for (uint32_t i = 0; i < r->o->arg_count; i++)
             code = worse(code, run_script(r, i));
+    if (hg_cli_recorder_finish(r->recorder, &err))
+        code = hg_cli_report(NULL, HG_CLI_DOING_OUTPUT, &err);
     if (r->report.suite_count == 0)
         return code;
     if (r->o->junit && write_report(r, false, &err))
@@ -299,6 +314,8 @@ static enum hg_cli_exit run_all(struct runs *r)
 
 enum hg_cli_exit hg_cli_run(const struct hg_cli_options *options)
 {
+    if (options->replay)
+        return hg_cli_run_replay(options);
     struct runs *r = hg_calloc(1, sizeof *r);
     if (!r)
         return HG_CLI_EXIT_LIMIT;

@@ -12,7 +12,7 @@ enum { PROFILE_BYTES = 4194304 }; // of a photometric file, light_set.profile
 static enum hg_status call_ok(
     struct hg_cli_run *r, enum hgp_type type, const void *message, struct hg_error *err)
 {
-    r->scene.dirty = true;
+    hg_cli_run_changed(r);
     return helio_call_for(r->cli.h, type, message, HGP_T_ok, NULL, err);
 }
 
@@ -46,7 +46,7 @@ static enum hg_status do_load(
     if (status)
         return status;
     r->scene.assets[r->scene.asset_count++] = wire_asset(r, number);
-    r->scene.dirty = true;
+    hg_cli_run_changed(r);
     return HG_OK;
 }
 
@@ -72,8 +72,8 @@ static enum hg_status do_view(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
     struct hgp_view_set view = s->view;
-    view.view = HG_CLI_VIEW;
-    r->scene.has_exposure |= view.has_exposure_mode;
+    view.view = r->cli.view;
+    hg_cli_run_now(r)->has_exposure |= view.has_exposure_mode;
     return call_ok(r, HGP_T_view_set, &view, err);
 }
 
@@ -123,17 +123,17 @@ static enum hg_status do_camera(
     camera.has_lens_radius = camera.has_focus_distance = true; // not those of the camera before
     if (s->kind == HG_CLI_STEP_CAMERA_FIT) {
         struct hgp_view_fit fit = s->fit;
-        fit.view = HG_CLI_VIEW;
+        fit.view = r->cli.view;
         status = helio_camera_fit(r->cli.h, &fit, &camera, err);
     } else if (s->kind == HG_CLI_STEP_CAMERA_NODE) {
         status = hg_cli_find_camera(&r->cli, s->name, &camera.camera, err);
     }
     camera.has_camera = camera.camera != 0;
-    r->scene.fitted = s->kind == HG_CLI_STEP_CAMERA_FIT && !camera.has_camera;
-    camera.view = HG_CLI_VIEW;
+    hg_cli_run_now(r)->fitted = s->kind == HG_CLI_STEP_CAMERA_FIT && !camera.has_camera;
+    camera.view = r->cli.view;
     camera.input_seq = s->line;
-    r->scene.has_camera = true;
-    r->scene.dirty = true;
+    hg_cli_run_now(r)->has_camera = true;
+    hg_cli_run_now(r)->dirty = true;
     return status ? status : hg_cli_send_camera(&r->cli, &camera, err);
 }
 
@@ -218,7 +218,7 @@ enum hg_status hg_cli_run_complete(struct hg_cli_run *r, struct hg_error *err)
 {
     // What is in the scene comes from others, who may be loading just now: the daemon's automatic
     // camera follows them.
-    if (r->scene.has_camera || r->scene.asset_count == 0)
+    if (hg_cli_run_now(r)->has_camera || r->scene.asset_count == 0)
         return HG_OK;
     const struct hg_cli_step step = {
         .kind = HG_CLI_STEP_CAMERA_FIT, .fit = {.has_cameras = true, .cameras = true}};

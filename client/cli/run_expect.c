@@ -24,9 +24,9 @@ bool hg_cli_run_is_expectation(const struct hg_cli_step *s)
 
 // ---- pictures ----------------------------------------------------------------------------------
 
-static struct hg_cli_bytes frame_bytes(const struct hg_cli_run *r)
+static struct hg_cli_bytes frame_bytes(struct hg_cli_run *r)
 {
-    const struct hgp_bytes data = r->scene.frame->body->frame.data;
+    const struct hgp_bytes data = hg_cli_run_now(r)->frame->body->frame.data;
     return (struct hg_cli_bytes){(uint8_t *)(uintptr_t)data.data, data.size};
 }
 
@@ -57,7 +57,7 @@ static enum hg_status update_reference(
     enum hg_status status = hg_cli_format_of(s->path, NULL, &format, err);
     if (status)
         return status;
-    if (r->scene.frame->body->frame.encoding != format.encoding)
+    if (hg_cli_run_now(r)->frame->body->frame.encoding != format.encoding)
         status = hg_cli_run_take(r, &format, false, err);
     if (status)
         return status;
@@ -129,7 +129,7 @@ static enum hg_status write_pictures(struct hg_cli_run *r, const struct hg_cli_s
 {
     struct hg_cli_comparison c;
     const size_t number = r->report->count + 1;
-    const struct hgp_frame *frame = &r->scene.frame->body->frame;
+    const struct hgp_frame *frame = &hg_cli_run_now(r)->frame->body->frame;
     snprintf(
         names->picture, sizeof names->picture, "%04zu-picture.%s", number, frame_ending(frame));
     enum hg_status status = write_picture(r, names->picture, frame_bytes(r), err);
@@ -173,9 +173,11 @@ static enum hg_status all_stats(struct hg_cli_run *r, json_t **out, struct hg_er
     enum hg_status status = hg_cli_stats(&r->cli, out, err);
     if (status)
         return status;
-    const struct hg_cli_client_stats client = {
-        .load_ns = r->load_ns, .first_frame_ns = r->first_frame_ns, .fitted = r->scene.fitted};
-    json_t *frame = hg_cli_frame_json(&r->scene.frame->body->frame, "", r->scene.frame_ns);
+    const struct hg_cli_client_stats client = {.load_ns = r->load_ns,
+        .first_frame_ns = r->first_frame_ns,
+        .fitted = hg_cli_run_now(r)->fitted};
+    json_t *frame =
+        hg_cli_frame_json(&hg_cli_run_now(r)->frame->body->frame, "", hg_cli_run_now(r)->frame_ns);
     status = hg_cli_stats_complete(*out, &r->cli, frame, &client, err);
     json_decref(frame);
     if (!status)
@@ -221,7 +223,7 @@ static enum hg_status see_stat(
 static enum hg_status see_pick(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
 {
-    struct hgp_pick pick = {.view = HG_CLI_VIEW, .x = s->x, .y = s->y};
+    struct hgp_pick pick = {.view = r->cli.view, .x = s->x, .y = s->y};
     struct helio_message *answer;
     uint64_t wanted = 0;
     enum hg_status status = s->name ? hg_cli_find_node(&r->cli, s->name, &wanted, err) : HG_OK;
@@ -244,7 +246,7 @@ static enum hg_status see_pick(
 static enum hg_status see_hash(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct sight *sight)
 {
-    const struct hgp_frame *frame = &r->scene.frame->body->frame;
+    const struct hgp_frame *frame = &hg_cli_run_now(r)->frame->body->frame;
     char hex[65] = "no hash: the frame is not settled and lossless";
     for (int i = 0; frame->has_hash && i < 32; i++)
         snprintf(hex + 2 * i, 3, "%02x", frame->hash[i]);
@@ -259,7 +261,7 @@ static enum hg_status see(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct sight *sight, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_RENDER;
-    if (r->scene.dirty || !r->scene.frame) {
+    if (hg_cli_run_now(r)->dirty || !hg_cli_run_now(r)->frame) {
         enum hg_status status = hg_cli_run_take(r, &hg_cli_run_png, false, err);
         if (status)
             return status;
@@ -304,7 +306,7 @@ static enum hg_status add_case(struct hg_cli_run *r, const struct hg_cli_step *s
         .took_ns = took_ns};
     snprintf(name, sizeof name, "line %u: %.256s", s->line, s->text);
     if (r->o->report && c.verdict == HG_CLI_DIFFERS && s->kind == HG_CLI_STEP_EXPECT_IMAGE &&
-        r->scene.frame) {
+        hg_cli_run_now(r)->frame) {
         r->doing = HG_CLI_DOING_OUTPUT;
         enum hg_status status = write_pictures(r, s, &names, err);
         if (status)

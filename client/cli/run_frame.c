@@ -10,12 +10,12 @@ static enum hg_status set_exposure(
 {
     const bool linear = hg_cli_is_linear(encoding);
     const struct hg_cli_exposure exposure = {.automatic = !linear};
-    struct hgp_view_set view = {.view = HG_CLI_VIEW};
-    if (r->scene.has_exposure || r->scene.is_linear == linear)
+    struct hgp_view_set view = {.view = r->cli.view};
+    if (hg_cli_run_now(r)->has_exposure || hg_cli_run_now(r)->is_linear == linear)
         return HG_OK;
     hg_cli_set_exposure(&exposure, &view);
     enum hg_status status = helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
-    r->scene.is_linear = status ? r->scene.is_linear : linear;
+    hg_cli_run_now(r)->is_linear = status ? hg_cli_run_now(r)->is_linear : linear;
     return status;
 }
 
@@ -23,33 +23,33 @@ enum hg_status hg_cli_run_take(
     struct hg_cli_run *r, const struct hg_cli_format *format, bool now, struct hg_error *err)
 {
     struct hgp_frame_request request = {
-        .view = HG_CLI_VIEW,
+        .view = r->cli.view,
         .settled = !now,
         .has_encoding = true,
         .encoding = format->encoding,
         .has_quality = true,
         .quality = format->quality,
     };
-    helio_message_free(r->scene.frame);
-    r->scene.frame = NULL;
+    helio_message_free(hg_cli_run_now(r)->frame);
+    hg_cli_run_now(r)->frame = NULL;
     r->doing = HG_CLI_DOING_RENDER;
     hg_cli_progress_stage(&r->cli.progress, "rendering");
-    r->scene.dirty = true;
+    hg_cli_run_now(r)->dirty = true;
     enum hg_status status = hg_cli_run_complete(r, err);
     if (!status)
         status = set_exposure(r, format->encoding, err);
     if (status)
         return status;
     const uint64_t begin_ns = hg_clock_now_ns();
-    status = helio_frame(r->cli.h, &request, &r->scene.frame, err);
+    status = helio_frame(r->cli.h, &request, &hg_cli_run_now(r)->frame, err);
     if (status)
         return status;
     const uint64_t end_ns = hg_clock_now_ns();
-    r->scene.frame_ns = end_ns - begin_ns;
+    hg_cli_run_now(r)->frame_ns = end_ns - begin_ns;
     if (r->first_frame_ns == 0)
         r->first_frame_ns = end_ns - r->cli.begin_ns;
     status = hg_cli_drain_queue(&r->cli, err);
-    r->scene.dirty = status != HG_OK;
+    hg_cli_run_now(r)->dirty = status != HG_OK;
     return status;
 }
 
@@ -71,7 +71,7 @@ enum hg_status hg_cli_run_frame(
     status = hg_cli_run_take(r, &format, s->now, err);
     if (status)
         return status;
-    const struct hgp_frame *frame = &r->scene.frame->body->frame;
+    const struct hgp_frame *frame = &hg_cli_run_now(r)->frame->body->frame;
     r->doing = HG_CLI_DOING_OUTPUT;
     return hg_cli_write_output(format.path, frame->data.data, frame->data.size, err);
 }

@@ -1,12 +1,49 @@
 // run_session.c - helio run: connections and scenes.
+#include <stdio.h>
 #include <string.h>
 
 #include "client/cli/run.h"
 
 void hg_cli_run_forget(struct hg_cli_run *r)
 {
-    helio_message_free(r->scene.frame);
-    r->scene = (struct hg_cli_run_scene){.dirty = true};
+    for (uint32_t i = 0; i < HG_CLI_VIEWS_MAX; i++)
+        helio_message_free(r->scene.views[i].frame);
+    r->scene = (struct hg_cli_run_scene){0};
+    r->cli.view = HG_CLI_VIEW;
+}
+
+void hg_cli_run_changed(struct hg_cli_run *r)
+{
+    for (uint32_t i = 0; i < HG_CLI_VIEWS_MAX; i++)
+        r->scene.views[i].dirty = true;
+}
+
+static enum hg_status open_view(struct hg_cli_run *r, uint32_t number, struct hg_error *err)
+{
+    const struct hgp_view_set view = {.view = number};
+    enum hg_status status = helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+    if (!status)
+        r->scene.views[number - 1] = (struct hg_cli_run_view){.is_open = true, .dirty = true};
+    return status;
+}
+
+enum hg_status hg_cli_run_switch(
+    struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
+{
+    struct hg_cli_run_view *view = &r->scene.views[s->x - 1];
+    const struct hgp_view_close leave = {.view = s->x};
+    char number[16];
+    if (!s->now) {
+        r->cli.view = s->x;
+        return view->is_open ? HG_OK : open_view(r, s->x, err);
+    }
+    snprintf(number, sizeof number, "%u", s->x);
+    if (!view->is_open)
+        return hg_error_set(err, HG_E_NOTFOUND, "view", number, "there is no view of that number");
+    helio_message_free(view->frame);
+    *view = (struct hg_cli_run_view){0};
+    r->cli.view = HG_CLI_VIEW;
+    return helio_call_for(r->cli.h, HGP_T_view_close, &leave, HGP_T_ok, NULL, err);
 }
 
 enum hg_status hg_cli_run_connect(struct hg_cli_run *r, const char *url, struct hg_error *err)
@@ -20,12 +57,13 @@ enum hg_status hg_cli_run_connect(struct hg_cli_run *r, const char *url, struct 
 
 static enum hg_status open_scene(struct hg_cli_run *r, const char *name, struct hg_error *err)
 {
-    struct hgp_view_set view = {.view = HG_CLI_VIEW};
     enum hg_status status = helio_scene_open(r->cli.h, name, &r->cli.scene, err);
     if (status)
         return status;
     r->scene.is_open = true;
-    return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+    if (r->recorder)
+        status = hg_cli_recorder_attach(r->recorder, r->cli.h, &r->cli.scene, name, err);
+    return status ? status : open_view(r, HG_CLI_VIEW, err);
 }
 
 enum hg_status hg_cli_run_need_scene(struct hg_cli_run *r, struct hg_error *err)

@@ -203,7 +203,7 @@ enum hg_status hg_cli_stats(struct hg_cli *cli, json_t **out, struct hg_error *e
     char *text;
     json_error_t wrong;
     *out = NULL;
-    enum hg_status status = helio_query_json(cli->h, HGP_T_stats_query, HG_CLI_VIEW, &text, err);
+    enum hg_status status = helio_query_json(cli->h, HGP_T_stats_query, cli->view, &text, err);
     if (status)
         return status;
     *out = json_loads(text, 0, &wrong);

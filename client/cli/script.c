@@ -117,7 +117,7 @@ static enum hg_status parse_camera(struct hg_words *w, struct hg_cli_step *s, st
 static enum hg_status parse_connect(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     (void)err;
-    *w->view = (struct hg_script_view){0};
+    *w->views = (struct hg_script_views){0};
     s->kind = HG_CLI_STEP_CONNECT;
     s->path = w->next < w->count ? w->at[w->next++] : NULL;
     return HG_OK;
@@ -125,10 +125,25 @@ static enum hg_status parse_connect(struct hg_words *w, struct hg_cli_step *s, s
 
 static enum hg_status parse_scene(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
-    *w->view = (struct hg_script_view){0};
+    *w->views = (struct hg_script_views){0};
     s->kind = HG_CLI_STEP_SCENE;
     enum hg_status status = hg_words_take(w, "name of a scene", &s->name, err);
     return status || *s->name ? status : hg_words_error(err, "the scene's name is empty");
+}
+
+static enum hg_status parse_view(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
+{
+    s->kind = HG_CLI_STEP_SWITCH;
+    enum hg_status status = hg_words_take_u32(w, "view", 1, HG_CLI_VIEWS_MAX, &s->x, err);
+    if (status)
+        return status;
+    s->now = hg_words_accept(w, "close");
+    if (s->now && s->x == 1)
+        return hg_words_error(err, "view 1 cannot be closed: it is there as long as the scene");
+    w->views->now = s->now ? 0 : s->x - 1;
+    if (s->now)
+        w->views->items[s->x - 1] = (struct hg_script_view){0};
+    return HG_OK;
 }
 
 static enum hg_status parse_load(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
@@ -293,9 +308,10 @@ static enum hg_status parse_words(struct hg_words *w, struct hg_cli_step *s, str
     static const struct {
         const char *verb;
         enum hg_status (*parse)(struct hg_words *, struct hg_cli_step *, struct hg_error *);
-    } verbs[] = {{"connect", parse_connect}, {"scene", parse_scene}, {"load", parse_load},
-        {"set", hg_script_parse_set}, {"camera", parse_camera}, {"time", parse_time},
-        {"at", parse_time}, {"frame", parse_frame}, {"wait", parse_wait}, {"expect", parse_expect}};
+    } verbs[] = {{"connect", parse_connect}, {"scene", parse_scene}, {"view", parse_view},
+        {"load", parse_load}, {"set", hg_script_parse_set}, {"camera", parse_camera},
+        {"time", parse_time}, {"at", parse_time}, {"frame", parse_frame}, {"wait", parse_wait},
+        {"expect", parse_expect}};
     for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++) {
         if (!hg_words_accept(w, verbs[i].verb))
             continue;
@@ -316,7 +332,7 @@ enum { INCLUDES_MOST = 16, INCLUDED_BYTES_MOST = 64 * 1024 * 1024 };
 struct parser {
     struct hg_cli_script *out;
     const struct hg_cli_script_source *source;
-    struct hg_script_view view;
+    struct hg_script_views views;
     uint32_t depth;        // of includes
     size_t included_bytes; // of all of them
 };
@@ -395,7 +411,7 @@ static enum hg_status parse_text(
         if (end && line[end - 1] == '\r')
             line[end - 1] = 0;
         struct hg_words w = {
-            .arena = &p->out->arena, .source = p->source, .file = file, .view = &p->view};
+            .arena = &p->out->arena, .source = p->source, .file = file, .views = &p->views};
         status = parse_line(p, &w, line, number, &inner);
         at += length + (at[length] == '\n');
     }

@@ -7,11 +7,14 @@
 #include "client/cli/options.h"
 #include "protocol/hgp.h"
 
+enum { HG_CLI_VIEWS_MAX = 16 }; // of a script's scene, counted from 1
+
 enum hg_cli_step_kind {
-    HG_CLI_STEP_CONNECT,      // path = url or NULL
-    HG_CLI_STEP_SCENE,        // name
-    HG_CLI_STEP_LOAD,         // path, asset (0 = next), name (size of points, or NULL)
-    HG_CLI_STEP_VIEW,         // view
+    HG_CLI_STEP_CONNECT, // path = url or NULL
+    HG_CLI_STEP_SCENE,   // name
+    HG_CLI_STEP_SWITCH,  // x = number of the view that the lines behind are about; now: close it
+    HG_CLI_STEP_LOAD,    // path, asset (0 = next), name (size of points, or NULL)
+    HG_CLI_STEP_VIEW,    // view
     HG_CLI_STEP_ENVIRONMENT,  // environment, path (FILE)
     HG_CLI_STEP_VARIANT,      // name, asset
     HG_CLI_STEP_NODE,         // name, node
@@ -48,7 +51,7 @@ struct hg_cli_step {
     double number; // true and false are 1 and 0; NAN: the value is no number
     enum hg_cli_op op;
     enum hgp_metric metric;
-    bool now; // frame: do not wait until it is settled
+    bool now;            // frame: do not wait until it is settled; view: close it
     enum hgp_up_axis up; // load
     union {
         struct hgp_view_set view;

@@ -216,11 +216,12 @@ static enum hg_status set_shutter(struct hg_words *w, struct hg_cli_step *s, str
 
 static enum hg_status set_planes(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
-    enum hg_status status = hg_words_take(w, "planes", &w->view->planes, err);
+    struct hg_script_view *told = &w->views->items[w->views->now];
+    enum hg_status status = hg_words_take(w, "planes", &told->planes, err);
     if (status)
         return status;
-    if (strcmp(w->view->planes, "none") == 0)
-        w->view->planes = NULL;
+    if (strcmp(told->planes, "none") == 0)
+        told->planes = NULL;
     s->view.has_planes = true;
     return HG_OK;
 }
@@ -229,7 +230,7 @@ static enum hg_status set_planes(struct hg_words *w, struct hg_cli_step *s, stru
 static enum hg_status follow_planes(
     struct hg_words *w, struct hgp_view_set *view, struct hg_error *err)
 {
-    struct hg_script_view *told = w->view;
+    struct hg_script_view *told = &w->views->items[w->views->now];
     struct hg_error inner = {0};
     if (view->has_mode)
         told->path = view->mode == HGP_render_mode_PATH;

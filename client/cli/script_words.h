@@ -13,6 +13,11 @@ struct hg_script_view {
     bool path, denoise, debug;
 };
 
+struct hg_script_views {
+    struct hg_script_view items[HG_CLI_VIEWS_MAX];
+    uint32_t now; // index of the one that lines are about
+};
+
 // One line being parsed.
 struct hg_words {
     const char *at[HG_WORDS_MAX];
@@ -20,7 +25,7 @@ struct hg_words {
     struct hg_arena *arena; // of the words
     const struct hg_cli_script_source *source;
     const char *file; // of the line
-    struct hg_script_view *view;
+    struct hg_script_views *views;
 };
 
 enum hg_status hg_words_error(struct hg_error *err, const char *fmt, ...) HG_PRINTF(2, 3);

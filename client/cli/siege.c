@@ -1,23 +1,13 @@
 // siege.c - the daemon of a siege, its phases and its report. See siege.h.
 #include "client/cli/siege.h"
 
-#include <errno.h>
-#include <ftw.h>
-#include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "base/file.h"
-#include "base/program.h"
-
-extern char **environ;
+#include "client/cli/bench_common.h"
 
 enum { WAIT_NS = 10000000, HONEST_SIDE = 64, FIRST_ROUNDS = 3 };
 #define START_NS  60000000000u
@@ -30,81 +20,18 @@ struct siege {
     double seconds;
     uint32_t clients, viewers, side, rate;
     const char *isolation, *only;
-    char folder[64], url[128], daemon[4096];
-    pid_t pid;
+    struct hg_bench_daemon daemon;
     struct hg_siege_client client[HG_SIEGE_CLIENTS + 2];
     struct hg_siege_times frames, pings; // of the honest client
     json_t *report;
 };
-
-// ---- the daemon ---------------------------------------------------------------------------------
-
-static enum hg_status spawn_daemon(struct siege *s, struct hg_error *err)
-{
-    char cache[128], file[128];
-    snprintf(cache, sizeof cache, "%s/cache", s->folder);
-    snprintf(file, sizeof file, "%s/tokens", s->folder);
-    hg_program_path("HELIOD", "../bin/heliod", s->daemon, sizeof s->daemon);
-    enum hg_status status = hg_file_write_atomic(file, tokens, sizeof tokens - 1, err);
-    if (status)
-        return status;
-    const char *argv[] = {s->daemon, "--listen", s->url, "--cache-dir", cache, "--tokens", file,
-        "--require-token", "--isolation", s->isolation, "--sandbox", "best-effort",
-        "--max-sessions-per-token", "128", "--log", "error", NULL};
-    const int failed = posix_spawn(&s->pid, s->daemon, NULL, NULL, (char *const *)argv, environ);
-    if (!failed)
-        return HG_OK;
-    s->pid = 0;
-    return hg_error_set(err, HG_E_WORKER, s->daemon, NULL, "cannot start: %s", strerror(failed));
-}
-
-static bool has_ended(struct siege *s)
-{
-    if (waitpid(s->pid, NULL, WNOHANG) == 0)
-        return false;
-    s->pid = 0; // its number may be another process's now
-    return true;
-}
-
-static enum hg_status await_daemon(struct siege *s, struct hg_error *err)
-{
-    const struct helio_options options = {.url = s->url, .token = "honest-token-1"};
-    const uint64_t until_ns = hg_clock_now_ns() + START_NS;
-    enum hg_status status;
-    struct helio *h;
-    while ((status = helio_connect(&options, &h, err)) && hg_clock_now_ns() < until_ns &&
-           !has_ended(s) && !hg_cli_is_stopped())
-        hg_clock_sleep_ns(WAIT_NS);
-    helio_destroy(h);
-    return status;
-}
-
-static int remove_one(const char *path, const struct stat *st, int kind, struct FTW *at)
-{
-    (void)st;
-    (void)kind;
-    (void)at;
-    return remove(path);
-}
-
-static void stop_daemon(struct siege *s)
-{
-    if (s->pid) {
-        kill(s->pid, SIGTERM);
-        hg_clock_sleep_ns(WAIT_NS);
-        kill(s->pid, SIGTERM); // the second one does not wait for clients
-        waitpid(s->pid, NULL, 0);
-    }
-    if (s->folder[0])
-        nftw(s->folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
-}
 
 // ---- phases -------------------------------------------------------------------------------------
 
 static struct hg_siege_client *add_client(struct siege *s, uint32_t *count, const char *token)
 {
     struct hg_siege_client *c = &s->client[(*count)++];
-    *c = (struct hg_siege_client){.url = s->url, .views = 1, .side = HONEST_SIDE};
+    *c = (struct hg_siege_client){.url = s->daemon.url, .views = 1, .side = HONEST_SIDE};
     snprintf(c->token, sizeof c->token, "%s", token);
     return c;
 }
@@ -295,22 +222,13 @@ static enum hg_status read_options(struct siege *s, const json_t *options, struc
 
 static enum hg_status begin(struct siege *s, struct hg_error *err)
 {
-    const char *temp = getenv("TMPDIR");
-    snprintf(s->folder, sizeof s->folder, "%s/helio-siege-XXXXXX", temp && *temp ? temp : "/tmp");
-    if (!mkdtemp(s->folder)) {
-        enum hg_status status = hg_error_set(err, hg_status_from_errno(errno), s->folder, NULL,
-            "cannot be made: %s", strerror(errno));
-        s->folder[0] = 0;
-        return status;
-    }
-    snprintf(s->url, sizeof s->url, "unix:%s/sock", s->folder);
+    const char *more[] = {"--isolation", s->isolation, "--max-sessions-per-token", "128", NULL};
     s->report = json_pack("{s:f, s:i, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "clients",
         (int)s->clients, "side", (int)s->side, "rate", (int)s->rate, "isolation", s->isolation,
         "classes");
     if (!s->report)
         return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
-    enum hg_status status = spawn_daemon(s, err);
-    return status ? status : await_daemon(s, err);
+    return hg_bench_daemon_start(&s->daemon, tokens, "honest-token-1", more, err);
 }
 
 static enum hg_status run(struct siege *s, struct hg_error *err)
@@ -337,7 +255,7 @@ enum hg_status hg_cli_siege(
     enum hg_status status = read_options(s, options, err);
     if (!status)
         status = run(s, err);
-    stop_daemon(s);
+    hg_bench_daemon_stop(&s->daemon);
     char *text = status ? NULL : json_dumps(s->report, JSON_REAL_PRECISION(6));
     if (text)
         *report = hg_strdup(text);

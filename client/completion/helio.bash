@@ -4,7 +4,7 @@ _helio()
     local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]}
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W 'render info compare run bake cache bench ping stats quarantine sessions --help --version' -- "$cur"))
+        COMPREPLY=($(compgen -W 'render info compare run bake cache bench serve ping stats quarantine sessions message kick drain tickets view --help --version' -- "$cur"))
         return
     fi
     case "${COMP_WORDS[1]} $prev" in
@@ -26,24 +26,48 @@ _helio()
     'render --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'info --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'info --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'run --pace') COMPREPLY=($(compgen -W 'fast recorded' -- "$cur")); return ;;
     'run --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bake --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'cache --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     'bench --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'serve --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
+    'serve --role') COMPREPLY=($(compgen -W 'view edit' -- "$cur")); return ;;
+    'serve --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'tickets --role') COMPREPLY=($(compgen -W 'view edit' -- "$cur")); return ;;
+    'view --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
+    'view --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
+    'view --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
+    'view --debug-view') COMPREPLY=($(compgen -W 'off mip residency missing cluster lod overdraw motion history probes irradiance shadows reflections scale shadow-pages' -- "$cur")); return ;;
+    'view --trace') COMPREPLY=($(compgen -W 'auto embree compute khr' -- "$cur")); return ;;
+    'view --filter') COMPREPLY=($(compgen -W 'blackman-harris box tent gaussian' -- "$cur")); return ;;
+    'view --gi') COMPREPLY=($(compgen -W 'none auto rays probes' -- "$cur")); return ;;
+    'view --temporal') COMPREPLY=($(compgen -W 'none auto checkerboard' -- "$cur")); return ;;
+    'view --reflections') COMPREPLY=($(compgen -W 'environment auto rays cache' -- "$cur")); return ;;
+    'view --ao') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;
+    'view --mirrors') COMPREPLY=($(compgen -W 'auto none' -- "$cur")); return ;;
+    'view --shadow-maps') COMPREPLY=($(compgen -W 'auto cascades virtual' -- "$cur")); return ;;
+    'view --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
     render) options='--output --size --region --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --up --point-size --variant --strict --env --sun --env-intensity --env-rotation --exposure --ground --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --reconnect --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     info) options='--scene --up --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --mask --diff --timeout --log --help' ;;
-    run) options='--junit --report --update-references --define --connect --token --token-file --timeout --reconnect --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
+    run) options='--junit --report --update-references --define --record --replay --pace --connect --token --token-file --timeout --reconnect --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     bake) options='--output --textures-only --geometry-only --stats --scene --point-size --strict --timeout --asset-root --host-budget --cache-limit --threads --log --quiet --verbose --progress --help' ;;
     cache) options='--verify --clear --json --cache-dir --progress --help' ;;
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --progress --help' ;;
+    serve) options='--up --point-size --port --listen --role --open --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --verbose --progress --help' ;;
     ping) options='--count --connect --token --token-file --timeout --help' ;;
     stats) options='--connect --token --token-file --timeout --help' ;;
     quarantine) options='--json --connect --token --token-file --timeout --help' ;;
-    sessions) options='--json --connect --token --token-file --timeout --help' ;;
+    sessions) options='--json --interval --connect --token --token-file --timeout --help' ;;
+    message) options='--scene --session --connect --token --token-file --timeout --help' ;;
+    kick) options='--reason --block --connect --token --token-file --timeout --help' ;;
+    drain) options='--reason --deadline --stay --cancel --connect --token --token-file --timeout --help' ;;
+    tickets) options='--json --scene --role --uses --valid --label --connect --token --token-file --timeout --help' ;;
+    view) options='--size --screenshots --full-screen --view --camera --orbit --eye --target --fov --up --point-size --variant --env --sun --env-intensity --env-rotation --exposure --ground --background --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --spp --record --connect --token --token-file --timeout --reconnect --upload --join --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     esac
     case "$cur" in
     -*) COMPREPLY=($(compgen -W "$options" -- "$cur")) ;;

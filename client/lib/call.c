@@ -296,7 +296,7 @@ enum hg_status helio_ping(struct helio *h, uint64_t *rtt_ns, struct hg_error *er
     if (answer->body->pong.nonce != begin)
         status = hg_error_set(err, HG_E_FORMAT, "pong", "nonce", "not the one that was sent");
     else
-        *rtt_ns = hg_clock_now_ns() - begin;
+        h->rtt_ns = *rtt_ns = answer->received_ns - begin;
     helio_message_free(answer);
     return status;
 }

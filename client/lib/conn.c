@@ -94,6 +94,7 @@ static void *frame_create(const struct hgp_header *header)
         return NULL;
     }
     message->header = *header;
+    message->begun_ns = hg_clock_now_ns();
     message->payload = payload;
     return message;
 }

@@ -36,6 +36,7 @@ struct hg_client_message {
     struct hg_arena arena;
     struct hgp_header header;
     uint8_t *payload;
+    uint64_t begun_ns; // when its header came
     struct hg_client_message *next;
 };
 
@@ -43,6 +44,13 @@ struct hg_client_message {
 struct hg_client_queue {
     struct hg_client_message *first, *last;
     size_t count, bytes;
+};
+
+// What the server said last about a limit.
+struct hg_client_limited {
+    bool is_set;
+    uint32_t request, retry_after_ms;
+    char limit[33];
 };
 
 // What the other end said of itself.
@@ -54,13 +62,7 @@ struct hg_client_server {
     uint64_t session;
     uint32_t send_limit; // payload bytes that it takes
     char scene[129];     // of a join ticket; "" = none
-};
-
-// What the server said last about a limit.
-struct hg_client_limited {
-    bool is_set;
-    uint32_t request, retry_after_ms;
-    char limit[33];
+    struct hg_client_limited limited;
 };
 
 // Going on with the session on another connection.
@@ -87,6 +89,7 @@ struct helio {
     struct hg_client_server server;
     uint32_t receive_limit, next_request;
     uint64_t timeout_ns, open_timeout_ns, heard_ns;
+    uint64_t rtt_ns; // of the newest helio_ping; 0 = none yet
 
     struct hg_writer out; // out.data[out_sent..out.size) waits to be sent
     size_t out_sent;
@@ -94,7 +97,7 @@ struct helio {
     struct hg_client_queue queue;
     struct helio_handlers handlers;
     struct hg_client_resume resume;
-    struct hg_client_limited limited;
+    struct helio_tap tap;
 };
 
 // Ends the connection for a reason (the first one is kept) and reports it.

@@ -180,7 +180,10 @@ enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *messa
         return hg_error_set(err, HG_E_INVAL, info ? info->name : "message", NULL,
             "not a message that clients send");
     uint32_t id = request ? h->next_request : 0;
+    const size_t before = h->out.size;
     enum hg_status status = hg_client_enqueue(h, type, id, message, err);
+    if (!status && h->tap.sent)
+        h->tap.sent(h->tap.user, h->out.data + before, h->out.size - before);
     if (!status && request) {
         *request = id;
         h->next_request = id + 1 == HG_CLIENT_OWN_REQUEST ? 1 : id + 1;
@@ -277,6 +280,11 @@ void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers)
     h->handlers = handlers ? *handlers : (struct helio_handlers){0};
 }
 
+void helio_set_tap(struct helio *h, const struct helio_tap *tap)
+{
+    h->tap = tap ? *tap : (struct helio_tap){0};
+}
+
 void helio_set_timeout(struct helio *h, uint64_t timeout_ns)
 {
     h->timeout_ns = timeout_ns;
@@ -287,4 +295,19 @@ void helio_interrupt(struct helio *h)
     uint64_t one = 1;
     ssize_t n = write(h->wake_fd, &one, sizeof one);
     (void)n; // full counter: the interrupt is pending already
+}
+
+enum hg_status helio_taken(struct helio *h, const struct helio_message *frame, struct hg_error *err)
+{
+    if (frame->type != HGP_T_frame || frame->request)
+        return hg_error_set(err, HG_E_INVAL, "taken", NULL, "is for frames of a subscription");
+    const struct hgp_taken taken = {.view = frame->body->frame.view,
+        .number = frame->body->frame.number,
+        .has_begun_ns = true,
+        .begun_ns = frame->begun_ns,
+        .has_received_ns = true,
+        .received_ns = frame->received_ns,
+        .has_rtt_ns = h->rtt_ns > 0,
+        .rtt_ns = h->rtt_ns};
+    return helio_send(h, HGP_T_taken, &taken, NULL, err);
 }

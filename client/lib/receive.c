@@ -1,5 +1,6 @@
 #include <string.h>
 
+#include "base/clock.h"
 #include "client/lib/receive.h"
 
 static uint32_t payload_limit(const struct helio *h)
@@ -18,7 +19,9 @@ static enum hg_status deliver(struct helio *h, struct hg_client_message *message
     message->pub = (struct helio_message){.type = header.type,
         .request = header.request,
         .size_bytes = header.length,
-        .body = &message->body};
+        .body = &message->body,
+        .begun_ns = message->begun_ns,
+        .received_ns = hg_clock_now_ns()};
     uint32_t expected = h->embedded ? HG_CLIENT_PRIVATE_CHANNEL : 0;
     struct hgp_fault fault = {0};
     enum hg_status status = HG_OK;

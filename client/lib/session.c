@@ -42,17 +42,17 @@ static enum hg_status fail_from_error(struct helio *h, const struct hgp_error *e
 // It comes right before the error that it is of.
 static void take_limit(struct helio *h, const struct hgp_limited *m)
 {
-    h->limited.is_set = true;
-    h->limited.request = m->request;
-    h->limited.retry_after_ms = m->retry_after_ms;
-    snprintf(h->limited.limit, sizeof h->limited.limit, "%.*s", (int)m->limit.size,
+    h->server.limited.is_set = true;
+    h->server.limited.request = m->request;
+    h->server.limited.retry_after_ms = m->retry_after_ms;
+    snprintf(h->server.limited.limit, sizeof h->server.limited.limit, "%.*s", (int)m->limit.size,
         m->limit.size ? m->limit.data : "");
 }
 
 void hg_client_add_limit(struct helio *h, uint32_t request, struct hg_error *err)
 {
-    if (h->limited.is_set && h->limited.request == request)
-        hg_error_limit(err, h->limited.limit, h->limited.retry_after_ms);
+    if (h->server.limited.is_set && h->server.limited.request == request)
+        hg_error_limit(err, h->server.limited.limit, h->server.limited.retry_after_ms);
 }
 
 // The session is open: it is kept from now on, or gives way to the one that was lost.
@@ -245,6 +245,8 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
             status = greeting(h, message);
         } else {
             h->draining |= message->pub.type == HGP_T_drain;
+            if (h->tap.received)
+                h->tap.received(h->tap.user, &message->pub);
             hg_client_queue_push(&h->queue, message);
             used = false;
         }

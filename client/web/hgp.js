@@ -37,7 +37,7 @@ export const status = {
 
 export const enums = {
     role: { NONE: 0, VIEW: 1, EDIT: 2, ADMIN: 3 },
-    encoding: { RAW_RGBA8: 0, RAW_RGBA32F: 1, ZSTD_RGBA8: 2, PNG8: 3, PNG16: 4, JPEG: 5, EXR_HALF: 6, EXR_FLOAT: 7 },
+    encoding: { RAW_RGBA8: 0, RAW_RGBA32F: 1, ZSTD_RGBA8: 2, PNG8: 3, PNG16: 4, JPEG: 5, EXR_HALF: 6, EXR_FLOAT: 7, JPEG_444: 8, H264: 9, H264_444: 10, AV1: 11, TILES: 12, TILES_JPEG: 13 },
     render_mode: { REALTIME: 0, PATH: 1 },
     trace_backend: { AUTO: 0, EMBREE: 1, COMPUTE: 2, KHR: 3 },
     denoise: { OFF: 0, STILL: 1, ANIMATION: 2 },
@@ -854,6 +854,11 @@ export const messages = {
             { name: "mirrors", kind: "enum", values: "mirrors", since: 1, optional: true },
             { name: "shadow_maps", kind: "enum", values: "shadow_maps", since: 1, optional: true },
             { name: "sharpen", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "codecs", kind: "bytes", max: 16, since: 1, optional: true },
+            { name: "bitrate", kind: "u32", least: 0, most: 1000000000, since: 1, optional: true },
+            { name: "target_fps", kind: "f32", least: 0, most: 1e+03, since: 1, optional: true },
+            { name: "hidden", kind: "u8", least: 0, most: 1, since: 1, optional: true },
+            { name: "names", kind: "u8", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -883,6 +888,7 @@ export const messages = {
             { name: "next_up", kind: "vec3", since: 1, optional: true },
             { name: "lens_radius", kind: "f32", least: 0, most: 1e+06, since: 1, optional: true },
             { name: "focus_distance", kind: "f32", least: 0, most: 1e+12, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // one frame, answered by frame with this request id
@@ -940,6 +946,15 @@ export const messages = {
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1, optional: true },
             { name: "black", kind: "f32", least: 0, most: 1, since: 1, optional: true },
             { name: "clipped", kind: "f32", least: 0, most: 1, since: 1, optional: true },
+            { name: "depends", kind: "u32", least: 1, most: 4294967295, since: 1, optional: true },
+            { name: "codec", kind: "str", max: 32, since: 1, optional: true },
+            { name: "input_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "taken_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "render_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "render_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "encode_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "encode_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "sent_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
     // what would a settled frame of this view be made from? From here on its settled frames say it, too
@@ -1041,6 +1056,45 @@ export const messages = {
         fields: [
             { name: "mode", kind: "enum", values: "exposure_mode", since: 1 },
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
+        ],
+    },
+    // the client has this frame of the view's subscription, and gives credit for one more. Of every frame, for views with names 1
+    taken: {
+        type: 0x0313, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+        ],
+    },
+    // what time is it at the daemon? Answered at once
+    clock_query: {
+        type: 0x0314, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [],
+    },
+    // answer
+    clock: {
+        type: 0x0315, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+        ],
+    },
+    // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got
+    key_frame: {
+        type: 0x0318, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "failed", kind: "u8", least: 0, most: 255, since: 1, optional: true },
+        ],
+    },
+    // of a view with codecs: frames in motion have this encoding from now on; comes after view_set or key_frame was answered, and before the first such frame
+    view_codec: {
+        type: 0x0319, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1 },
         ],
     },
     // what is under a pixel of the newest frame?
@@ -1233,6 +1287,18 @@ export const messages = {
             { name: "channel", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
             { name: "view", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
+    // the client of the channel has a frame of its subscription, and all before it
+    delivered: {
+        type: 0x0508, direction: "B2W", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "number", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "at_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
+            { name: "begun_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "received_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "rtt_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
         ],
     },
 };

@@ -10,6 +10,7 @@
 
 #define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
 #define MOVE_RAYS 8000  // of a picture in motion
+#define LEAST_RAYS 256   // also of one of many
 
 static struct hg_gi_key key_of(const struct hg_view_state *view)
 {
@@ -105,8 +106,10 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
 
 uint32_t hg_gi_view_rays(const struct hg_view_state *view)
 {
-    const float share = hg_quality_choose(&view->motion.quality, view->settings.target_ms).rays;
-    return (uint32_t)(share * MOVE_RAYS);
+    const float share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
+    const uint32_t views = view->motion.sharing > 0 ? view->motion.sharing : 1;
+    const uint32_t rays = (uint32_t)(share * MOVE_RAYS) / views; // of one field for all of them
+    return rays > LEAST_RAYS ? rays : LEAST_RAYS;
 }
 
 static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_error *err)

@@ -82,7 +82,7 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (r->world.trace == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
-    r->share = hg_quality_choose(&view->motion.quality, view->settings.target_ms).rays;
+    r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
     // Without a cache all that rays meet is shaded.
     r->caches =
         view->settings.reflections == HG_VIEW_REFLECTIONS_CACHE && sync_cache(view) == HG_OK;

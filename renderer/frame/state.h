@@ -157,6 +157,8 @@ struct hg_view_state {
     struct hg_draw_unlit unlit;
     struct hg_prefetch prefetch;
     struct { // of pictures in motion
+        float budget_ms;  // target of the frame time where the settings have none; 0 = none either
+        uint32_t sharing; // views of the scene that move, this one included; 0 = it alone
         struct hg_quality quality;
         struct hg_temporal_view temporal;
         struct hg_reflect_view reflections;
@@ -169,6 +171,13 @@ struct hg_view_state {
     bool path_begins;     // its next step begins a picture: the film is of an older one
     bool path_preview;    // `accumulated` holds a real-time sample of the same state
 };
+
+// The frame time in motion that the quality gives way to; 0 = none.
+static inline float hg_view_target_ms(const struct hg_view_state *view)
+{
+    const float ms = view->settings.target_ms;
+    return ms > 0.0f ? ms : view->motion.budget_ms;
+}
 
 // The region of the settings in full: never empty.
 struct hg_picture_region hg_view_region(const struct hg_view_settings *settings);

@@ -148,7 +148,8 @@ static VkRect2D find_posed(const struct hg_view_state *view, const struct hg_dra
 static struct hg_quality_choice choose(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    struct hg_quality_choice choice = hg_quality_choose(&view->motion.quality, s->target_ms);
+    struct hg_quality_choice choice =
+        hg_quality_choose(&view->motion.quality, hg_view_target_ms(view));
     choice.checkerboard |= s->temporal == HG_VIEW_TEMPORAL_CHECKERBOARD;
     choice.scale = choice.checkerboard ? 1.0f : s->scale > 0.0f ? s->scale : choice.scale;
     return choice;

@@ -296,7 +296,6 @@ static void note_quality(struct hg_view_state *view)
         {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
         {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};
     const struct hg_view_stats *stats = &view->stats;
-    const struct hg_view_settings *s = &view->settings;
     float ms[HG_QUALITY_PARTS] = {0}, known = 0.0f, visibility_ms = 0.0f;
     for (uint32_t i = 0; i < stats->stage_count; i++)
         for (size_t k = 0; k < sizeof parts / sizeof parts[0]; k++) {
@@ -311,7 +310,7 @@ static void note_quality(struct hg_view_state *view)
     ms[HG_QUALITY_PIXELS] += of_pixels_ms;
     ms[HG_QUALITY_REST] = fmaxf((float)((double)stats->step_ns * 1e-6) - known, 0.0f);
     const struct hg_quality_levers levers = levers_of(view);
-    hg_quality_note(&view->motion.quality, ms, s->target_ms, &levers);
+    hg_quality_note(&view->motion.quality, ms, hg_view_target_ms(view), &levers);
 }
 
 // The request of a step. In motion geometry may be coarser to keep the frame time.
@@ -330,7 +329,8 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
         .max_samples = max_samples,
         .error_px = s->error_px};
     if (moves)
-        request.error_px *= hg_quality_choose(&view->motion.quality, s->target_ms).factor;
+        request.error_px *=
+            hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).factor;
     request.flags |= moves ? HG_DRAW_MOVES : 0;
     request.flags |= view->final ? HG_DRAW_FINAL : 0;
     request.flags |= (view->formats & ~1u) != 0 ? HG_DRAW_ACCUMULATE : 0;

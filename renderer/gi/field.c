@@ -385,50 +385,82 @@ static bool is_lit(const struct hg_gi_field *f, uint32_t probe)
 
 // --- looking -------------------------------------------------------------------------------------
 
-static float probe_weight(const struct hg_gi_field *f, uint32_t probe, const struct hg_gi_point *p,
-    const float lifted[3], const float xi[3])
+// One of the eight probes around a point.
+struct corner {
+    uint32_t probe;
+    float weight;       // trilinear
+    float at[3];        // the probe's position
+    float from[3];      // from there to the point that is looked up, metres
+    const float *reach; // mean and variance of distances that way, spacings
+    const float *light;
+};
+
+static float visibility(
+    const struct hg_gi_field *f, const struct corner *c, const struct hg_gi_point *p)
 {
-    float at[3], to[3], from[3];
-    hg_gi_probe_position(f, probe, at);
-    hg_sub3(at, p->position, to);
+    float to[3];
+    hg_sub3(c->at, p->position, to);
     hg_normalize3(to);
-    hg_sub3(lifted, at, from);
     const float wrap = hg_dot3(to, p->normal) * 0.5f + 0.5f;
-    const float distance = hg_length3(from) / f->spacing;
-    const float *reach = f->means[probe].reach[texel_of(from, MOMENT_SIDE, xi[1], xi[2])];
-    const float beyond = fmaxf(distance - reach[0], 0);
-    const float seen = reach[1] / (reach[1] + beyond * beyond);
+    const float distance = hg_length3(c->from) / f->spacing;
+    const float beyond = fmaxf(distance - c->reach[0], 0);
+    const float seen = c->reach[1] / (c->reach[1] + beyond * beyond);
     const float weight = fmaxf((wrap * wrap + 0.02f) * seen * seen * seen, 1e-6f);
     return weight < 0.2f ? weight * weight * weight * 25 : weight;
 }
 
-// Of the eight probes around a point: light times weight, and weight. at: the point that is looked
-// up, in units of the grid.
-static void look(const struct hg_gi_field *f, const struct hg_gi_point *p, const float lifted[3],
-    const float at[3], const float xi[3], float sum[4])
+// The probes around a point that take part and what is read of them, which is on its way into the
+// cache afterwards: a field is larger than caches, and waiting for one probe after another was half
+// of a lookup. at: the point that is looked up, in units of the grid. Returns how many.
+static uint32_t find_corners(const struct hg_gi_field *f, const float lifted[3], const float at[3],
+    uint32_t texel, const float xi[3], struct corner corners[8])
 {
     float fraction[3];
-    uint32_t base[3];
+    uint32_t base[3], found = 0;
     for (int a = 0; a < 3; a++) {
         const float most = f->counts[a] > 1 ? (float)(f->counts[a] - 2) : 0;
         base[a] = (uint32_t)hg_clampf(floorf(at[a]), 0, most);
         fraction[a] = hg_clampf(at[a] - (float)base[a], 0, 1);
     }
-    const uint32_t t = texel_of(p->normal, IRRADIANCE_SIDE, xi[0], xi[1]);
     for (uint32_t i = 0; i < 8; i++) {
-        float weight = 1;
+        struct corner *c = &corners[found];
         uint32_t cell[3];
+        c->weight = 1;
         for (int a = 0; a < 3; a++) {
             const uint32_t off = i >> a & 1;
-            weight *= off ? fraction[a] : 1 - fraction[a];
+            c->weight *= off ? fraction[a] : 1 - fraction[a];
             cell[a] = base[a] + off < f->counts[a] ? base[a] + off : f->counts[a] - 1;
         }
-        const uint32_t k = (cell[2] * f->counts[1] + cell[1]) * f->counts[0] + cell[0];
-        if (weight <= 0 || !hg_gi_probe_is_awake(f, k) || f->irradiance[k].weight[t] <= 0)
+        c->probe = (cell[2] * f->counts[1] + cell[1]) * f->counts[0] + cell[0];
+        if (c->weight <= 0 || !hg_gi_probe_is_awake(f, c->probe))
             continue;
-        weight *= probe_weight(f, k, p, lifted, xi);
-        for (int c = 0; c < 3; c++)
-            sum[c] += weight * f->means[k].light[t][c];
+        hg_gi_probe_position(f, c->probe, c->at);
+        hg_sub3(lifted, c->at, c->from);
+        const struct hg_gi_means *means = &f->means[c->probe];
+        c->reach = means->reach[texel_of(c->from, MOMENT_SIDE, xi[1], xi[2])];
+        c->light = means->light[texel];
+        __builtin_prefetch(c->reach);
+        __builtin_prefetch(c->light);
+        __builtin_prefetch(&f->irradiance[c->probe].weight[texel]);
+        found++;
+    }
+    return found;
+}
+
+// Of the eight probes around a point: light times weight, and weight.
+static void look(const struct hg_gi_field *f, const struct hg_gi_point *p, const float lifted[3],
+    const float at[3], const float xi[3], float sum[4])
+{
+    struct corner corners[8];
+    const uint32_t texel = texel_of(p->normal, IRRADIANCE_SIDE, xi[0], xi[1]);
+    const uint32_t count = find_corners(f, lifted, at, texel, xi, corners);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct corner *c = &corners[i];
+        if (f->irradiance[c->probe].weight[texel] <= 0)
+            continue;
+        const float weight = c->weight * visibility(f, c, p);
+        for (int k = 0; k < 3; k++)
+            sum[k] += weight * c->light[k];
         sum[3] += weight;
     }
 }

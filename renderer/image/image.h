@@ -119,6 +119,7 @@ struct hg_image_encode {
     bool opaque;                                 // drop alpha: RGB instead of RGBA
     const struct hg_image_attribute *attributes; // [attribute_count]; EXR, PNG and JPEG text
     size_t attribute_count;
+    bool full_chroma; // JPEG: 4:4:4 at any quality
 };
 
 // Appends the file's bytes to `out`. The same image and parameters give the same bytes.

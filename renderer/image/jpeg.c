@@ -32,7 +32,7 @@ static enum hg_status compress(tjhandle handle, const struct hg_image *image,
     const struct hg_image_encode *params, struct hg_writer *out, struct hg_error *err)
 {
     int quality = params->quality;
-    int subsampling = quality >= 90 ? TJSAMP_444 : TJSAMP_420;
+    int subsampling = quality >= 90 || params->full_chroma ? TJSAMP_444 : TJSAMP_420;
     unsigned long capacity = tjBufSize((int)image->width, (int)image->height, subsampling);
     unsigned char *bytes = hg_calloc(capacity, 1);
     if (!bytes)

@@ -16,6 +16,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "server/broker/call_filter.h"
+#include "server/broker/address_list.h"
 #include "server/broker/confine.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
@@ -30,6 +31,7 @@
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 #include "server/broker/state.h"
+#include "server/broker/web.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4, EXIT_LAUNCHER = 5 };
 enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
@@ -65,6 +67,8 @@ enum hg_status hg_broker_check(const struct hg_options *o, struct hg_error *err)
     enum hg_status status = read_tokens(o, &tokens, err);
     if (!status)
         status = check_listen(o, &tokens, err);
+    if (!status)
+        status = hg_address_list_check(&o->metrics_from, "--metrics-from", err);
     if (!status && o->log)
         status = hg_log_configure(o->log, err);
     hg_tokens_finish(&tokens);
@@ -143,6 +147,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .options = &b->options, .tokens = &b->tokens, .sessions = &b->sessions, .audit = &b->audit};
     b->conns = (struct hg_conn_table){.loop = &b->loop,
         .options = &b->options,
+        .web = &b->web,
         .slots = {.options = &b->options},
         .events = &hg_client_dispatch_events,
         .owner = &b->admission};
@@ -152,7 +157,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .conns = &b->conns,
         .pool = &b->pool,
         .audit = &b->audit,
-        .quarantine = &b->quarantine,
+        .quarantine = &b->guests.quarantine,
         .tickets = &b->guests.tickets,
         .blocks = &b->guests.blocks,
         .scenes = {.pool = &b->pool, .store = b->store}};
@@ -549,6 +554,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     if (!status)
         status = open_store(b, err);
     if (!status)
+        status = hg_web_open(&b->web, &b->options, &b->sessions, err);
+    if (!status)
         status = wire_up(b, err);
     if (!status)
         status = hg_takeover_inherit(&b->takeover, err); // before there is a log
@@ -584,6 +591,7 @@ static void stop(struct hg_broker *b)
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);
     hg_launcher_stop(&b->launcher);
+    hg_web_files_finish(&b->web.files);
     hg_upload_store_destroy(b->store);
     hg_join_tickets_finish(&b->guests.tickets);
     hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);

@@ -5,9 +5,14 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   json
+//   json counters
+//   web_files                                    what HTTP serves
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
+//   address_list                                 addresses in options
 //   transport state_file upload                  bytes of a peer; of the state log; of a content
+//   http_answer ws_transport                     HTTP: requests to answers; WebSocket
+//   http_transport                               streams of HTTP
+//   detect                                       HGP or HTTP
 //   packet listener peer_table state_folder      whole messages; where clients come in, and from
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record
@@ -32,6 +37,8 @@
 //   session_park
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
+//   metrics                                      statistics
+//   web                                          what HTTP serves, put together
 //   recovery client_dispatch state               a new worker; a client's messages; restarts
 //   handover                                     all of it, for the next program
 //   takeover                                     SIGUSR2
@@ -45,6 +52,7 @@
 
 // Who is let in besides those whom the file of tokens names, and who is not.
 struct hg_guests {
+    struct hg_quarantine quarantine; // files that are not
     struct hg_join_tickets tickets;
     struct hg_block_list blocks;
 };
@@ -56,7 +64,6 @@ struct hg_broker {
     char *const *argv; // for reloads
     struct hg_tokens tokens;
     struct hg_audit audit;
-    struct hg_quarantine quarantine;
     struct hg_guests guests;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
@@ -64,6 +71,7 @@ struct hg_broker {
     struct hg_state_log *state;
     struct hg_source state_news;
     struct hg_admission admission;
+    struct hg_web web;
     struct hg_conn_table conns;
     struct hg_session_table sessions;
     struct hg_launcher launcher;

@@ -4,7 +4,9 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/clock.h"
 #include "base/sha256.h"
+#include "server/broker/counters.h"
 #include "server/broker/resume.h"
 #include "server/broker/session.h"
 #include "server/broker/session_allow.h"
@@ -83,6 +85,7 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
     enum hgp_role role = token ? token->role : HGP_role_ADMIN;
     const char *name = token ? token->name : "local";
     if (check_session(conn, token, &err)) {
+        hg_count(HG_COUNT_REFUSED_SESSION);
         audit_refusal(conn, name, err.status, err.reason);
         hg_conn_close(conn, &err, "session");
         return false;
@@ -104,6 +107,7 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
         conn->session->scope = token->scope;
     hg_conn_set_open(
         conn, token && token->scope.max_rate ? token->scope.max_rate : a->options->max_rate);
+    hg_count(HG_COUNT_SESSIONS);
     hg_session_audit(conn->session, "login", HG_OK, NULL);
     hg_info(SESSION, "session %llu open: %s, role %s, client %s, from %s",
         (unsigned long long)conn->number, name, hgp_enum_name("role", role), conn->client,
@@ -163,6 +167,7 @@ static uint64_t penalty_ns(const struct hg_conn *conn)
 static void refuse_token(struct hg_conn *conn)
 {
     uint64_t now_ns = conn->table->loop->now_ns;
+    hg_count(HG_COUNT_REFUSED_TOKEN);
     hg_peer_table_count_failure(&conn->table->slots.peers, conn->slot.source, now_ns);
     if (hg_peer_log_may(&conn->table->log, now_ns))
         hg_warn(AUTH, "wrong token from %s (client %s), %llu wrong ones in all", conn->peer.name,
@@ -338,6 +343,7 @@ static void refuse_payload(struct hg_conn *conn, const struct hgp_header *header
         snprintf(place, sizeof place, "byte %llu", (unsigned long long)fault->offset);
     hg_error_set(&err, status, info ? info->name : "message", place, "%s (byte %llu)",
         fault->reason ? fault->reason : hg_status_text(status), (unsigned long long)fault->offset);
+    hg_count(HG_COUNT_REFUSED_MESSAGE);
     if (conn->state == HG_CONN_OPEN)
         hg_conn_fail(conn, header->request, &err);
     else
@@ -372,6 +378,10 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         return;
     case HGP_T_ping:
         hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
+        return;
+    case HGP_T_clock_query:
+        hg_conn_send_urgent(
+            conn, request, HGP_T_clock, &(struct hgp_clock){.time_ns = hg_clock_now_ns()});
         return;
     case HGP_T_pong:
         return;

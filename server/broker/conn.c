@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "server/broker/counters.h"
 #include "server/broker/list.h"
 
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
@@ -12,7 +13,7 @@ enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT =
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
 enum { RESTED_BEFORE_TRIM = 64 };
 // Of a connection in one round of the loop: the others wait for it.
-enum { MESSAGES_PER_ROUND = 32, ROUND_NS = 250000 };
+enum { MESSAGES_PER_ROUND = 32, READS_PER_ROUND = 16, ROUND_NS = 250000 };
 static const uint64_t rest_ns = 2000000000;
 
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
@@ -35,6 +36,7 @@ static void send_packet(
         hg_packet_unref(packet);
         return;
     }
+    hg_count(HG_COUNT_MESSAGES_OUT);
     if (urgent ? hg_outq_push_urgent(&conn->out, packet, request)
                : hg_outq_push(&conn->out, packet, request, 0))
         hg_conn_kill(conn, "no memory for an answer");
@@ -104,7 +106,9 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     struct hg_conn_table *table = conn->table;
     if (conn->state == HG_CONN_DEAD)
         return;
-    if (conn->state < HG_CONN_OPEN)
+    if (conn->state < HG_CONN_OPEN && conn->transport.served)
+        hg_debug(NET, "closed %s: %s", conn->peer.name, reason);
+    else if (conn->state < HG_CONN_OPEN)
         hg_peer_warn(&table->log, table->loop->now_ns, NET, "closed %s before it was open: %s",
             conn->peer.name, reason);
     else
@@ -120,6 +124,18 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     HG_LIST_REMOVE(table->first, conn);
     conn->next = table->dead;
     table->dead = conn;
+}
+
+// Nothing of HGP is sent any more; what waits in the transport is, and then it is closed.
+static void close_transport(struct hg_conn *conn)
+{
+    hg_outq_finish(&conn->out);
+    conn->state = HG_CONN_CLOSING;
+    conn->deadline_ns = conn->table->loop->now_ns + CLOSING_NS;
+    conn->table->closing = true;
+    if (conn->paused)
+        conn->table->paused_count--;
+    conn->paused = false;
 }
 
 void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char *reason)
@@ -164,6 +180,7 @@ static uint32_t payload_limit(const struct hg_conn *conn)
 static void refuse_stream(struct hg_conn *conn, enum hg_status status)
 {
     struct hg_error err = {0};
+    hg_count(HG_COUNT_REFUSED_MESSAGE);
     if (status == HG_E_LIMIT)
         hg_error_set(&err, status, "message", "length", "payloads may have %u bytes here",
             payload_limit(conn));
@@ -186,7 +203,7 @@ static bool may_take_message(struct hg_conn *conn)
 static bool must_pause(struct hg_conn *conn)
 {
     if (conn->state < HG_CONN_OPEN)
-        return conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
+        return conn->deferred || conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
     if (conn->state != HG_CONN_OPEN)
         return false;
     return conn->table->quiet || conn->deferred || hg_conn_is_slow(conn) ||
@@ -199,6 +216,7 @@ static bool take_preface(struct hg_conn *conn)
     if (!bytes)
         return false;
     if (memcmp(bytes, HGP_PREFACE, HGP_PREFACE_BYTES) != 0) {
+        hg_count(HG_COUNT_REFUSED_PREFACE);
         hg_conn_kill(conn, "not an HGP client");
         return false;
     }
@@ -217,8 +235,10 @@ static bool take_message(struct hg_conn *conn)
     if (!packet)
         return false;
     conn->rate.allowance -= 1;
+    hg_count(HG_COUNT_MESSAGES_IN);
     if (conn->state < HG_CONN_OPEN && conn->rate.allowance < 0) {
         struct hg_error err = {0};
+        hg_count(HG_COUNT_REFUSED_MESSAGE);
         hg_packet_unref(packet);
         hg_error_set(&err, HG_E_LIMIT, "message", NULL,
             "at most %d messages come before the session is open", MESSAGES_BEFORE_OPEN);
@@ -247,15 +267,44 @@ static void process(struct hg_conn *conn)
         hg_conn_kill(conn, "the client closed the connection");
 }
 
+// A request of HTTP, or an answer, has its own time.
+static void check_stage(struct hg_conn *conn)
+{
+    const struct hg_options *o = conn->table->options;
+    if (conn->transport.known_stage == conn->transport.stage)
+        return;
+    conn->transport.known_stage = conn->transport.stage;
+    if (conn->state < HG_CONN_OPEN)
+        conn->deadline_ns =
+            conn->table->loop->now_ns +
+            (conn->transport.known_stage & 1 ? o->peer_timeout_ns : o->handshake_timeout_ns);
+}
+
+// The transport has ended the conversation in its own way.
+static void end_transport(struct hg_conn *conn, enum hg_status status)
+{
+    if (status == HG_E_FORMAT)
+        hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, NET, "closing %s: %s",
+            conn->peer.name, conn->transport.fault ? conn->transport.fault : "protocol error");
+    close_transport(conn);
+}
+
 static void receive(struct hg_conn *conn)
 {
+    const uint64_t before = conn->in.total_bytes;
     enum hg_status status = hg_packet_receive(&conn->in, &conn->transport);
+    hg_count_add(HG_COUNT_BYTES_IN, conn->in.total_bytes - before);
     conn->received_ns = conn->table->loop->now_ns;
     conn->ping_ns = 0;
+    check_stage(conn);
     if (conn->state == HG_CONN_CLOSING) { // further input is discarded
         hgp_framer_finish(&conn->in);
         if (status == HG_E_CLOSED || status == HG_E_IO)
             hg_conn_kill(conn, "the client closed the connection");
+        return;
+    }
+    if (status == HG_E_STATE || status == HG_E_FORMAT) {
+        end_transport(conn, status);
         return;
     }
     if (status == HG_E_CLOSED)
@@ -265,17 +314,48 @@ static void receive(struct hg_conn *conn)
     process(conn);
 }
 
+// What a transport holds back (a part of a TLS record, a request behind another) announces itself
+// by no event.
+static void receive_all(struct hg_conn *conn)
+{
+    for (int i = 0; i < READS_PER_ROUND; i++) {
+        receive(conn);
+        if (conn->state >= HG_CONN_CLOSING || conn->peer_ended || must_pause(conn) ||
+            !hg_transport_has_input(&conn->transport))
+            return;
+    }
+    conn->deferred = conn->table->deferred = true;
+}
+
+// All that was for the client is on its way: it sees the end.
+static void finish_closing(struct hg_conn *conn)
+{
+    enum hg_status status = hg_transport_flush(&conn->transport);
+    if (!status)
+        conn->transport.class->end_writing(&conn->transport);
+    conn->transport.farewell = !status;
+    if ((!status && conn->peer_ended) || status == HG_E_CLOSED || status == HG_E_IO)
+        hg_conn_kill(conn, "done");
+}
+
 static void transmit(struct hg_conn *conn)
 {
     bool was_slow = hg_conn_is_slow(conn);
-    if (hg_outq_flush(&conn->out, &conn->transport)) {
+    const size_t before = conn->out.bytes;
+    enum hg_status status = hg_outq_flush(&conn->out, &conn->transport);
+    hg_count_add(HG_COUNT_BYTES_OUT, before - conn->out.bytes);
+    if (status) {
         hg_conn_kill(conn, "the client closed the connection");
         return;
     }
     if (conn->state == HG_CONN_CLOSING && !conn->out.head) {
-        conn->transport.class->end_writing(&conn->transport);
-        if (conn->peer_ended)
-            hg_conn_kill(conn, "done");
+        finish_closing(conn);
+        return;
+    }
+    status = hg_transport_flush(&conn->transport);
+    check_stage(conn);
+    if (status == HG_E_CLOSED || status == HG_E_IO) {
+        hg_conn_kill(conn, "the client closed the connection");
         return;
     }
     if (conn->starved || (was_slow && !hg_conn_is_slow(conn))) {
@@ -287,10 +367,13 @@ static void transmit(struct hg_conn *conn)
 static void ready(struct hg_source *source, uint32_t events)
 {
     struct hg_conn *conn = source->owner;
-    if (events & EPOLLOUT)
+    bool read = events & EPOLLIN;
+    if (events & EPOLLOUT) {
         transmit(conn);
-    if ((events & EPOLLIN) && conn->state != HG_CONN_DEAD)
-        receive(conn);
+        read |= !conn->paused && hg_transport_has_input(&conn->transport);
+    }
+    if (read && conn->state != HG_CONN_DEAD)
+        receive_all(conn);
     if ((events & (EPOLLERR | EPOLLHUP)) && !(events & EPOLLIN) && conn->state != HG_CONN_DEAD)
         hg_conn_kill(conn, "the client closed the connection");
     if (conn->state != HG_CONN_DEAD)
@@ -307,8 +390,10 @@ void hg_conn_update(struct hg_conn *conn)
         conn->table->paused_count++;
     }
     bool read = !conn->paused && !conn->peer_ended;
+    bool write = hg_outq_may_send(&conn->out) ||
+                 (conn->state == HG_CONN_CLOSING && !conn->out.head && !conn->transport.farewell);
     hg_loop_set_events(conn->table->loop, &conn->source,
-        conn->transport.class->wants(&conn->transport, read, hg_outq_may_send(&conn->out)));
+        conn->transport.class->wants(&conn->transport, read, write));
 }
 
 static void resume(struct hg_conn *conn)
@@ -319,6 +404,9 @@ static void resume(struct hg_conn *conn)
     conn->paused = false;
     conn->table->paused_count--;
     process(conn);
+    if (conn->state < HG_CONN_CLOSING && !conn->paused && !must_pause(conn) &&
+        hg_transport_has_input(&conn->transport))
+        receive_all(conn);
     hg_conn_update(conn);
 }
 
@@ -330,9 +418,10 @@ static void check_idle(struct hg_conn *conn, uint64_t now_ns)
     uint64_t silent_ns = now_ns - conn->received_ns;
     if (conn->peer.is_local || conn->paused)
         return;
-    if (o->idle_timeout_ns && silent_ns > o->idle_timeout_ns)
+    if (o->idle_timeout_ns && silent_ns > o->idle_timeout_ns) {
+        hg_count(HG_COUNT_REFUSED_IDLE);
         hg_conn_kill(conn, "silent for too long (idle-timeout)");
-    else if (silent_ns > o->idle_ping_ns && !conn->ping_ns) {
+    } else if (silent_ns > o->idle_ping_ns && !conn->ping_ns) {
         conn->ping_ns = now_ns;
         hg_conn_send(conn, 0, HGP_T_ping, &(struct hgp_ping){.nonce = now_ns});
     }
@@ -348,6 +437,14 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
     }
     if (conn->state < HG_CONN_OPEN && now_ns > conn->deadline_ns) {
         struct hg_error err = {0};
+        if (conn->state == HG_CONN_PREFACE && hg_transport_refuse(&conn->transport, NULL)) {
+            hg_count(HG_COUNT_REFUSED_HANDSHAKE_TIMEOUT);
+            close_transport(conn);
+            hg_conn_update(conn);
+            return;
+        }
+        if (!conn->transport.served)
+            hg_count(HG_COUNT_REFUSED_HANDSHAKE_TIMEOUT);
         hg_error_set(&err, HG_E_TIMEOUT, "handshake", NULL, "was not finished in time");
         if (conn->state == HG_CONN_PREFACE)
             hg_conn_kill(conn, "sent no preface in time");
@@ -357,10 +454,12 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
     }
     hg_outq_excuse(&conn->out, now_ns);
     if (conn->out.head && now_ns > conn->out.progress_ns + o->peer_timeout_ns) {
+        hg_count(HG_COUNT_REFUSED_PEER_TIMEOUT);
         hg_conn_kill(conn, "takes nothing of what waits for it (peer-timeout)");
         return;
     }
     if (!hg_outq_is_drained(&conn->out, now_ns, o->peer_timeout_ns, o->min_drain * 1024.)) {
+        hg_count(HG_COUNT_REFUSED_MIN_DRAIN);
         hg_conn_kill(conn, "takes too little of what waits for it (min-drain)");
         return;
     }
@@ -379,6 +478,11 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
 static void turn_away(struct hg_conn *conn, const char *reason)
 {
     struct hg_error err = {0};
+    if (hg_transport_refuse(&conn->transport, reason)) {
+        close_transport(conn);
+        hg_conn_update(conn);
+        return;
+    }
     hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
     hg_conn_close(conn, &err, "too many connections");
     if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
@@ -409,6 +513,7 @@ static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport
         return NULL;
     }
     HG_LIST_ADD(table->first, conn);
+    conn->transport.peer = &conn->peer;
     conn->transport.class->greet(&conn->transport, table->options->peer_timeout_ns, &conn->peer);
     if (hg_slots_take(&table->slots, &conn->peer, &conn->slot) == HG_OK)
         return conn;
@@ -419,6 +524,11 @@ static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport
 static void take_client(
     struct hg_conn_table *table, const struct hg_listener *listener, struct hg_transport *transport)
 {
+    hg_count(HG_COUNT_ACCEPTED);
+    if (table->web && hg_detect_begin(transport, table->web)) {
+        hg_transport_close(transport);
+        return;
+    }
     struct hg_conn *conn = add_conn(table, transport);
     if (!conn)
         return;
@@ -513,6 +623,8 @@ static void check_output(struct hg_conn_table *table)
     for (struct hg_conn *it = table->first; it && (is_short || table->was_short); it = it->next)
         it->output_share = is_short && it->out.bytes > MUCH_OUTPUT ? share_of(it, tokens, most) : 0;
     table->was_short = is_short;
+    if (total > most)
+        hg_count(HG_COUNT_REFUSED_OUTPUT);
     if (total > most)
         hg_conn_kill(largest, "more waits for it than for any other, and for all of them more than "
                               "output-total");

@@ -3,6 +3,7 @@
 #ifndef HG_BROKER_CONN_H
 #define HG_BROKER_CONN_H
 
+#include "server/broker/detect.h"
 #include "server/broker/listener.h"
 #include "server/broker/loop.h"
 #include "server/broker/options.h"
@@ -77,12 +78,13 @@ struct hg_conn_events {
     void (*ended)(struct hg_conn *conn);
 };
 
-// All connections. Zero-initialised but for the first five members.
+// All connections. Zero-initialised but for the first six members.
 struct hg_conn_table {
     struct hg_loop *loop;
     const struct hg_options *options;
     const struct hg_conn_events *events;
     void *owner; // for `events`
+    const struct hg_web *web; // what those get that speak HTTP
     const uint64_t *reached; // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
     uint32_t paused_count;

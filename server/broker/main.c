@@ -6,6 +6,7 @@
 
 #include "base/sha256.h"
 #include "server/broker/broker.h"
+#include "server/broker/metrics.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 
@@ -70,6 +71,8 @@ static int act(struct hg_options *options, int argc, char *const *argv)
     case HG_OPTIONS_DOCS:
         if (strcmp(options->docs, "man") == 0)
             hg_options_print_man(stdout);
+        else if (strcmp(options->docs, "metrics") == 0)
+            hg_metrics_print_docs(stdout);
         else
             hg_options_print_markdown(stdout);
         return 0;

@@ -58,7 +58,8 @@ static const struct {
     {"hash-token", "",
         "Read a token from standard input, print the word that stands for it in the file of "
         "tokens, then exit."},
-    {"print-docs", "FORMAT", "Print this reference as markdown or man, then exit."},
+    {"print-docs", "FORMAT",
+        "Print this reference as markdown or man, or the table of metrics (metrics), then exit."},
     {"help", "", "Print this help, then exit."},
     {"version", "", "Print the version, then exit."},
 };
@@ -300,8 +301,10 @@ static enum hg_status apply_extra(
     enum hg_status status = take_value(f, name, &value, err);
     if (status)
         return status;
-    if (docs && strcmp(value, "man") != 0 && strcmp(value, "markdown") != 0)
-        return hg_error_set(err, HG_E_INVAL, "--print-docs", NULL, "takes markdown or man");
+    if (docs && strcmp(value, "man") != 0 && strcmp(value, "markdown") != 0 &&
+        strcmp(value, "metrics") != 0)
+        return hg_error_set(
+            err, HG_E_INVAL, "--print-docs", NULL, "takes markdown, man or metrics");
     if (docs)
         o->action = HG_OPTIONS_DOCS;
     return set_text(config ? &o->config : &o->docs, value);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 #include "server/broker/list.h"
 #include "server/broker/session_admin.h"
 #include "server/broker/session_allow.h"
@@ -155,19 +156,45 @@ static void add_credit(struct hg_session *s, const struct hgp_credit *m)
     hg_session_view_grant_all(s);
 }
 
-// Of views that follow the shared camera only its holder's count.
-static void relay_camera(struct hg_session *s, struct hg_packet *packet, uint32_t number)
+// The client has a frame: the worker is told, with the time.
+static void take(struct hg_session *s, const struct hgp_taken *m)
 {
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
+    if (view->subscribed && s->attached && m->number > view->number_base)
+        hg_link_send(s->scene->link, s->number, 0, HGP_T_delivered,
+            &(struct hgp_delivered){.view = m->view,
+                .number = m->number - view->number_base,
+                .at_ns = hg_clock_now_ns(),
+                .has_begun_ns = m->has_begun_ns,
+                .begun_ns = m->begun_ns,
+                .has_received_ns = m->has_received_ns,
+                .received_ns = m->received_ns,
+                .has_rtt_ns = m->has_rtt_ns,
+                .rtt_ns = m->rtt_ns});
+    add_credit(s, &(struct hgp_credit){.view = m->view, .frames = 1});
+}
+
+// With the time when it came. Of views that follow the shared camera only its holder's count.
+static void relay_camera(
+    struct hg_session *s, struct hg_packet *packet, const struct hgp_view_camera *m)
+{
+    struct hgp_view_camera stamped = *m;
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
     struct hg_error err = {0};
-    struct hg_session_view *view = hg_session_view_find(s, number);
     if (hg_session_camera_may_move(s, view, &err)) {
         if (packet->header.request)
             hg_conn_fail(s->conn, packet->header.request, &err);
         return; // it may have been sent before its client knew
     }
-    hg_session_request_relay(s, packet);
+    stamped.has_received_ns = true;
+    stamped.received_ns = hg_clock_now_ns();
+    struct hg_packet *with = hg_packet_encode(HGP_T_view_camera, &stamped);
+    if (with)
+        with->header.request = packet->header.request;
+    hg_session_request_relay(s, with ? with : packet);
     if (view->follow.on)
         hg_session_camera_moved(s, view, packet);
+    hg_packet_unref(with);
 }
 
 static void relay_checked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
@@ -181,13 +208,16 @@ static void relay_checked(struct hg_session *s, struct hg_packet *packet, const 
         add_credit(s, &m->credit);
         return;
     }
-    if (packet->header.type == HGP_T_subscribe)
-        subscribe(s, &m->subscribe);
-    if (packet->header.type == HGP_T_view_camera) {
-        relay_camera(s, packet, m->view_camera.view);
+    if (packet->header.type == HGP_T_taken) {
+        take(s, &m->taken);
         return;
     }
-    hg_session_request_relay(s, packet);
+    if (packet->header.type == HGP_T_subscribe)
+        subscribe(s, &m->subscribe);
+    if (packet->header.type == HGP_T_view_camera)
+        relay_camera(s, packet, &m->view_camera);
+    else
+        hg_session_request_relay(s, packet);
 }
 
 static void clear_quarantine(

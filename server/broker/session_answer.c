@@ -1,6 +1,8 @@
 #include "server/broker/session_answer.h"
 
+#include "base/clock.h"
 #include "base/log.h"
+#include "server/broker/counters.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_camera.h"
@@ -128,6 +130,18 @@ static void renumber(struct hg_session_view *view, struct hg_packet *packet, str
         view->last_number = number;
 }
 
+// When it is put behind what the client is to be sent already.
+static void stamp_sent(struct hg_packet *packet)
+{
+    size_t at;
+    const struct hg_reader payload = hg_reader_make(packet->payload, packet->header.length);
+    if (!hgp_field_find(HGP_VERSION_MAX, HGP_T_frame, payload, "sent_ns", &at))
+        return;
+    const uint64_t now_ns = hg_clock_now_ns();
+    for (size_t i = 0; i < 8; i++)
+        packet->payload[at + i] = (uint8_t)(now_ns >> (8 * i));
+}
+
 static void relay_subscribed(struct hg_session *s, struct hg_packet *packet, uint32_t number)
 {
     struct hg_session_view *view = hg_session_view_find(s, number);
@@ -155,7 +169,7 @@ static void relay_unasked(struct hg_session *s, struct hg_packet *packet, const 
 {
     if (!s->conn)
         return;
-    if (packet->header.type == HGP_T_notice)
+    if (packet->header.type == HGP_T_notice || packet->header.type == HGP_T_view_codec)
         hg_conn_send_packet(s->conn, 0, hg_packet_ref(packet));
     else if (packet->header.type == HGP_T_error)
         hg_conn_send(s->conn, 0, HGP_T_notice,
@@ -205,8 +219,10 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
     note_revision(s, type, m);
     if (type == HGP_T_frame) {
         struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
+        hg_count(HG_COUNT_FRAMES);
         if (view) {
             renumber(view, packet, &m->frame);
+            stamp_sent(packet);
             view->frame_bytes = packet->header.length;
         }
         hg_session_view_count(s, packet, &m->frame);

@@ -169,7 +169,8 @@ static void complete(struct hgp_view_camera *m)
     m->half_height = m->has_half_height ? m->half_height : 1;
     m->has_up = m->has_kind = m->has_vfov_rad = m->has_half_height = true;
     m->has_far = m->has_lens_radius = m->has_focus_distance = true; // 0 where they were not
-    m->has_next_eye = m->has_next_target = m->has_next_up = false;  // of the holder's own frames
+    m->has_received_ns = false;
+    m->has_next_eye = m->has_next_target = m->has_next_up = false; // of the holder's own frames
 }
 
 static enum hg_status decode_camera(const struct hg_packet *packet, struct hgp_view_camera *out)

@@ -161,6 +161,10 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
         return check_view(s, packet, m->subscribe.view, err);
     case HGP_T_credit:
         return check_view(s, packet, m->credit.view, err);
+    case HGP_T_taken:
+        return check_view(s, packet, m->taken.view, err);
+    case HGP_T_key_frame:
+        return check_view(s, packet, m->key_frame.view, err);
     default:
         return check_journal(s, packet, err);
     }

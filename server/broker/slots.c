@@ -1,6 +1,7 @@
 #include "server/broker/slots.h"
 
 #include "base/clock.h"
+#include "server/broker/counters.h"
 
 enum hg_status hg_slots_take(
     struct hg_slots *slots, const struct hg_peer *peer, struct hg_slot *slot)
@@ -58,22 +59,33 @@ uint32_t hg_slots_kept(uint32_t most, uint32_t reserved)
     return reserved < most / 4 ? reserved : most / 4;
 }
 
+static const char *because(enum hg_counter counter, const char *reason)
+{
+    hg_count(counter);
+    return reason;
+}
+
 const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
 {
     const struct hg_options *o = slots->options;
     if (slots->count > o->max_connections)
-        return "the daemon has as many connections as it takes (max-connections)";
+        return because(HG_COUNT_REFUSED_CONNECTIONS,
+            "the daemon has as many connections as it takes (max-connections)");
     if (slot->own)
         return NULL;
     if (slots->count >
         o->max_connections - hg_slots_kept(o->max_connections, o->reserved_connections))
-        return "the daemon has as many connections as it takes (max-connections); the last are "
-               "kept for its own user (reserved-connections)";
+        return because(HG_COUNT_REFUSED_CONNECTIONS,
+            "the daemon has as many connections as it takes (max-connections); the last are "
+            "kept for its own user (reserved-connections)");
     if (slot->source->connections > o->max_per_address)
-        return "this address has as many connections as one may have (max-per-address)";
+        return because(HG_COUNT_REFUSED_ADDRESS,
+            "this address has as many connections as one may have (max-per-address)");
     if (slot->network && slot->network->connections > o->max_per_network)
-        return "this network has as many connections as one may have (max-per-network)";
+        return because(HG_COUNT_REFUSED_NETWORK,
+            "this network has as many connections as one may have (max-per-network)");
     if (is_dropped_early(slots))
-        return "too many connections are opening at this moment (max-handshakes)";
+        return because(HG_COUNT_REFUSED_HANDSHAKES,
+            "too many connections are opening at this moment (max-handshakes)");
     return NULL;
 }

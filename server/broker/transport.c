@@ -156,3 +156,33 @@ void hg_transport_close(struct hg_transport *t)
         t->class->close(t);
     *t = (struct hg_transport){.fd = -1};
 }
+
+enum hg_status hg_transport_flush(struct hg_transport *t)
+{
+    return t->class->flush ? t->class->flush(t) : HG_OK;
+}
+
+bool hg_transport_has_input(const struct hg_transport *t)
+{
+    return t->class && t->class->has_input && t->class->has_input(t);
+}
+
+bool hg_transport_refuse(struct hg_transport *t, const char *reason)
+{
+    return t->class->refuse && t->class->refuse(t, reason);
+}
+
+void hg_transport_become(
+    struct hg_transport *t, const struct hg_transport_class *class, void *state)
+{
+    t->class = class;
+    t->state = state;
+}
+
+enum hg_status hg_transport_discard(struct hg_transport *t, enum hg_status otherwise)
+{
+    uint8_t sink[4096];
+    size_t got;
+    enum hg_status status = t->class->read(t, sink, sizeof sink, &got);
+    return status == HG_E_CLOSED || status == HG_E_IO ? status : otherwise;
+}

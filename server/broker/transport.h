@@ -3,8 +3,9 @@
 // descriptor.
 //
 // Sockets (unix, tcp) pass bytes on as they are. A transport that changes them (TLS, WebSocket)
-// brings the same operations and keeps what it needs in `state`; framing and queues above stay as
-// they are.
+// brings the same operations and keeps what it needs in `state`, with the transport below it;
+// framing and queues above stay as they are. One may become another while it reads: what is found
+// in the first bytes (detect.h) decides what the rest is.
 #ifndef HG_BROKER_TRANSPORT_H
 #define HG_BROKER_TRANSPORT_H
 
@@ -28,7 +29,8 @@ struct hg_peer {
 
 struct hg_transport_class {
     // At most `size` bytes. HG_OK with *got > 0, HG_E_AGAIN (nothing there), HG_E_CLOSED (end of
-    // the stream), HG_E_IO.
+    // the stream), HG_E_IO; HG_E_STATE (the transport has said its last words: what waits in it is
+    // flushed, then it is closed), HG_E_FORMAT (the same, since the peer broke a rule: `fault`).
     enum hg_status (*read)(struct hg_transport *t, void *dst, size_t size, size_t *got);
     // As much of the parts as is taken now. HG_OK with *sent > 0, HG_E_AGAIN, HG_E_CLOSED, HG_E_IO.
     enum hg_status (*write)(
@@ -39,12 +41,28 @@ struct hg_transport_class {
     // Called once after accept: sets socket options, and identifies the peer.
     void (*greet)(struct hg_transport *t, uint64_t peer_timeout_ns, struct hg_peer *peer);
     void (*close)(struct hg_transport *t); // closes fd, frees `state`
+    // The following may be NULL: nothing waits in it, and it has nothing to say.
+    // Sends what waits in the transport itself. HG_OK (all of it), HG_E_AGAIN, HG_E_CLOSED,
+    // HG_E_IO.
+    enum hg_status (*flush)(struct hg_transport *t);
+    // There is something to read that no event will announce.
+    bool (*has_input)(const struct hg_transport *t);
+    // Tells the peer in the transport's own way that its time is over (reason NULL), or that it is
+    // not taken in. False: it has no way to.
+    bool (*refuse)(struct hg_transport *t, const char *reason);
 };
 
 struct hg_transport {
     const struct hg_transport_class *class; // NULL: closed
     int fd;
     void *state; // of the class
+    const struct hg_peer *peer; // who it is, once that is known
+    const char *fault;          // with HG_E_FORMAT: which rule was broken
+    // Changes when a request or an answer of the transport itself begins: time limits begin anew.
+    // Odd while an answer is sent.
+    uint32_t stage, known_stage; // known_stage: of the owner
+    bool farewell;               // of the owner: it has ended the writing
+    bool served;                 // it has answered something itself: its end is nothing to warn of
 };
 
 extern const struct hg_transport_class hg_transport_unix, hg_transport_tcp;
@@ -52,5 +70,14 @@ extern const struct hg_transport_class hg_transport_unix, hg_transport_tcp;
 // Takes over a connected descriptor, which becomes non-blocking.
 void hg_transport_open(struct hg_transport *t, const struct hg_transport_class *class, int fd);
 void hg_transport_close(struct hg_transport *t); // accepts a closed one
+// The operations that a class may lack.
+enum hg_status hg_transport_flush(struct hg_transport *t) HG_MUST_CHECK;
+bool hg_transport_has_input(const struct hg_transport *t);
+bool hg_transport_refuse(struct hg_transport *t, const char *reason);
+// Reads what comes and forgets it. HG_E_CLOSED, HG_E_IO; else `otherwise`.
+enum hg_status hg_transport_discard(struct hg_transport *t, enum hg_status otherwise) HG_MUST_CHECK;
+// Becomes another transport of the same descriptor; what the owner knows stays.
+void hg_transport_become(
+    struct hg_transport *t, const struct hg_transport_class *class, void *state);
 
 #endif

@@ -49,6 +49,9 @@ static const struct {
     {HGP_T_exposure_query, hg_handle_exposure_query},
     {HGP_T_subscribe, hg_handle_subscribe},
     {HGP_T_credit, hg_handle_credit},
+    {HGP_T_taken, hg_handle_taken},
+    {HGP_T_delivered, hg_handle_delivered},
+    {HGP_T_key_frame, hg_handle_key_frame},
     {HGP_T_job_query, hg_handle_job_query},
     {HGP_T_checkpoint_query, hg_handle_checkpoint_query},
     {HGP_T_checkpoint_set, hg_handle_checkpoint_set},
@@ -94,6 +97,7 @@ static void decode_and_handle(struct render_state *s, struct command *c)
         .session = hg_session_find(s, c->header.channel),
         .to = reply_to(s, c),
         .payload = c->payload,
+        .received_ns = c->received_ns,
         .message = &message,
     };
     enum hg_status status = hgp_decode(HGP_VERSION_MAX, c->header.type,

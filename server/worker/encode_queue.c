@@ -6,6 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/jobs.h"
+#include "base/log.h"
 #include "base/sha256.h"
 #include "server/worker/picture_extremes.h"
 
@@ -17,12 +18,14 @@ enum {
     DEADLINE_NS_PER_PX = 400, // some times as long as slow encoders take
     MAX_THREADS = 16,
     MAX_STAGES = 64,
+    SENT_FRAMES = 4, // of a stream, until the render thread takes notice
 };
 
 // An encoder of a stream between its frames. Used by the thread that runs the stream.
 struct encoder_state {
-    bool is_open;
+    bool is_open, wants_key;
     uint32_t width, height; // px, of the frames
+    uint64_t number;        // of the newest frame
     void *state;
 };
 
@@ -33,6 +36,9 @@ struct encode_stream {
     _Atomic uint32_t frames;             // waiting and being encoded
     uint64_t deadline_ns;                // of the first one, while the stream is ready
     bool running, closed;
+    struct hg_control_sent sent[SENT_FRAMES]; // a ring, under the queue's lock
+    uint32_t sent_first, sent_count;
+    _Atomic uint32_t failed; // encodings, 1 << enum hgp_encoding
     struct encoder_state states[ENCODER_COUNT];
 };
 
@@ -104,22 +110,82 @@ static void note_extremes(
     frame->clipped = seen.clipped;
 }
 
-static enum hg_status encode(struct encode_stream *stream, const struct encode_request *request,
-    struct hgp_frame *frame, struct hg_writer *data, struct hg_error *err)
+static struct encoder_state *state_of(struct encode_stream *stream, enum hgp_encoding encoding)
 {
-    const struct encoder_ops *ops = stream->queue->find(frame->encoding);
-    struct encoder_state *s = &stream->states[frame->encoding];
+    const struct encoder_ops *ops = stream->queue->find(encoding);
+    return &stream->states[ops->shares ? ops->shares - 1 : (uint32_t)encoding];
+}
+
+// A key frame is asked for because the client may have none of what was sent, of any encoder.
+static void want_keys(struct encode_stream *stream)
+{
+    for (uint32_t i = 0; i < ENCODER_COUNT; i++)
+        stream->states[i].wants_key = true;
+}
+
+static enum hg_status run_encoder(struct encode_stream *stream, struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
+{
+    const enum hgp_encoding encoding = request->frame.encoding;
+    const struct encoder_ops *ops = stream->queue->find(encoding);
+    struct encoder_state *s = state_of(stream, encoding);
     enum hg_status status = open_state(ops, s, request, err);
+    request->key_frame = s->wants_key;
+    if (!status)
+        status = ops->encode(s->state, request, out, err);
+    if (!status && out->data.failed)
+        status = hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory for its data");
+    if (status)
+        close_state(ops, s); // the next frame opens another
+    else
+        s->wants_key = false;
+    return status;
+}
+
+// A codec that cannot go on does not stop the view: the frame is sent as JPEG, and the view's
+// schedule takes the next codec.
+static enum hg_status fall_back(struct encode_stream *stream, struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
+{
+    const struct encoder_ops *ops = stream->queue->find(request->frame.encoding);
+    if (!ops->open || ops->pixels != HG_PIXEL_RGBA8 || request->to.request)
+        return err->status;
+    hg_warn(WORKER, "encoder %s: %s; JPEG takes its place", ops->name, err->reason);
+    atomic_fetch_or(&stream->failed, 1u << request->frame.encoding);
+    request->frame.encoding = HGP_encoding_JPEG;
+    hg_writer_finish(&out->data);
+    *out = (struct encode_output){0};
+    *err = (struct hg_error){0};
+    return run_encoder(stream, request, out, err);
+}
+
+// What the frame says of its data.
+static void describe(
+    struct encode_stream *stream, const struct encode_output *out, struct hgp_frame *frame)
+{
+    struct encoder_state *s = state_of(stream, frame->encoding);
+    frame->lossless = stream->queue->find(frame->encoding)->lossless && !out->lossy;
+    frame->has_depends = out->depends;
+    frame->depends = out->depends ? (uint32_t)(frame->number - s->number) : 0;
+    frame->has_codec = out->codec[0] != 0;
+    frame->codec = hgp_str_make(out->codec);
+    s->number = frame->number;
+}
+
+static enum hg_status encode(struct encode_stream *stream, struct encode_request *request,
+    struct hgp_frame *frame, struct encode_output *out, struct hg_error *err)
+{
+    if (request->key_frame)
+        want_keys(stream);
+    enum hg_status status = run_encoder(stream, request, out, err);
+    if (status)
+        status = fall_back(stream, request, out, err);
     if (status)
         return status;
-    status = ops->encode(s->state, request, data, err);
-    if (status) {
-        close_state(ops, s); // the next frame opens another
-        return status;
-    }
-    frame->lossless = ops->lossless;
-    note_extremes(request, ops->pixels, frame);
-    status = check_size(request, data->size ? data->size : request->pixels->size, err);
+    frame->encoding = request->frame.encoding;
+    describe(stream, out, frame);
+    note_extremes(request, stream->queue->find(frame->encoding)->pixels, frame);
+    status = check_size(request, out->data.size ? out->data.size : request->pixels->size, err);
     if (status || !frame->settled || !frame->lossless)
         return status;
     frame->has_hash = true;
@@ -138,32 +204,78 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
     return n;
 }
 
+static void note_sent(struct encode_stream *stream, const struct hg_control_sent *sent)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    if (stream->sent_count == SENT_FRAMES) {
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    stream->sent[(stream->sent_first + stream->sent_count++) % SENT_FRAMES] = *sent;
+    pthread_mutex_unlock(&q->lock);
+}
+
+bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out)
+{
+    struct encode_queue *q = stream->queue;
+    pthread_mutex_lock(&q->lock);
+    const bool found = stream->sent_count > 0;
+    if (found) {
+        *out = stream->sent[stream->sent_first];
+        stream->sent_first = (stream->sent_first + 1) % SENT_FRAMES;
+        stream->sent_count--;
+    }
+    pthread_mutex_unlock(&q->lock);
+    return found;
+}
+
+// What became of it is noted first: what the client says of it must not come before.
+static void send_frame(struct encode_stream *stream, const struct encode_request *request,
+    struct hgp_frame *frame, const struct encode_output *out, uint64_t encode_ns)
+{
+    struct hgp_stage_time stages[MAX_STAGES];
+    const uint8_t *data = out->data.size ? out->data.data : request->pixels->data;
+    const size_t size = out->data.size ? out->data.size : request->pixels->size;
+    frame->stages.items = stages;
+    frame->stages.count = list_stages(request, encode_ns, stages);
+    frame->has_encode_end_ns = frame->has_sent_ns = true;
+    frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
+    if (!request->to.request)
+        note_sent(stream, &(struct hg_control_sent){.number = frame->number,
+                              .bytes = size,
+                              .encode_ns = encode_ns,
+                              .sent_ns = frame->sent_ns,
+                              .quality = request->quality,
+                              .lossy = !frame->lossless});
+    hg_reply_frame(request->to, frame, request->parts, data, size);
+}
+
 static void encode_and_send(
-    struct encode_stream *stream, const struct encode_request *request, struct watch *watch)
+    struct encode_stream *stream, struct encode_request *request, struct watch *watch)
 {
     struct worker *w = stream->queue->w;
-    struct hgp_stage_time stages[MAX_STAGES];
     struct hgp_frame frame = request->frame;
-    struct hg_writer data = {0};
+    struct encode_output out = {0};
     struct hg_error err = {0};
     const uint64_t start = hg_clock_now_ns();
+    frame.has_encode_begin_ns = true;
+    frame.encode_begin_ns = start;
     hg_watch_begin(
         watch, (struct watch_work){request->to.channel, request->to.request, request->frame.view});
-    enum hg_status status = encode(stream, request, &frame, &data, &err);
+    enum hg_status status = encode(stream, request, &frame, &out, &err);
     hg_watch_end(watch); // sending may wait for the peer
     if (status) {
         if (!err.status)
             hg_error_set(&err, status, "frame", NULL, "cannot be encoded");
+        if (!request->to.request)
+            note_sent(stream, &(struct hg_control_sent){.failed = true});
         hg_reply_error(request->to, &err);
     } else {
-        frame.stages.items = stages;
-        frame.stages.count = list_stages(request, hg_clock_now_ns() - start, stages);
-        hg_reply_frame(request->to, &frame, request->parts,
-            data.size ? data.data : request->pixels->data,
-            data.size ? data.size : request->pixels->size);
+        send_frame(stream, request, &frame, &out, hg_clock_now_ns() - start);
         atomic_store(&w->encode_ns, hg_clock_now_ns() - start);
     }
-    hg_writer_finish(&data);
+    hg_writer_finish(&out.data);
 }
 
 // ---- streams ------------------------------------------------------------------------------------
@@ -171,7 +283,8 @@ static void encode_and_send(
 static void destroy_stream(struct encode_stream *stream)
 {
     for (uint32_t i = 0; i < ENCODER_COUNT; i++)
-        close_state(stream->queue->find((enum hgp_encoding)i), &stream->states[i]);
+        if (stream->states[i].is_open)
+            close_state(stream->queue->find((enum hgp_encoding)i), &stream->states[i]);
     for (struct encode_request *next; stream->first; stream->first = next) {
         next = stream->first->next;
         hg_encode_request_destroy(stream->first);
@@ -239,6 +352,11 @@ void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *
     if (ready)
         make_ready(stream);
     pthread_mutex_unlock(&q->lock);
+}
+
+uint32_t hg_encode_stream_failed(const struct encode_stream *stream)
+{
+    return atomic_load(&stream->failed);
 }
 
 // ---- threads ------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@
 #define HG_SERVER_WORKER_ENCODE_QUEUE_H
 
 #include "server/worker/encoder.h"
+#include "server/worker/view_control.h"
 
 struct encode_queue;
 struct encode_stream;
@@ -19,7 +20,7 @@ enum hg_status hg_encode_queue_create(struct worker *w, uint32_t threads, encode
 // After all streams were closed. What is being encoded is waited for, the rest is dropped.
 void hg_encode_queue_destroy(struct encode_queue *queue); // accepts NULL
 
-// The encoder of an encoding.
+// The encoder of an encoding; NULL: not in this build.
 const struct encoder_ops *hg_encode_queue_encoder(
     const struct encode_queue *queue, enum hgp_encoding encoding);
 
@@ -29,7 +30,12 @@ struct encode_stream *hg_encode_stream_open(struct encode_queue *queue);
 void hg_encode_stream_close(struct encode_stream *stream);
 // Is there room for one more frame? After no, hg_worker_wake is called as soon as there is.
 bool hg_encode_stream_has_room(const struct encode_stream *stream);
+// What became of the subscribed frames of the stream, oldest first. False: no more is known.
+bool hg_encode_stream_next_sent(struct encode_stream *stream, struct hg_control_sent *out);
 // Queues the request; there must be room.
 void hg_encode_stream_push(struct encode_stream *stream, struct encode_request *request);
+
+// Encodings (1 << enum hgp_encoding) that have failed for this stream: JPEG was sent instead.
+uint32_t hg_encode_stream_failed(const struct encode_stream *stream);
 
 #endif

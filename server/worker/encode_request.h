@@ -27,6 +27,8 @@ struct encode_request {
     bool opaque;
     bool is_legend; // a debug view
     bool parts; // the data may go in parts
+    bool key_frame;   // may depend on none before it
+    uint32_t bitrate; // bit/s that frames with loss may take, 0 = by quality alone
     struct hg_refbuf *pixels;
     struct hg_frame_info info;
     uint64_t read_ns;

@@ -3,8 +3,8 @@
 #include "renderer/image/zstd.h"
 #include "server/worker/encode_exr.h"
 
-static enum hg_status encode_raw(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_raw(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     (void)state;
     (void)request;
@@ -13,16 +13,16 @@ static enum hg_status encode_raw(
     return HG_OK;
 }
 
-static enum hg_status encode_zstd(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_zstd(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     (void)state;
-    return hg_zstd_encode(request->pixels->data, request->pixels->size, 1, out, err);
+    return hg_zstd_encode(request->pixels->data, request->pixels->size, 1, &out->data, err);
 }
 
 // PNG and JPEG.
 static enum hg_status encode_file(const struct encode_request *request, enum hg_image_file file,
-    enum hg_pixel_format pixels, struct hg_writer *out, struct hg_error *err)
+    enum hg_pixel_format pixels, struct encode_output *out, struct hg_error *err)
 {
     const struct hgp_frame *f = &request->frame;
     const struct hg_image_attribute made_from = {.name = ENCODE_FRAME_KEY_ATTRIBUTE,
@@ -41,49 +41,60 @@ static enum hg_status encode_file(const struct encode_request *request, enum hg_
             .quality = request->quality,
             .opaque = request->opaque,
             .attributes = &made_from,
-            .attribute_count = request->metadata.frame_key[0] != 0},
-        out, err);
+            .attribute_count = request->metadata.frame_key[0] != 0,
+            .full_chroma = f->encoding == HGP_encoding_JPEG_444},
+        &out->data, err);
 }
 
-static enum hg_status encode_png8(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_png8(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     (void)state;
     return encode_file(request, HG_IMAGE_PNG8, HG_PIXEL_RGBA8, out, err);
 }
 
-static enum hg_status encode_png16(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_png16(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     (void)state;
     return encode_file(request, HG_IMAGE_PNG16, HG_PIXEL_RGBA16, out, err);
 }
 
-static enum hg_status encode_jpeg(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_jpeg(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     (void)state;
     return encode_file(request, HG_IMAGE_JPEG, HG_PIXEL_RGBA8, out, err);
 }
 
-static enum hg_status encode_exr_file(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encode_exr_file(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     (void)state;
-    return hg_encode_exr(request, out, err);
+    return hg_encode_exr(request, &out->data, err);
 }
+
+static const struct encoder_ops encoders[ENCODER_COUNT] = {
+    [HGP_encoding_RAW_RGBA8] = {"raw8", HG_PIXEL_RGBA8, true, .encode = encode_raw, .alpha = true,
+        .motion = true},
+    [HGP_encoding_RAW_RGBA32F] = {"raw32f", HG_PIXEL_RGBA32F, true, .encode = encode_raw,
+        .alpha = true},
+    [HGP_encoding_ZSTD_RGBA8] = {"zstd", HG_PIXEL_RGBA8, true, .encode = encode_zstd, .alpha = true,
+        .motion = true},
+    [HGP_encoding_PNG8] = {"png8", HG_PIXEL_RGBA8, true, .encode = encode_png8, .alpha = true,
+        .motion = true},
+    [HGP_encoding_PNG16] = {"png16", HG_PIXEL_RGBA16, true, .encode = encode_png16, .alpha = true},
+    [HGP_encoding_JPEG] = {"jpeg", HG_PIXEL_RGBA8, false, .encode = encode_jpeg, .motion = true},
+    [HGP_encoding_EXR_HALF] = {"exr", HG_PIXEL_RGBA32F, false, .encode = encode_exr_file,
+        .alpha = true},
+    [HGP_encoding_EXR_FLOAT] = {"exr32f", HG_PIXEL_RGBA32F, true, .encode = encode_exr_file,
+        .alpha = true},
+    [HGP_encoding_JPEG_444] = {"jpeg444", HG_PIXEL_RGBA8, false, .encode = encode_jpeg,
+        .motion = true},
+};
 
 const struct encoder_ops *hg_encoder_find(enum hgp_encoding encoding)
 {
-    static const struct encoder_ops encoders[ENCODER_COUNT] = {
-        [HGP_encoding_RAW_RGBA8] = {"raw8", HG_PIXEL_RGBA8, true, .encode = encode_raw},
-        [HGP_encoding_RAW_RGBA32F] = {"raw32f", HG_PIXEL_RGBA32F, true, .encode = encode_raw},
-        [HGP_encoding_ZSTD_RGBA8] = {"zstd", HG_PIXEL_RGBA8, true, .encode = encode_zstd},
-        [HGP_encoding_PNG8] = {"png8", HG_PIXEL_RGBA8, true, .encode = encode_png8},
-        [HGP_encoding_PNG16] = {"png16", HG_PIXEL_RGBA16, true, .encode = encode_png16},
-        [HGP_encoding_JPEG] = {"jpeg", HG_PIXEL_RGBA8, false, .encode = encode_jpeg},
-        [HGP_encoding_EXR_HALF] = {"exr", HG_PIXEL_RGBA32F, false, .encode = encode_exr_file},
-        [HGP_encoding_EXR_FLOAT] = {"exr32f", HG_PIXEL_RGBA32F, true, .encode = encode_exr_file},
-    };
-    return &encoders[encoding];
+    const struct encoder_ops *ops = &encoders[encoding];
+    return ops->name ? ops : NULL;
 }

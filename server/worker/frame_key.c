@@ -168,6 +168,13 @@ static enum hg_status hash_scene(struct scene_slot *slot, uint8_t hash[32], stru
     return HG_OK;
 }
 
+static bool has_quality(enum hgp_encoding encoding)
+{
+    const struct encoder_ops *ops = hg_encoder_find(encoding);
+    return encoding == HGP_encoding_JPEG ||
+           (encoding > HGP_encoding_EXR_FLOAT && ops && !ops->lossless);
+}
+
 // The bytes that are hashed.
 static enum hg_status write_key(struct hg_writer *w, const struct scene_slot *slot,
     const char *device, const struct view_slot *view, struct frame_format format)
@@ -182,7 +189,7 @@ static enum hg_status write_key(struct hg_writer *w, const struct scene_slot *sl
     write_motion(w, slot->scene, &set->params);
     enum hg_status status = write_ids(w, slot->scene, view);
     hg_write_u32(w, (uint32_t)format.encoding);
-    hg_write_u8(w, format.encoding == HGP_encoding_JPEG ? format.quality : 0);
+    hg_write_u8(w, has_quality(format.encoding) ? format.quality : 0);
     return status || !w->failed ? status : HG_E_NOMEM;
 }
 

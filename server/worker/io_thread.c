@@ -96,6 +96,7 @@ static void *create_command(const struct hgp_header *header)
         return NULL;
     }
     command->header = *header;
+    command->received_ns = hg_clock_now_ns();
     command->payload = payload;
     return command;
 }

@@ -12,6 +12,7 @@
 #include "base/spill.h"
 #include "renderer/camera/camera.h"
 #include "server/worker/view_fit.h"
+#include "server/worker/view_rate.h"
 #include "server/worker/view_schedule.h"
 
 // Of a file that comes in parts: in all, and where it cannot be spilled.
@@ -188,6 +189,34 @@ static void add_camera(json_t *root, const struct request *r, const struct view_
         json_real(flat ? (double)shown.half_height : (double)shown.vfov_rad * 57.29577951308232));
 }
 
+// What the controller of a subscription knows and has chosen.
+static void add_flow(json_t *root, struct view_slot *view)
+{
+    hg_rate_note_sent(view);
+    const struct hg_control *c = &view->control;
+    json_t *o = child_object(root, "flow");
+    const struct {
+        const char *key;
+        double value;
+    } reals[] = {{"target_fps", (double)view->subscription.target_fps},
+        {"target_ms", (double)c->now.target_ms}, {"rate_mbit_s", c->rate * 8e-6},
+        {"rtt_ms", (double)c->rtt.ns * 1e-6}, {"delay_ms", c->delay_ns * 1e-6},
+        {"work_ms", c->work_ns * 1e-6}, {"encode_ms", c->encode_ns * 1e-6},
+        {"read_ms", c->read_ns * 1e-6}};
+    const struct {
+        const char *key;
+        uint64_t value;
+    } counts[] = {{"quality", c->now.quality}, {"bitrate", c->now.bitrate}, {"under_way", c->count},
+        {"bytes_under_way", hg_control_bytes(c)}, {"sent", c->sent}, {"delivered", c->delivered},
+        {"held", c->held}};
+    for (size_t i = 0; i < sizeof reals / sizeof *reals; i++)
+        json_object_set_new(o, reals[i].key, json_real(reals[i].value));
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
+        json_object_set_new(o, counts[i].key, json_integer((json_int_t)counts[i].value));
+    json_object_set_new(o, "named", json_boolean(c->informed));
+    json_object_set_new(o, "hidden", json_boolean(view->subscription.hidden));
+}
+
 void hg_handle_stats_query(const struct request *r)
 {
     uint32_t number = r->message->stats_query.view;
@@ -216,6 +245,7 @@ void hg_handle_stats_query(const struct request *r)
         json_object_set_new(frame, "encode_ms", json_real(encode_ms));
         json_object_set_new(frame, "total_ms", json_real(render_ms + encode_ms));
         add_camera(root, r, view);
+        add_flow(root, view);
     }
     answer_json(r, root);
 }

@@ -11,6 +11,7 @@ struct request {
     struct session *session; // NULL only for messages about the link
     struct reply_to to;
     struct hg_refbuf *payload; // keeps the views of *message alive
+    uint64_t received_ns;      // when it came
     const union hgp_any *message;
 };
 

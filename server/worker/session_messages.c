@@ -1,5 +1,6 @@
 #include "server/worker/session_messages.h"
 
+#include "base/clock.h"
 #include "base/log.h"
 
 static void attach(const struct request *r)
@@ -61,6 +62,9 @@ bool hg_session_message_handle(const struct request *r, uint16_t type)
         return true;
     case HGP_T_ping:
         hg_reply_send(r->to, HGP_T_pong, &(struct hgp_pong){.nonce = r->message->ping.nonce});
+        return true;
+    case HGP_T_clock_query:
+        hg_reply_send(r->to, HGP_T_clock, &(struct hgp_clock){.time_ns = hg_clock_now_ns()});
         return true;
     case HGP_T_pong:
         return true;

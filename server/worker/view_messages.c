@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "server/worker/frame_key.h"
 #include "server/worker/frame_planes.h"
+#include "server/worker/view_codec.h"
 #include "server/worker/view_fit.h"
 #include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
@@ -46,12 +47,29 @@ static enum hg_status next_params(const struct request *r, const struct view_slo
                          : HG_OK;
 }
 
+#define OVERLAY_U8(field)    view->subscription.field = m->field
+#define OVERLAY_U32(field)   view->subscription.field = m->field
+#define OVERLAY_F32(field)   view->subscription.field = m->field
+#define OVERLAY_ENUM(field)  view->subscription.field = m->field
+#define OVERLAY_BYTES(field) hg_codec_set_list(view, m->field)
+
 static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *m)
 {
 #define HGP_VIEW_DELIVERY(kind, field, ...)                                                        \
     if (m->has_##field)                                                                            \
-        view->subscription.field = m->field;
+        OVERLAY_##kind(field);
 #include "protocol/view_params.def"
+}
+
+// Encodings that are chosen by name must be there; of a list those that are not are skipped.
+static enum hg_status check_encodings(const struct request *r, struct hg_error *err)
+{
+    const struct hgp_view_set *m = &r->message->view_set;
+    enum hg_status status =
+        m->has_encoding ? hg_codec_check(r->s, m->encoding, "view_set", err) : HG_OK;
+    if (!status && m->has_still_encoding)
+        status = hg_codec_check(r->s, m->still_encoding, "view_set", err);
+    return status;
 }
 
 static enum hg_status set_view(const struct request *r, struct hg_error *err)
@@ -60,7 +78,9 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
     struct view_slot *view = hg_view_slot_find(r->session, m->view);
     const bool is_new = !view;
     struct hg_view_params params;
-    enum hg_status status = next_params(r, view, &params, err);
+    enum hg_status status = check_encodings(r, err);
+    if (!status)
+        status = next_params(r, view, &params, err);
     if (status)
         return status;
     if (is_new)
@@ -80,16 +100,19 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
     if (!view->settings.camera_given)
         view->settings.camera_revision = UINT64_MAX; // fitted to another aspect
     overlay_delivery(view, m);
+    hg_codec_choose(r->s, view);
     return HG_OK;
 }
 
 void hg_handle_view_set(const struct request *r)
 {
     struct hg_error err = {0};
-    if (set_view(r, &err))
+    if (set_view(r, &err)) {
         hg_reply_error(r->to, &err);
-    else
-        hg_request_ok(r);
+        return;
+    }
+    hg_request_ok(r);
+    hg_codec_tell(r->s, r->session, hg_view_slot_find(r->session, r->message->view_set.view));
 }
 
 void hg_handle_view_close(const struct request *r)
@@ -161,6 +184,8 @@ void hg_handle_view_camera(const struct request *r)
     view->settings.camera = camera;
     view->settings.camera_node = node;
     view->settings.camera_given = true;
+    view->settings.input =
+        (struct view_input){m->has_received_ns ? m->received_ns : 0, r->received_ns};
     view->settings.camera_revision = r->session->scene->scene->revision;
     view->settings.changed = true;
     hg_request_ok(r);
@@ -189,6 +214,11 @@ void hg_handle_frame_request(const struct request *r)
 {
     const struct hgp_frame_request *m = &r->message->frame_request;
     struct view_slot *view = hg_request_view(r, m->view);
+    struct hg_error err = {0};
+    if (view && m->has_encoding && hg_codec_check(r->s, m->encoding, "frame_request", &err)) {
+        hg_reply_error(r->to, &err);
+        return;
+    }
     struct frame_wait *wait = view ? add_wait(r, view, "frame_request") : NULL;
     if (!wait)
         return;
@@ -196,7 +226,7 @@ void hg_handle_frame_request(const struct request *r)
     wait->parts = m->has_parts && m->parts;
     wait->encoding = m->has_encoding ? m->encoding
                      : m->settled    ? view->subscription.still_encoding
-                                     : view->subscription.encoding;
+                                     : view->subscription.motion;
     wait->quality = m->has_quality ? m->quality : view->subscription.quality;
 }
 
@@ -219,10 +249,11 @@ void hg_handle_exposure_query(const struct request *r)
 
 void hg_handle_subscribe(const struct request *r)
 {
-    struct view_slot *view = hg_request_view(r, r->message->subscribe.view);
+    const struct hgp_subscribe *m = &r->message->subscribe;
+    struct view_slot *view = hg_request_view(r, m->view);
     if (!view)
         return;
-    hg_rate_subscribe(view, r->message->subscribe.credit_frames);
+    hg_rate_subscribe(view, m->credit_frames);
     hg_request_ok(r);
 }
 
@@ -231,6 +262,49 @@ void hg_handle_credit(const struct request *r)
     struct view_slot *view = hg_request_view(r, r->message->credit.view);
     if (view)
         hg_rate_add_credit(view, r->message->credit.frames);
+}
+
+// Of a client without a daemon in between.
+void hg_handle_taken(const struct request *r)
+{
+    const struct hgp_taken *m = &r->message->taken;
+    struct view_slot *view = hg_request_view(r, m->view);
+    if (!view)
+        return;
+    hg_rate_add_credit(view, 1);
+    hg_rate_delivered(view, &(struct hg_control_delivery){.number = m->number,
+                                .at_ns = r->received_ns,
+                                .begun_ns = m->begun_ns,
+                                .received_ns = m->received_ns,
+                                .rtt_ns = m->rtt_ns});
+}
+
+void hg_handle_delivered(const struct request *r)
+{
+    const struct hgp_delivered *m = &r->message->delivered;
+    struct view_slot *view = hg_view_slot_find(r->session, m->view);
+    if (view) // else it was closed meanwhile
+        hg_rate_delivered(view, &(struct hg_control_delivery){.number = m->number,
+                                    .at_ns = m->at_ns,
+                                    .begun_ns = m->begun_ns,
+                                    .received_ns = m->received_ns,
+                                    .rtt_ns = m->rtt_ns});
+}
+
+void hg_handle_key_frame(const struct request *r)
+{
+    const struct hgp_key_frame *m = &r->message->key_frame;
+    struct view_slot *view = hg_request_view(r, m->view);
+    if (!view)
+        return;
+    if (m->has_failed)
+        hg_codec_refuse(view, m->failed);
+    hg_codec_choose(r->s, view);
+    view->subscription.key_frame = true;
+    view->subscription.fresh = true;
+    view->subscription.sent_number = 0;
+    hg_request_ok(r);
+    hg_codec_tell(r->s, r->session, view);
 }
 
 void hg_handle_job_query(const struct request *r)

@@ -12,6 +12,9 @@ void hg_handle_frame_request(const struct request *r);
 void hg_handle_exposure_query(const struct request *r);
 void hg_handle_subscribe(const struct request *r);
 void hg_handle_credit(const struct request *r);
+void hg_handle_taken(const struct request *r);
+void hg_handle_delivered(const struct request *r);
+void hg_handle_key_frame(const struct request *r);
 void hg_handle_job_query(const struct request *r);
 
 #endif

@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "server/worker/frame_metadata.h"
+#include "server/worker/view_codec.h"
 #include "server/worker/view_rate.h"
 
 static struct reply_to reply_to(
@@ -55,6 +56,14 @@ static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_en
         .noise = info->noise,
         .has_exposure_ev = p->exposure_mode != HG_EXPOSURE_FIXED,
         .exposure_ev = info->exposure_ev,
+        .has_input_ns = view->progress.input.daemon_ns > 0,
+        .input_ns = view->progress.input.daemon_ns,
+        .has_taken_ns = view->progress.input.worker_ns > 0,
+        .taken_ns = view->progress.input.worker_ns,
+        .has_render_begin_ns = true,
+        .render_begin_ns = view->progress.began_ns,
+        .has_render_end_ns = true,
+        .render_end_ns = view->progress.stepped_ns,
     };
 }
 
@@ -89,12 +98,17 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->to = reply_to(s, session, what->request);
     request->quality = what->quality;
     request->parts = what->parts;
+    request->bitrate = view->control.now.bitrate && !what->request ? view->control.now.bitrate
+                                                                   : view->subscription.bitrate;
+    request->key_frame = !what->request && view->subscription.key_frame;
     request->frame = describe_frame(view, what->encoding);
+    request->frame.settled &= what->settled || what->request; // one without loss is still to come
     enum hg_status status = fill_request(s, session, view, request, err);
     if (status) {
         hg_encode_request_destroy(request);
         return status;
     }
+    view->subscription.key_frame &= what->request != 0;
     hg_encode_stream_push(view->encoder, request);
     return HG_OK;
 }
@@ -102,7 +116,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
 uint32_t hg_output_formats(const struct render_state *s, const struct view_slot *view)
 {
     const struct view_subscription *sub = &view->subscription;
-    uint32_t formats = sub->credit ? 1u << format_of(s, sub->encoding) : 0;
+    uint32_t formats = hg_view_slot_is_watched(view) ? 1u << format_of(s, sub->motion) : 0;
     for (const struct frame_wait *it = view->waits; it; it = it->next)
         formats |= it->exposure ? 0 : 1u << format_of(s, it->encoding);
     return formats;
@@ -161,14 +175,22 @@ static void deliver_waits(struct render_state *s, struct session *session, struc
 static void deliver_subscription(
     struct render_state *s, struct session *session, struct view_slot *view)
 {
-    if (!hg_rate_wants(view) || hg_clock_now_ns() < hg_rate_due_ns(view) ||
+    const uint64_t now_ns = hg_clock_now_ns();
+    if (!hg_rate_wants(view) || now_ns < hg_rate_due_ns(view) ||
         !hg_encode_stream_has_room(view->encoder))
         return;
-    const struct view_subscription *sub = &view->subscription;
-    const bool settled = view->progress.info.settled;
+    struct view_subscription *sub = &view->subscription;
+    hg_codec_choose(s, view);
+    hg_codec_tell(s, session, view);
+    const struct hg_frame_info *info = &view->progress.info;
+    const uint64_t rest_ns =
+        info->settled && sub->sent_number != info->number
+            ? hg_control_rest_ns(&view->control, (uint64_t)info->width * info->height)
+            : 0;
     const struct frame_wait what = {
-        .encoding = settled ? sub->still_encoding : sub->encoding,
-        .quality = sub->quality,
+        .settled = info->settled && !rest_ns,
+        .encoding = info->settled && !rest_ns ? sub->still_encoding : sub->motion,
+        .quality = view->control.now.quality ? view->control.now.quality : sub->quality,
     };
     if (!has_pixels(s, view, what.encoding))
         return;
@@ -176,7 +198,8 @@ static void deliver_subscription(
     if (queue_frame(s, session, view, &what, &err))
         hg_output_fail(s, session, view, &err);
     else
-        hg_rate_sent(view);
+        hg_rate_sent(view, hg_clock_now_ns() - now_ns);
+    sub->still_due_ns = rest_ns ? now_ns + rest_ns : 0;
 }
 
 void hg_output_deliver(struct render_state *s, struct session *session, struct view_slot *view)

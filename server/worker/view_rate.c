@@ -14,8 +14,11 @@ void hg_rate_subscribe(struct view_slot *view, uint32_t credit)
 {
     view->subscription.credit = credit;
     view->subscription.sent_number = 0;
+    view->subscription.still_due_ns = 0;
     view->subscription.fresh = true;
+    view->subscription.key_frame = true; // what the client has is not known
     view->progress.failed = false;
+    hg_control_begin(&view->control, view->subscription.names);
 }
 
 void hg_rate_add_credit(struct view_slot *view, uint32_t frames)
@@ -28,20 +31,67 @@ bool hg_rate_wants(const struct view_slot *view)
 {
     const struct view_subscription *sub = &view->subscription;
     const struct hg_frame_info *info = &view->progress.info;
-    if (!sub->credit || !view->progress.stepped || sub->sent_number == info->number)
+    if (!hg_view_slot_is_watched(view) || !view->progress.stepped)
         return false;
+    if (sub->sent_number == info->number)
+        return sub->still_due_ns > 0;
     return sub->fresh || info->samples <= sub->sent_samples ||
            info->samples >= 2 * sub->sent_samples || info->settled ||
            fabsf(info->exposure_ev - sub->sent_ev) >= EXPOSURE_STEP;
 }
 
-uint64_t hg_rate_due_ns(const struct view_slot *view)
+void hg_rate_note_sent(struct view_slot *view)
+{
+    struct hg_control_sent sent;
+    while (hg_encode_stream_next_sent(view->encoder, &sent))
+        hg_control_sent(&view->control, &sent);
+}
+
+static uint64_t later(uint64_t a_ns, uint64_t b_ns)
+{
+    return a_ns > b_ns ? a_ns : b_ns;
+}
+
+static uint64_t frame_due_ns(const struct view_slot *view)
 {
     return view->subscription.sent_ns + (uint64_t)(1e9 / (double)view->subscription.max_fps);
 }
 
-void hg_rate_sent(struct view_slot *view)
+uint64_t hg_rate_due_ns(struct view_slot *view)
 {
+    const struct view_subscription *sub = &view->subscription;
+    const bool is_sent = sub->sent_number == view->progress.info.number;
+    return later(
+        later(frame_due_ns(view), hg_rate_begin_ns(view)), is_sent ? sub->still_due_ns : 0);
+}
+
+uint64_t hg_rate_begin_ns(struct view_slot *view)
+{
+    hg_rate_note_sent(view);
+    const uint64_t due_ns = frame_due_ns(view), work_ns = (uint64_t)view->control.work_ns;
+    return later(hg_control_due_ns(&view->control, hg_clock_now_ns()),
+        due_ns > work_ns ? due_ns - work_ns : 0);
+}
+
+struct hg_control_choice hg_rate_choose(struct view_slot *view, uint32_t sharing)
+{
+    const struct view_subscription *sub = &view->subscription;
+    hg_rate_note_sent(view);
+    return hg_control_choose(&view->control, &(struct hg_control_goal){.fps = sub->target_fps,
+                                                 .quality = sub->quality,
+                                                 .bitrate = sub->bitrate,
+                                                 .sharing = sharing});
+}
+
+void hg_rate_delivered(struct view_slot *view, const struct hg_control_delivery *delivery)
+{
+    hg_rate_note_sent(view);
+    hg_control_delivered(&view->control, delivery);
+}
+
+void hg_rate_sent(struct view_slot *view, uint64_t read_ns)
+{
+    hg_control_queued(&view->control, view->progress.info.number, view->progress.began_ns, read_ns);
     struct view_subscription *sub = &view->subscription;
     sub->credit--;
     sub->sent_ns = hg_clock_now_ns();

@@ -12,10 +12,18 @@ void hg_rate_add_credit(struct view_slot *view, uint32_t frames);
 // doubling sample counts or with another exposure, then the settled one; whether or not it is due
 // yet.
 bool hg_rate_wants(const struct view_slot *view);
-// When max_fps lets it go.
-uint64_t hg_rate_due_ns(const struct view_slot *view);
-// The newest frame has been sent.
-void hg_rate_sent(struct view_slot *view);
+// When max_fps and the network let it go; UINT64_MAX: not before a frame has been delivered.
+uint64_t hg_rate_due_ns(struct view_slot *view);
+// When the next picture in motion may begin, likewise.
+uint64_t hg_rate_begin_ns(struct view_slot *view);
+// What the next subscribed frame is made with; `sharing` views move.
+struct hg_control_choice hg_rate_choose(struct view_slot *view, uint32_t sharing);
+// Takes note of frames that the encoders have finished.
+void hg_rate_note_sent(struct view_slot *view);
+// A client says which frame it has; at_ns: when.
+void hg_rate_delivered(struct view_slot *view, const struct hg_control_delivery *delivery);
+// The newest frame goes to the encoder; reading it took read_ns.
+void hg_rate_sent(struct view_slot *view, uint64_t read_ns);
 
 // How many samples the next step should draw to take about so long.
 uint32_t hg_rate_samples(const struct view_slot *view, uint64_t step_ns);

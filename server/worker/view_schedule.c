@@ -10,6 +10,7 @@
 // How long a step takes about: of a session that is alone, and where others wait.
 #define STEP_NS        50000000u
 #define SHARED_STEP_NS 16000000u
+#define MOVING_NS      500000000u // after its newest step a view counts as moving
 #define MESSAGES_NS    20000000u // of a session before its views have a turn
 
 // ---- steps --------------------------------------------------------------------------------------
@@ -17,7 +18,7 @@
 // All waiting requests are for the settled frame, and there is no subscriber.
 static bool is_final(const struct view_slot *view)
 {
-    bool final = view->waits != NULL && view->subscription.credit == 0;
+    bool final = view->waits != NULL && !hg_view_slot_is_watched(view);
     for (const struct frame_wait *it = view->waits; it; it = it->next)
         final &= it->settled;
     return final;
@@ -36,6 +37,20 @@ static void keep_to_time(struct view_slot *view)
         info->settled = true;
 }
 
+// What it has its turn for: weights of the shares of those that want more than there is.
+enum purpose {
+    MOVES,   // is watched while it changes
+    SETTLES, // towards its settled picture
+    FILMS,   // likewise, in path mode: takes minutes, and what the others leave
+};
+
+static enum purpose purpose_of(const struct session *session, const struct view_slot *view)
+{
+    if (hg_view_slot_is_stale(session, view) && !is_final(view))
+        return MOVES;
+    return view->settings.params.mode == HG_MODE_PATH ? FILMS : SETTLES;
+}
+
 static enum hg_status step(
     struct session *session, struct view_slot *view, uint32_t samples, struct hg_error *err)
 {
@@ -45,13 +60,17 @@ static enum hg_status step(
     const bool restarted = hg_view_slot_is_stale(session, view);
     view->subscription.fresh |= restarted;
     uint64_t start = hg_clock_now_ns();
+    const bool moves = purpose_of(session, view) == MOVES;
     hg_view_set_final(view->view, is_final(view));
     if (!status)
         status = hg_view_step(view->view, samples, &progress->info, err);
     view->settings.changed = false;
     if (status)
         return status;
+    progress->began_ns = start;
     progress->stepped_ns = hg_clock_now_ns();
+    progress->input = view->settings.input;
+    progress->moved_ns = moves ? progress->stepped_ns : progress->moved_ns;
     uint64_t took_ns = progress->stepped_ns - start;
     progress->spent_ns = restarted ? took_ns : progress->spent_ns + took_ns;
     progress->sample_ns = took_ns / samples;
@@ -98,15 +117,27 @@ static bool may_wait(const struct session *session, const struct view_slot *view
     return now < due;
 }
 
+// Whether a picture in motion may begin: it is drawn when it can be sent, of what is newest then.
+static bool is_due(struct view_slot *view, uint64_t *wait_ns)
+{
+    const uint64_t now = hg_clock_now_ns(), due = hg_rate_begin_ns(view);
+    if (now<due && * wait_ns> due - now)
+        *wait_ns = due - now;
+    return now >= due;
+}
+
 // Must the view work now? One that only waits for its frame to be due says until when; one whose
 // encoder is full is woken for.
-static bool has_work(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
+static bool has_work(const struct session *session, struct view_slot *view, uint64_t *wait_ns)
 {
-    if (rests(session, view) || (!view->waits && !view->subscription.credit))
+    const bool watched = hg_view_slot_is_watched(view);
+    if (rests(session, view) || (!view->waits && !watched))
         return false;
     if (hg_scene_slot_in_batch(session->scene, wait_ns))
         return false;
     if (may_wait(session, view, wait_ns))
+        return false;
+    if (watched && !view->waits && hg_view_slot_is_stale(session, view) && !is_due(view, wait_ns))
         return false;
     if (wants_step(session, view))
         return true;
@@ -123,20 +154,6 @@ static bool has_work(const struct session *session, const struct view_slot *view
     return false;
 }
 
-// What it has its turn for: weights of the shares of those that want more than there is.
-enum purpose {
-    MOVES,   // is watched while it changes
-    SETTLES, // towards its settled picture
-    FILMS,   // likewise, in path mode: takes minutes, and what the others leave
-};
-
-static enum purpose purpose_of(const struct session *session, const struct view_slot *view)
-{
-    if (hg_view_slot_is_stale(session, view) && !is_final(view))
-        return MOVES;
-    return view->settings.params.mode == HG_MODE_PATH ? FILMS : SETTLES;
-}
-
 static void charge(struct render_state *s, struct session *session, uint64_t ns)
 {
     struct tenant *tenant = session->tenant;
@@ -150,6 +167,38 @@ static bool may_be_cut(const struct render_state *s, const struct view_slot *vie
     return s->sessions->next && !(view->settings.params.time_limit_s > 0);
 }
 
+// Views that are watched and have moved of late, this one included.
+struct moving {
+    uint32_t all, of_scene;
+};
+
+static struct moving count_moving(
+    const struct render_state *s, const struct session *own, const struct view_slot *view)
+{
+    const uint64_t now_ns = hg_clock_now_ns();
+    struct moving count = {1, 1};
+    for (const struct session *session = s->sessions; session; session = session->next)
+        for (const struct view_slot *it = session->views; it; it = it->next) {
+            if (it == view || !hg_view_slot_is_watched(it) || !it->progress.moved_ns ||
+                now_ns - it->progress.moved_ns >= MOVING_NS)
+                continue;
+            count.all++;
+            count.of_scene += session->scene == own->scene;
+        }
+    return count;
+}
+
+// What the next picture may take.
+static void set_budget(
+    const struct render_state *s, const struct session *session, struct view_slot *view)
+{
+    if (!hg_view_slot_is_watched(view))
+        return;
+    const struct moving moving = count_moving(s, session, view);
+    hg_view_set_budget(view->view, hg_rate_choose(view, moving.all).target_ms);
+    hg_view_set_sharing(view->view, moving.of_scene);
+}
+
 // Renders, then reads: what is delivered is what the step left.
 static void work(
     struct render_state *s, struct session *session, struct view_slot *view, uint64_t step_ns)
@@ -159,6 +208,7 @@ static void work(
     view->progress.failed = false;
     hg_scene_slot_publish(session->scene); // a batch may be open for too long
     hg_view_set_formats(view->view, hg_output_formats(s, view));
+    set_budget(s, session, view);
     hg_view_set_slice(view->view, may_be_cut(s, view) ? SHARED_STEP_NS : 0);
     if (wants_step(session, view))
         status = step(session, view, hg_rate_samples(view, step_ns), &err);

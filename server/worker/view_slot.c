@@ -45,11 +45,15 @@ enum hg_status hg_view_slot_create(struct render_state *s, struct session *sessi
     view->number = number;
     view->settings.camera_revision = UINT64_MAX;
 #define STANDARD_U8(a, standard)   standard
+#define STANDARD_U32(a, standard)   standard
 #define STANDARD_F32(a, standard)  standard
 #define STANDARD_ENUM(a, standard) HGP_##a##_##standard
-#define HGP_VIEW_DELIVERY(kind, field, a, b, standard, doc)                                        \
-    view->subscription.field = STANDARD_##kind(a, standard);
+#define STANDARD_BYTES(a, standard) {.told = -1}
+    view->subscription = (struct view_subscription){
+#define HGP_VIEW_DELIVERY(kind, field, a, b, standard, doc) .field = STANDARD_##kind(a, standard),
 #include "protocol/view_params.def"
+    };
+    view->subscription.motion = view->subscription.encoding;
     view->next = session->views;
     session->views = view;
     atomic_fetch_add(&s->w->view_count, 1);
@@ -71,4 +75,9 @@ bool hg_view_slot_is_stale(const struct session *session, const struct view_slot
 {
     return !view->progress.stepped || view->settings.changed ||
            view->progress.info.scene_revision != session->scene->scene->revision;
+}
+
+bool hg_view_slot_is_watched(const struct view_slot *view)
+{
+    return view->subscription.credit > 0 && !view->subscription.hidden;
 }

@@ -6,6 +6,7 @@
 #include "renderer/renderer.h"
 #include "server/worker/encode_queue.h"
 #include "server/worker/session.h"
+#include "server/worker/view_control.h"
 
 // A client waiting for one frame of a view.
 struct frame_wait {
@@ -22,6 +23,11 @@ struct frame_wait {
     bool began;
 };
 
+// When a camera came to the daemon and to the worker; 0 = not known, or none came.
+struct view_input {
+    uint64_t daemon_ns, worker_ns;
+};
+
 // What the view shows.
 struct view_settings {
     struct hg_view_params params;
@@ -29,20 +35,36 @@ struct view_settings {
     bool camera_given;        // by a view_camera; else it follows the scene (view_fit.h)
     uint64_t camera_node;     // 0: `camera` counts
     uint64_t camera_revision; // of the scene that it was taken from; UINT64_MAX: none yet
+    struct view_input input;  // of its newest view_camera
     bool changed; // since the newest step
     bool has_exposure_mode; // a message said it
     bool has_temporal;      // likewise
 };
 
+// What the client can decode, the best first; see view_codec.h.
+struct view_codecs {
+    uint8_t items[16];
+    uint32_t count;
+    uint32_t refused, slow; // 1 << enum hgp_encoding; slow: does not hold target_fps here
+    int told;               // encoding that the client was told, or -1
+};
+
 // Frame delivery to a subscriber.
 struct view_subscription {
     enum hgp_encoding encoding, still_encoding;
-    uint8_t quality;
-    float max_fps;
+    struct view_codecs codecs;
+    enum hgp_encoding motion; // chosen of `codecs`, or `encoding`
+    uint8_t quality, hidden, names;
+    uint32_t bitrate; // bit/s, 0 = by quality alone
+    float max_fps, target_fps;
+    bool key_frame;  // the next frame depends on none before it
     uint32_t credit; // frames that may still be sent
     uint64_t sent_ns, sent_number, sent_samples;
     float sent_ev; // exposure
     bool fresh; // nothing of the newest step's state has been sent yet
+    // When the settled frame is sent without loss, of which one with loss has been sent already: it
+    // would be long on the wire. 0 = none is due
+    uint64_t still_due_ns;
 };
 
 // What steps came to.
@@ -53,7 +75,9 @@ struct view_progress {
     uint64_t failed_revision;      // of the scene then
     uint32_t failed_textures_sent; // textures that could not be read, as far as the client knows
     uint64_t sample_ns;            // of the newest step
-    uint64_t stepped_ns;           // when it ended
+    uint64_t began_ns, stepped_ns; // when it began and ended
+    struct view_input input;       // of the camera that it shows
+    uint64_t moved_ns;             // when the newest step of a moving picture ended
     uint64_t spent_ns;             // rendering, since the state was new
 };
 
@@ -82,6 +106,7 @@ struct view_slot {
     struct frame_wait *waits; // oldest first
     struct view_settings settings;
     struct view_subscription subscription;
+    struct hg_control control; // of the subscription
     struct view_progress progress;
     struct view_frame_key frame_key;
     struct view_checkpoint checkpoint;
@@ -94,6 +119,8 @@ enum hg_status hg_view_slot_create(struct render_state *s, struct session *sessi
 // Frames that are being encoded are still sent.
 void hg_view_slot_destroy(struct render_state *s, struct session *session, struct view_slot *view);
 
+// Does a client watch it that can be sent a frame?
+bool hg_view_slot_is_watched(const struct view_slot *view);
 // Does its newest step show another state than it has to show now?
 bool hg_view_slot_is_stale(const struct session *session, const struct view_slot *view);
 

@@ -10,6 +10,7 @@
 // its own header, so calls go the same way. tests/unit/floors/floors.py reads this list:
 // Layers, lowest first:
 //   turn watch                              whose turn it is; what threads are at
+//   view_control                            what the network delivers, what frames may cost
 //   worker                                  options, queues between threads
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
 //   shader_seed                             compiled shaders in advance
@@ -23,6 +24,7 @@
 //   scene_slot
 //   session
 //   view_slot
+//   view_codec                              negotiation of codecs
 //   request                                 a decoded message, and who is answered
 //   view_fit                                cameras that show the scene; that of a view without one
 //   frame_key                               the hash of what a frame is made from
@@ -80,6 +82,7 @@ struct worker_options {
 // A message on its way to the render thread, or a finished task; neither: a wake-up.
 struct command {
     struct hgp_header header;
+    uint64_t received_ns;      // when its header came
     struct hg_refbuf *payload; // bytes of the message; NULL for a finished task
     struct task *task;         // finished task, else NULL
     struct command *next;      // while queued behind a session's running task

@@ -83,7 +83,7 @@ static void add_views(session_message_fn *add)
     add(HGP_T_view_set,
         &(struct hgp_view_set){
             .view = 1, .has_width = true, .width = 16, .has_samples = true, .samples = 2});
-    for (int e = HGP_encoding_RAW_RGBA8; e <= HGP_encoding_EXR_FLOAT; e++)
+    for (int e = HGP_encoding_RAW_RGBA8; e <= HGP_encoding_TILES_JPEG; e++)
         add(HGP_T_frame_request, &(struct hgp_frame_request){.view = 1,
                                      .settled = e % 2,
                                      .has_encoding = true,
@@ -91,6 +91,9 @@ static void add_views(session_message_fn *add)
     add(HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 3});
     add(HGP_T_subscribe, &(struct hgp_subscribe){.view = 1});
     add(HGP_T_credit, &(struct hgp_credit){.view = 1, .frames = 2});
+    add(HGP_T_key_frame, &(struct hgp_key_frame){.view = 1});
+    add(HGP_T_key_frame,
+        &(struct hgp_key_frame){.view = 1, .has_failed = true, .failed = HGP_encoding_H264});
     add(HGP_T_view_close, &(struct hgp_view_close){.view = 1});
 }
 

@@ -300,11 +300,21 @@ static void drop_view(struct view *view)
     *view = (struct view){0};
 }
 
+// When it came is no part of the state.
+static void merge_camera(struct view *view, const struct hgp_view_camera *m)
+{
+    struct hgp_view_camera camera = *m;
+    camera.has_received_ns = false;
+    struct hg_packet *packet = hg_packet_encode(HGP_T_view_camera, &camera);
+    fake_merge(&view->camera, packet);
+    hg_packet_unref(packet);
+}
+
 static void view_message(struct channel *c, struct hg_packet *packet, const union hgp_any *m)
 {
     struct hg_reader r = hg_reader_make(packet->payload, packet->header.length);
-    if (packet->header.type == HGP_T_view_camera)
-        hg_read_u32(&r);
+    if (packet->header.type == HGP_T_view_camera || packet->header.type == HGP_T_delivered)
+        hg_read_u32(&r); // bitmap
     uint32_t number = hg_read_u32(&r);
     struct view *view = number ? find_view(c, number) : NULL;
     if (!view) {
@@ -313,8 +323,10 @@ static void view_message(struct channel *c, struct hg_packet *packet, const unio
     }
     switch (packet->header.type) {
     case HGP_T_view_camera:
-        fake_merge(&view->camera, packet);
+        merge_camera(view, &m->view_camera);
         return; // never answered
+    case HGP_T_delivered:
+        return;
     case HGP_T_credit:
         view->credit += m->credit.frames;
         return;
@@ -423,6 +435,7 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
     case HGP_T_view_camera:
     case HGP_T_subscribe:
     case HGP_T_credit:
+    case HGP_T_delivered:
         view_message(c, packet, m);
         return;
     case HGP_T_image_query:

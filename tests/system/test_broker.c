@@ -65,7 +65,7 @@ static void wrong_preface_and_version(void **state)
     struct peer p;
     daemon_begin(&d);
     peer_connect(&p, &d, false);
-    peer_raw(&p, "GET / HTTP/1.1\r\n\r\n", 18);
+    peer_raw(&p, "\x16\x03\x01\x02\x00\x01", 6); // TLS where none is spoken
     assert_false(peer_next(&p)); // closed without an answer
     peer_close(&p);
     peer_connect(&p, &d, false);

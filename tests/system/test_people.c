@@ -287,7 +287,7 @@ static void inactive_and_greedy_holders_lose_it(void **state)
 
 // ---- edits --------------------------------------------------------------------------------------
 
-enum { EDITORS = 8, EDITS = 40, NODES = 7, RESTARTS = 3, ALL = EDITORS * EDITS + RESTARTS };
+enum { EDITORS = 8, EDITS = 40, NODES = 7, ALL = EDITORS * EDITS };
 
 static void await_edits(struct peer *p, struct hgp_edited out[ALL])
 {
@@ -312,17 +312,19 @@ static void all_see_the_same_order(void **state)
         watch(&p[i], (struct hgp_scene_watch){.has_edits = true, .edits = true});
     }
     peer_open_scene(&clock, &d, "hall");
+    watch(&clock, (struct hgp_scene_watch){.has_edits = true, .edits = true});
+    clock.m.edited.number = 0;
     for (uint32_t k = 0; k < EDITS; k++) {
         for (int i = 0; i < EDITORS; i++)
             peer_tell(&p[i], HGP_T_node_set,
                 &(struct hgp_node_set){.node = p[0].first_id + k % NODES,
                     .has_translation = true,
                     .translation = {(float)i, 0, 0}});
-        if (k % 13 == 5)
-            kill(daemon_worker(&d, 0), SIGKILL); // some are under way, some were answered
-        if (k % 13 == 9)                         // until there is another one
-            peer_call(
-                &clock, HGP_T_node_set, &(struct hgp_node_set){.node = p[0].first_id}, HGP_T_ok);
+        if (k % 13 != 5)
+            continue;
+        while (clock.m.edited.number < NODES + (k + 1) * EDITORS) // all that there is to blame
+            await(&clock, HGP_T_edited);
+        daemon_write(&d, "die.node_set", ""); // at the next one, with others under way
     }
     await_edits(&p[0], first);
     uint32_t of_session[EDITORS] = {0};

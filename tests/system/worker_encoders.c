@@ -42,8 +42,8 @@ static enum hg_status encoder_open(
     return HG_OK;
 }
 
-static enum hg_status encoder_encode(
-    void *state, const struct encode_request *request, struct hg_writer *out, struct hg_error *err)
+static enum hg_status encoder_encode(void *state, const struct encode_request *request,
+    struct encode_output *out, struct hg_error *err)
 {
     uint32_t *frames = state;
     (void)request;
@@ -56,7 +56,7 @@ static enum hg_status encoder_encode(
     pthread_mutex_unlock(&encoder.lock);
     if (fails)
         return hg_error_set(err, HG_E_UNSUPPORTED, "encoder", "jpeg", "fails");
-    hg_write_u32(out, (*frames)++);
+    hg_write_u32(&out->data, (*frames)++);
     return HG_OK;
 }
 
@@ -71,8 +71,11 @@ static void encoder_close(void *state)
 
 static const struct encoder_ops *find_encoder(enum hgp_encoding encoding)
 {
-    static const struct encoder_ops ops = {
-        "test", HG_PIXEL_RGBA8, false, encoder_open, encoder_encode, encoder_close};
+    static const struct encoder_ops ops = {.name = "test",
+        .pixels = HG_PIXEL_RGBA8,
+        .open = encoder_open,
+        .encode = encoder_encode,
+        .close = encoder_close};
     return encoding == HGP_encoding_JPEG ? &ops : hg_encoder_find(encoding);
 }
 

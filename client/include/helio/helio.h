@@ -137,6 +137,8 @@ struct helio_message {
     uint32_t request;          // 0 = not an answer
     uint32_t size_bytes;       // of its payload
     const union hgp_any *body; // the member named by `type`
+    uint64_t begun_ns;         // when its first bytes were read and
+    uint64_t received_ns;      // when all of it was; CLOCK_MONOTONIC
 };
 
 // Takes the oldest received message. HG_E_AGAIN: none (or the connection's error once it failed and
@@ -144,6 +146,14 @@ struct helio_message {
 HELIO_API enum hg_status helio_next(
     struct helio *h, struct helio_message **out, struct hg_error *err) HG_MUST_CHECK;
 HELIO_API void helio_message_free(struct helio_message *message); // accepts NULL
+
+// Says that a frame of a subscription has come (`frame`: of type HGP_T_frame, with request 0), and
+// when, and gives credit for one more: for views with `names`. The daemon then keeps as many frames
+// under way as the network delivers, of the quality that it has room for. Subscribe with credit for
+// all that may be under way (32 suit round trips of up to a second). helio_ping now and then tells
+// it the round trip. Errors of helio_send.
+HELIO_API enum hg_status helio_taken(
+    struct helio *h, const struct helio_message *frame, struct hg_error *err) HG_MUST_CHECK;
 
 // ---- blocking use ------------------------------------------------------------------------------
 
@@ -160,6 +170,17 @@ struct helio_handlers {
 };
 
 HELIO_API void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers);
+
+// Sees what helio_send takes (the whole message with its header, as it goes out) and what comes for
+// the caller, before it is taken: for recordings and protocols of a conversation. Tokens and
+// tickets do not pass here. Each may be NULL; NULL as a whole ends it. Must not call this library.
+struct helio_tap {
+    void *user;
+    void (*sent)(void *user, const uint8_t *message, size_t size);
+    void (*received)(void *user, const struct helio_message *message);
+};
+
+HELIO_API void helio_set_tap(struct helio *h, const struct helio_tap *tap);
 
 // Deadline of each blocking call below; default HELIO_NO_TIMEOUT.
 HELIO_API void helio_set_timeout(struct helio *h, uint64_t timeout_ns);

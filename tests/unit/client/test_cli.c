@@ -362,7 +362,7 @@ static void test_usage(void **state)
 {
     (void)state;
     static const char *const bad[][2] = {{"", "needs a command"}, {"fly", "unknown command"},
-        {"view s.gltf", "unknown command"}, {"render", "SCENE"}, {"render s.gltf", "--output"},
+        {"look s.gltf", "unknown command"}, {"render", "SCENE"}, {"render s.gltf", "--output"},
         {"render s.gltf -o a.bmp", ".png"},
         {"render s.gltf -o a.exr --aov depth,direct-diffuse",
             "--aov: 'direct-diffuse' needs mode path"},

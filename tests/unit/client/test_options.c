@@ -122,8 +122,8 @@ static void test_unknown(void **state)
 {
     (void)state;
     struct hg_error err;
-    assert_int_equal(parse(2, (const char *[]){"helio", "view"}, &err), HG_E_INVAL);
-    assert_string_equal(err.what, "view");
+    assert_int_equal(parse(2, (const char *[]){"helio", "look"}, &err), HG_E_INVAL);
+    assert_string_equal(err.what, "look");
     assert_int_equal(parse(1, (const char *[]){"helio"}, &err), HG_E_INVAL);
     assert_int_equal(parse(2, (const char *[]){"helio", "render"}, &err), HG_E_INVAL);
     assert_int_equal(parse(4, (const char *[]){"helio", "render", "a", "b"}, &err), HG_E_INVAL);

@@ -1,0 +1,138 @@
+#include "client/cli/bench_common.h"
+
+#include <errno.h>
+#include <ftw.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/clock.h"
+#include "base/file.h"
+#include "base/program.h"
+
+extern char **environ;
+
+enum { WAIT_NS = 10000000, ARGS = 32 };
+#define START_NS 60000000000u
+
+// ---- the daemon ---------------------------------------------------------------------------------
+
+static enum hg_status make_folder(struct hg_bench_daemon *d, struct hg_error *err)
+{
+    const char *temp = getenv("TMPDIR");
+    snprintf(d->folder, sizeof d->folder, "%s/helio-bench-XXXXXX", temp && *temp ? temp : "/tmp");
+    if (mkdtemp(d->folder)) {
+        snprintf(d->url, sizeof d->url, "unix:%s/sock", d->folder);
+        return HG_OK;
+    }
+    enum hg_status status = hg_error_set(
+        err, hg_status_from_errno(errno), d->folder, NULL, "cannot be made: %s", strerror(errno));
+    d->folder[0] = 0;
+    return status;
+}
+
+static enum hg_status spawn_daemon(
+    struct hg_bench_daemon *d, const char *tokens, const char *const *more, struct hg_error *err)
+{
+    char cache[128], file[128];
+    snprintf(cache, sizeof cache, "%s/cache", d->folder);
+    snprintf(file, sizeof file, "%s/tokens", d->folder);
+    hg_program_path("HELIOD", "../bin/heliod", d->program, sizeof d->program);
+    const char *argv[ARGS] = {d->program, "--listen", d->url, "--cache-dir", cache, "--sandbox",
+        "best-effort", "--log", "error"};
+    int count = 9;
+    if (tokens) {
+        enum hg_status status = hg_file_write_atomic(file, tokens, strlen(tokens), err);
+        if (status)
+            return status;
+        argv[count++] = "--tokens";
+        argv[count++] = file;
+        argv[count++] = "--require-token";
+    }
+    while (more && *more && count < ARGS - 1)
+        argv[count++] = *more++;
+    const int failed = posix_spawn(&d->pid, d->program, NULL, NULL, (char *const *)argv, environ);
+    if (!failed)
+        return HG_OK;
+    d->pid = 0;
+    return hg_error_set(err, HG_E_WORKER, d->program, NULL, "cannot start: %s", strerror(failed));
+}
+
+static bool has_ended(struct hg_bench_daemon *d)
+{
+    if (waitpid(d->pid, NULL, WNOHANG) == 0)
+        return false;
+    d->pid = 0; // its number may be another process's now
+    return true;
+}
+
+static enum hg_status await_daemon(
+    struct hg_bench_daemon *d, const char *token, struct hg_error *err)
+{
+    const struct helio_options options = {.url = d->url, .token = token};
+    const uint64_t until_ns = hg_clock_now_ns() + START_NS;
+    enum hg_status status;
+    struct helio *h;
+    while ((status = helio_connect(&options, &h, err)) && hg_clock_now_ns() < until_ns &&
+           !has_ended(d) && !hg_cli_is_stopped())
+        hg_clock_sleep_ns(WAIT_NS);
+    helio_destroy(h);
+    return status;
+}
+
+enum hg_status hg_bench_daemon_start(struct hg_bench_daemon *d, const char *tokens,
+    const char *token, const char *const *more, struct hg_error *err)
+{
+    *d = (struct hg_bench_daemon){0};
+    enum hg_status status = make_folder(d, err);
+    if (!status)
+        status = spawn_daemon(d, tokens, more, err);
+    return status ? status : await_daemon(d, token, err);
+}
+
+static int remove_one(const char *path, const struct stat *st, int kind, struct FTW *at)
+{
+    (void)st;
+    (void)kind;
+    (void)at;
+    return remove(path);
+}
+
+void hg_bench_daemon_stop(struct hg_bench_daemon *d)
+{
+    if (d->pid) {
+        kill(d->pid, SIGTERM);
+        hg_clock_sleep_ns(WAIT_NS);
+        kill(d->pid, SIGTERM); // the second one does not wait for clients
+        waitpid(d->pid, NULL, 0);
+    }
+    if (d->folder[0])
+        nftw(d->folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+    *d = (struct hg_bench_daemon){0};
+}
+
+// ---- numbers ------------------------------------------------------------------------------------
+
+static int compare_ns(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+static double at_share(const int64_t *ns, uint32_t count, uint32_t percent)
+{
+    const uint32_t i = (uint32_t)((uint64_t)count * percent / 100);
+    return count ? (double)ns[i < count ? i : count - 1] * 1e-6 : 0.0;
+}
+
+json_t *hg_bench_percentiles(int64_t *ns, uint32_t count)
+{
+    qsort(ns, count, sizeof *ns, compare_ns);
+    return json_pack("{s:f, s:f, s:f, s:f, s:i}", "p50", at_share(ns, count, 50), "p95",
+        at_share(ns, count, 95), "p99", at_share(ns, count, 99), "max", at_share(ns, count, 100),
+        "count", (int)count);
+}

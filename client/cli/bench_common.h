@@ -1,0 +1,26 @@
+// bench_common.h - what the benchmarks of the client share: a daemon of their own, percentiles.
+// Floor 6 (client).
+#ifndef HG_CLIENT_CLI_BENCH_COMMON_H
+#define HG_CLIENT_CLI_BENCH_COMMON_H
+
+#include <sys/types.h>
+
+#include "client/cli/cli.h"
+
+struct hg_bench_daemon {
+    char folder[64], url[128]; // of its socket; removed at the end
+    char program[4096];
+    pid_t pid; // 0: none runs
+};
+
+// Starts heliod on a unix socket in a temporary folder and waits until it takes sessions.
+// `tokens`: of its token file; NULL: it trusts its own user. `more`: further options, ended by
+// NULL. On failure hg_bench_daemon_stop is still to be called.
+enum hg_status hg_bench_daemon_start(struct hg_bench_daemon *d, const char *tokens,
+    const char *token, const char *const *more, struct hg_error *err) HG_MUST_CHECK;
+void hg_bench_daemon_stop(struct hg_bench_daemon *d); // accepts a zeroed one
+
+// Milliseconds {p50, p95, p99, max, count} of times in ns, which are sorted. NULL: no memory.
+json_t *hg_bench_percentiles(int64_t *ns, uint32_t count);
+
+#endif

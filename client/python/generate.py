@@ -1,0 +1,117 @@
+#!/usr/bin/env python3
+"""Writes helio/_messages.py, the messages of the protocol as tables, from protocol/messages.def and
+protocol/view_params.def; with --check it fails when the file is not current.
+
+    generate.py ROOT [--check]
+"""
+import os
+import re
+import sys
+
+MACRO = re.compile(r"^HGP_(\w+)\((.*)\)\s*$")
+
+
+def arguments(text):
+    """The arguments of a macro; texts in quotes may hold commas."""
+    out, depth, quoted, part = [], 0, False, ""
+    for i, c in enumerate(text):
+        if c == '"' and text[i - 1:i] != "\\":
+            quoted = not quoted
+        depth += 0 if quoted else (c == "(") - (c == ")")
+        if c == "," and not quoted and depth == 0:
+            out.append(part.strip())
+            part = ""
+        else:
+            part += c
+    return out + [part.strip()]
+
+
+def rows(path):
+    with open(path, encoding="utf-8") as f:
+        text = f.read().replace("\\\n", " ")
+    for line in text.splitlines():
+        if '#include "protocol/view_params.def"' in line:
+            yield "INCLUDE", []
+        match = MACRO.match(line)
+        if match:
+            yield match.group(1), arguments(match.group(2))
+
+
+def params(root):
+    for name, a in rows(os.path.join(root, "protocol/view_params.def")):
+        if name in ("VIEW_PARAM", "VIEW_DELIVERY"):
+            yield (a[1], a[0], a[2] if a[0] in ("ENUM", "LIST") else "", True)
+
+
+def read(root):
+    """enums {name: [(value name, number)]}, records {name: (id, direction, fields)}."""
+    enums, records, fields = {}, {}, []
+    for name, a in rows(os.path.join(root, "protocol/messages.def")):
+        if name == "ENUM":
+            enums[a[0]] = []
+        elif name == "VALUE":
+            enums[a[0]].append((a[1], int(a[2], 0)))
+        elif name in ("STRUCT", "MESSAGE"):
+            fields = []
+            message = name == "MESSAGE"
+            records[a[0]] = (int(a[1], 0) if message else 0, a[2] if message else "", fields)
+        elif name == "F":
+            fields.append((a[2], a[1], a[3] if a[1] in ("ENUM", "LIST") else "", a[0] == "OPT"))
+        elif name == "INCLUDE":
+            fields.extend(params(root))
+    return enums, records
+
+
+def statuses(root):
+    for name, a in rows_of_status(root):
+        yield a[0], int(a[1]), a[2].strip('"')
+
+
+def rows_of_status(root):
+    with open(os.path.join(root, "base/status.def"), encoding="utf-8") as f:
+        for match in re.finditer(r"^HG_STATUS\((.*)\)$", f.read(), re.M):
+            yield "STATUS", arguments(match.group(1))
+
+
+def write(root):
+    enums, records = read(root)
+    out = ['"""Messages of the protocol. Written by generate.py from protocol/messages.def: do not edit."""',
+           "from __future__ import annotations", "", "import enum",
+           "from typing import Dict, List, Tuple", "",
+           "# (field, kind, enum or list part, optional)", "Field = Tuple[str, str, str, bool]", "", ""]
+    out.append("class Status(enum.IntEnum):")
+    out += ["    %s = %d" % (symbol, value) for symbol, value, _ in statuses(root)]
+    out += ["", "", "STATUS_NAMES: Dict[int, str] = {"]
+    out += ['    %d: "%s",' % (value, name) for _, value, name in statuses(root)] + ["}"]
+    for name, values in enums.items():
+        title = "".join(part.capitalize() for part in name.split("_"))
+        out += ["", "", "class %s(enum.IntEnum):" % title]
+        # mypy and IntEnum reserve no name that the protocol has, but digits cannot begin one.
+        out += ["    %s = %d" % value for value in values]
+    out += ["", "", "ENUMS: Dict[str, type[enum.IntEnum]] = {"]
+    out += ['    "%s": %s,' % (name, "".join(p.capitalize() for p in name.split("_"))) for name in enums]
+    out += ["}", "", "# Parts of lists have number 0. In the order of C's structs.",
+            "RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {"]
+    for name, (number, direction, fields) in records.items():
+        out.append('    "%s": (0x%04x, "%s", [' % (name, number, direction))
+        out += ['        ("%s", "%s", "%s", %s),' % field for field in fields]
+        out.append("    ]),")
+    return "\n".join(out + ["}"]) + "\n"
+
+
+def main():
+    root = sys.argv[1]
+    path = os.path.join(root, "client/python/helio/_messages.py")
+    text = write(root)
+    if sys.argv[2:] == ["--check"]:
+        with open(path, encoding="utf-8") as f:
+            if f.read() != text:
+                sys.exit("client/python/helio/_messages.py is not current: run "
+                         "client/python/generate.py ROOT, or cmake --build build --target protocol_update")
+        return
+    with open(path, "w", encoding="utf-8") as f:
+        f.write(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""Tests of the Python module: against a private worker, with pictures of a few pixels.
+
+HELIO_LIBRARY, HELIO_WORKER and HELIO_TEST_MODEL (a glTF file) come from ctest.
+"""
+import ctypes
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE = os.environ["HELIO_SOURCE_DIR"]
+sys.path.insert(0, os.path.join(SOURCE, "client", "python"))
+
+import helio  # noqa: E402
+from helio import _lib  # noqa: E402
+
+MODEL = os.environ.get("HELIO_TEST_MODEL", "demo:")
+SMALL = {"gi": "none", "samples": 1, "temporal": "none"}
+
+
+class Tables(unittest.TestCase):
+    def test_every_function_is_bound(self):
+        with open(os.path.join(SOURCE, "client/include/helio/helio.h"), encoding="utf-8") as f:
+            declared = set(re.findall(r"^HELIO_API [^;]*?\b(helio_\w+)\(", f.read(), re.M))
+        self.assertGreater(len(declared), 25)
+        self.assertEqual(declared, set(_lib.PROTOTYPES))
+
+    def test_structs_are_as_large_as_those_of_c(self):
+        class MessageInfo(ctypes.Structure):
+            _fields_ = [("type", ctypes.c_int), ("name", ctypes.c_char_p), ("direction", ctypes.c_int),
+                        ("state", ctypes.c_int), ("role", ctypes.c_int), ("since", ctypes.c_uint16),
+                        ("struct_size", ctypes.c_size_t)]
+        find = _lib.lib.hgp_find
+        find.restype, find.argtypes = ctypes.POINTER(MessageInfo), [ctypes.c_uint16]
+        for name, number in _lib.numbers.items():
+            info = find(number)
+            self.assertTrue(info, name)
+            self.assertEqual(info.contents.name.decode(), name)
+            self.assertEqual(info.contents.struct_size, ctypes.sizeof(_lib.structs[name]), name)
+
+    def test_values_come_back(self):
+        keep = []
+        fields = {"asset": 7, "path": "größe.glb", "files": [{"uri": "a.bin", "hash": bytes(range(32))},
+                                                            {"uri": "b.png", "hash": bytes(32)}],
+                  "up": "minus-z", "transform": tuple(float(i) for i in range(16))}
+        struct = _lib.encode("asset_load", fields, keep)
+        out = _lib.decode("asset_load", struct)
+        self.assertEqual(out["path"], "größe.glb")
+        self.assertEqual(out["files"][0]["hash"], bytes(range(32)))
+        self.assertEqual(out["files"][1]["uri"], "b.png")
+        self.assertEqual(out["up"].name, "MINUS_Z")
+        self.assertEqual(out["transform"][15], 15.0)
+        self.assertNotIn("variant", out)
+
+    def test_wrong_values_are_refused(self):
+        with self.assertRaises(TypeError):
+            _lib.encode("view_set", {"view": 1, "widht": 3}, [])
+        with self.assertRaises(ValueError):
+            _lib.encode("view_set", {"view": 1, "mode": "fast"}, [])
+        with self.assertRaises(ValueError):
+            _lib.encode("view_camera", {"view": 1, "eye": (1, 2)}, [])
+
+
+class Unreachable(unittest.TestCase):
+    def test_no_daemon(self):
+        with self.assertRaises(helio.HelioError) as caught:
+            helio.connect("unix:/nonexistent/heliod.sock", timeout=5)
+        self.assertEqual(caught.exception.status, helio.Status.E_CLOSED)
+        self.assertIn("/nonexistent/heliod.sock", caught.exception.what)
+
+    def test_url(self):
+        with self.assertRaises(helio.HelioError) as caught:
+            helio.connect("gopher:here")
+        self.assertEqual(caught.exception.status, helio.Status.E_INVAL)
+
+
+class Rendering(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        roots = [] if MODEL == "demo:" else [os.path.dirname(os.path.realpath(MODEL))]
+        cls.session = helio.connect(asset_roots=roots, timeout=200)
+        cls.scene = cls.session.scene()
+        cls.loaded = cls.scene.load(MODEL)
+        cls.view = cls.scene.view(32, 24, **SMALL)
+        cls.view.fit("iso")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.session.close()
+        cls.session.close()  # again: nothing
+
+    def test_info(self):
+        info = self.session.info
+        self.assertEqual(info.state, "open")
+        self.assertEqual(info.role, helio.Role.ADMIN)
+        self.assertGreater(info.worker_pid, 1)
+        self.assertRegex(helio.version(), r"^\d+\.\d+\.\d+$")
+        self.assertGreater(self.session.ping(), 0)
+        self.assertGreaterEqual(self.session.fileno(), 0)
+
+    def test_scene(self):
+        self.assertGreater(self.loaded["triangles"], 0)
+        nodes = list(self.scene.nodes())
+        self.assertEqual(len(nodes), self.loaded["nodes"])
+        low, high = self.scene.bounds()
+        self.assertTrue(all(a <= b for a, b in zip(low, high)))
+        self.assertEqual(len(self.scene.describe()), 1)
+
+    def test_settled_frames_are_the_same(self):
+        a, b = self.view.frame(encoding="raw_rgba8"), self.view.frame(encoding="raw_rgba8")
+        self.assertTrue(a.settled)
+        self.assertEqual(len(a.data), 32 * 24 * 4)
+        self.assertEqual((a.hash, a.data), (b.hash, b.data))
+        png = self.view.frame()
+        self.assertEqual(png.hash, a.hash)  # of the pixels, whatever they are packed in
+        self.assertEqual(png._repr_png_()[:8], b"\x89PNG\r\n\x1a\n")
+        self.assertEqual(self.session.compare(png.data, png.data), 999)
+        with tempfile.TemporaryDirectory() as folder:
+            png.save(os.path.join(folder, "a.png"))
+            self.assertEqual(os.path.getsize(os.path.join(folder, "a.png")), len(png.data))
+
+    def test_numpy(self):
+        try:
+            import numpy
+        except ImportError:
+            self.skipTest("numpy is not installed")
+        frame = self.view.frame(encoding="raw_rgba8")
+        self.assertEqual(frame.array.shape, (24, 32, 4))
+        self.assertEqual(numpy.asarray(frame).tobytes(), frame.data)
+        with self.assertRaises(ValueError):
+            self.view.frame().array
+
+    def test_cameras_move_the_picture(self):
+        with self.scene.view(16, 16, **SMALL) as view:
+            view.fit("front")
+            front = view.frame()
+            seq = view.fit("top")
+            top = view.frame()
+            self.assertNotEqual(front.hash, top.hash)
+            self.assertEqual(top.input_seq, seq)
+        with self.assertRaises(ValueError):
+            self.view.fit("underneath")
+
+    def test_edits_raise_the_revision(self):
+        node = self.scene.new_id()
+        first = self.scene.edit("node_set", node=node, translation=(1, 2, 3), name="made")
+        self.assertEqual(self.scene.find("made"), node)
+        self.assertGreater(self.scene.edit("object_remove", kind="node", object=node), first)
+
+    def test_subscription(self):
+        with self.scene.view(16, 16, **SMALL) as view:
+            view.fit("left")
+            seen = []
+            for frame in view.frames(timeout=100):
+                seen.append(frame)
+                if frame.settled:
+                    break
+            self.assertTrue(seen[-1].settled)
+
+    def test_pick(self):
+        self.view.frame()
+        hit = self.view.pick(16, 12)
+        if hit is not None:
+            self.assertIn(hit["node"], [n["node"] for n in self.scene.nodes()])
+        self.assertEqual(self.view.stats()["frame"]["samples"], 1)
+
+    def test_errors_say_what_and_where(self):
+        with self.assertRaises(helio.HelioError) as caught:
+            self.scene.load("/nonexistent/scene.glb")
+        self.assertIn(caught.exception.status, (helio.Status.E_NOTFOUND, helio.Status.E_PERM))
+        self.assertIn("scene.glb", str(caught.exception))
+        with self.assertRaises(helio.HelioError) as caught:
+            self.scene.edit("node_set", node=0)
+        self.assertEqual(caught.exception.status, helio.Status.E_INVAL)
+        self.assertEqual(caught.exception.what, "node_set")
+
+    def test_tap(self):
+        sent, came = [], []
+        self.session.tap(sent.append, lambda m: came.append(m.name))
+        self.session.ping()
+        self.session.tap()
+        self.session.ping()
+        self.assertEqual(len(sent), 1)
+        self.assertEqual(int.from_bytes(sent[0][4:6], "little"), _lib.numbers["ping"])
+        self.assertEqual(came, ["pong"])
+
+    def test_exceptions_of_callbacks_end_the_call(self):
+        class Stop(Exception):
+            pass
+
+        def stop(message):
+            raise Stop
+        self.session.tap(received=stop)
+        with self.assertRaises(Stop):
+            self.session.ping()
+        self.session.tap()
+        self.assertGreater(self.session.ping(), 0)
+
+
+class Examples(unittest.TestCase):
+    def run_example(self, name, *args):
+        env = dict(os.environ, PYTHONPATH=os.path.join(SOURCE, "client", "python"))
+        path = os.path.join(SOURCE, "client", "python", "examples", name)
+        return subprocess.run([sys.executable, path, *args], env=env, check=True, stdout=subprocess.PIPE,
+                              timeout=300, text=True).stdout
+
+    def test_edit(self):
+        with tempfile.TemporaryDirectory() as folder:
+            before, after = os.path.join(folder, "a.png"), os.path.join(folder, "b.png")
+            self.run_example("edit.py", before, after)
+            with open(before, "rb") as a, open(after, "rb") as b:
+                pictures = a.read(), b.read()
+        self.assertTrue(all(p[:4] == b"\x89PNG" for p in pictures))
+        self.assertNotEqual(pictures[0], pictures[1])
+
+    def test_render(self):
+        with tempfile.TemporaryDirectory() as folder:
+            out = os.path.join(folder, "a.png")
+            self.assertIn("settled", self.run_example("render.py", MODEL, out))
+            self.assertGreater(os.path.getsize(out), 100)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,130 @@
+// session.h - a viewer's conversation with the server, on a thread of its own: opens the scene,
+// sends the newest camera and the edits, decodes the newest frame.
+//
+// Floor 6 (client). Thread: the functions below belong to the thread of the window; none of them
+// waits for the server. The session's thread owns the connection. Frames never queue: of those that
+// have come only the newest is decoded, and credit is given back when it is. Cameras and poses of
+// animations never queue either: the newest replaces one that is not sent yet.
+#ifndef HG_CLIENT_VIEW_SESSION_H
+#define HG_CLIENT_VIEW_SESSION_H
+
+#include "client/cli/options.h"
+#include "client/view/decode.h"
+
+enum {
+    HG_VIEW_NAMES_MAX = 64, // cameras and variants that can be chosen
+    HG_VIEW_NAME_BYTES = 64,
+    HG_VIEW_STAGES_MAX = 16,
+    HG_VIEW_TEXT_BYTES = 512,
+};
+
+struct hg_view_session;
+
+enum hg_view_state {
+    HG_VIEW_OPENING, // `text` says what is being done
+    HG_VIEW_OPEN,
+    HG_VIEW_FAILED, // `text` says why; hg_view_session_open tries again
+};
+
+struct hg_view_name {
+    char text[HG_VIEW_NAME_BYTES]; // control bytes replaced
+    uint64_t id;                   // node of a camera
+};
+
+// What the scene offers.
+struct hg_view_scene {
+    struct hg_view_name cameras[HG_VIEW_NAMES_MAX], variants[HG_VIEW_NAMES_MAX];
+    uint32_t camera_count, variant_count;
+    double duration_s;             // of the longest animation; 0 = there is none
+    double radius;                 // of the scene's bounds, metres
+    struct hgp_view_camera camera; // that the view begins with
+};
+
+struct hg_view_status {
+    enum hg_view_state state;
+    char text[HG_VIEW_TEXT_BYTES];
+    char title[256];   // name of the scene
+    char server[160];  // program or device at the other end
+    double share;      // of what is being done, 0 to 1; < 0: unknown
+    uint32_t scene;    // counts scenes that were opened: hg_view_session_scene has another one
+    uint32_t messages; // counts `message`, a remark or an error that does not end anything
+    char message[HG_VIEW_TEXT_BYTES];
+    uint32_t fits, picks;            // answers that have come, hg_view_session_fitted and _picked
+    uint64_t frames, bytes, dropped; // received in all; frames that a newer one replaced
+    uint64_t rtt_ns;                 // of the newest ping; 0 = none yet
+    uint32_t reconnects;
+    bool may_edit; // the session's role
+    int exit_code; // FAILED: of the error; a refusal later does not count
+};
+
+// Where a picture comes from.
+struct hg_view_facts {
+    uint64_t number, revision, input_seq, received_ns, decode_ns;
+    uint32_t samples, missing_pages, missing_clusters, bytes;
+    enum hgp_encoding encoding;
+    enum hgp_render_mode mode;
+    bool settled, lossless, has_hash;
+    float noise, exposure_ev; // noise < 0: unknown
+    uint8_t hash[32];
+    uint32_t stage_count;
+    struct {
+        char name[20];
+        uint64_t ns;
+    } stages[HG_VIEW_STAGES_MAX];
+};
+
+struct hg_view_picture {
+    struct hg_view_pixels pixels;
+    struct hg_view_facts facts;
+};
+
+// What the window asks for, beside cameras and poses.
+enum hg_view_ask {
+    HG_VIEW_ASK_SET,         // view: view_set
+    HG_VIEW_ASK_ENVIRONMENT, // environment
+    HG_VIEW_ASK_VARIANT,     // text
+    HG_VIEW_ASK_NODE,        // camera; likewise, where that camera of the scene stands
+    HG_VIEW_ASK_FIT,         // the camera that shows all; hg_view_session_fitted has the answer
+    HG_VIEW_ASK_PICK,        // x, y; hg_view_session_picked has the answer
+    HG_VIEW_ASK_SHOT,        // text = file; the newest frame, without loss
+};
+
+struct hg_view_request {
+    enum hg_view_ask ask;
+    union {
+        struct hgp_view_set view;
+        struct hgp_environment_set environment;
+        uint64_t camera;
+        struct {
+            uint32_t x, y;
+        };
+    };
+    char text[HG_VIEW_TEXT_BYTES];
+};
+
+// Starts the thread and opens the scene of `options`, which are borrowed. `changed` is called on
+// the session's thread when the status changed or a picture came: it wakes the window.
+enum hg_status hg_view_session_create(const struct hg_cli_options *options,
+    void (*changed)(void *user), void *user, struct hg_view_session **out,
+    struct hg_error *err) HG_MUST_CHECK;
+// Ends the connection and the thread. Accepts NULL.
+void hg_view_session_destroy(struct hg_view_session *s);
+
+// Opens another file in place of the scene, or (NULL) the same scene again.
+void hg_view_session_open(struct hg_view_session *s, const char *path);
+
+void hg_view_session_status(struct hg_view_session *s, struct hg_view_status *out);
+void hg_view_session_scene(struct hg_view_session *s, struct hg_view_scene *out);
+// The newest picture; false: the one that `picture` holds is. The memory of the old one goes back.
+bool hg_view_session_take(struct hg_view_session *s, struct hg_view_picture *picture);
+
+// The newest one wins. Members view and input_seq are set here; returns the number that the frame
+// which shows it has as input_seq.
+uint64_t hg_view_session_camera(struct hg_view_session *s, const struct hgp_view_camera *camera);
+void hg_view_session_pose(struct hg_view_session *s, double time_s);
+// False: 64 requests wait already.
+bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request *request);
+bool hg_view_session_fitted(struct hg_view_session *s, struct hgp_view_camera *camera);
+bool hg_view_session_picked(struct hg_view_session *s, struct hgp_picked *picked);
+
+#endif

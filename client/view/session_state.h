@@ -1,0 +1,73 @@
+// session_state.h - inside of a viewer's session. Private to session*.c. Floor 6 (client).
+#ifndef HG_CLIENT_VIEW_SESSION_STATE_H
+#define HG_CLIENT_VIEW_SESSION_STATE_H
+
+#include <pthread.h>
+
+#include "client/cli/recording.h"
+#include "client/cli/render.h"
+#include "client/view/session.h"
+
+enum {
+    HG_VIEW_REQUESTS_MAX = 64,
+    HG_VIEW_ASSETS_MAX = 64,
+    HG_VIEW_PATH_BYTES = 4096,
+    HG_VIEW_CREDIT = 2, // frames under way: one that is decoded, one that is on its way
+};
+
+// What the window wants, guarded by the lock.
+struct hg_view_wanted {
+    bool stop, open, has_camera, has_pose;
+    char path[HG_VIEW_PATH_BYTES]; // of the file to open; "" = the same scene
+    struct hgp_view_camera camera;
+    double pose_s;
+    struct hg_view_request requests[HG_VIEW_REQUESTS_MAX];
+    uint32_t first, count;
+    uint64_t input_seq;
+};
+
+// What the window may see, guarded by the lock.
+struct hg_view_shown {
+    struct hg_view_status status;
+    struct hg_view_scene scene;
+    struct hg_view_picture picture; // the newest one
+    bool has_picture;               // not taken yet
+    struct hgp_view_camera fitted;
+    struct hgp_picked picked;
+};
+
+// Of the session's thread alone.
+struct hg_view_work {
+    struct hg_cli_options options;
+    char path[HG_VIEW_PATH_BYTES]; // options.args[0] once a file was opened
+    struct hg_cli_render render;
+    struct hg_view_decoder decoder;
+    struct hg_view_picture picture; // being decoded
+    uint32_t assets[HG_VIEW_ASSETS_MAX], asset_count;
+    struct hg_cli_recorder *recorder; // NULL: nothing is recorded
+    uint64_t ping_ns;                 // when the newest one was sent
+};
+
+struct hg_view_session {
+    pthread_t thread;
+    bool is_running;
+    pthread_mutex_t lock;
+    int wake_fd;
+    void (*changed)(void *user);
+    void *user;
+    struct hg_view_wanted wanted;
+    struct hg_view_shown shown;
+    struct hg_view_work work;
+};
+
+// session_open.c: connects, loads the scene, makes the view and subscribes to it.
+enum hg_status hg_view_open_scene(struct hg_view_session *s, struct hg_error *err) HG_MUST_CHECK;
+// Where the view's camera stands: eye, target and lens of *camera; its other members stay.
+enum hg_status hg_view_ask_place(
+    struct hg_view_session *s, struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
+// session.c. What is being done; share < 0: how far it is is not known.
+void hg_view_say_stage(struct hg_view_session *s, const char *stage, double share);
+// A remark that does not end anything.
+void hg_view_say(struct hg_view_session *s, const char *fmt, ...) HG_PRINTF(2, 3);
+
+#endif

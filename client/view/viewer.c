@@ -1,0 +1,419 @@
+// viewer.c - the window of `helio view`: its loop, events and drawing.
+#include "client/view/viewer.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "client/cli/cli.h"
+
+enum {
+    IDLE_MS = 100, // between looks at the state while nothing comes
+    MOVING_MS = 8, // while keys or sticks move the camera
+    FONT_PX = 15,
+    CHECKER_PX = 16, // squares behind what is transparent
+};
+static const uint64_t message_ns = 4000000000, resize_ns = 150000000, second_ns = 1000000000;
+
+void hg_viewer_say(struct hg_viewer *v, const char *fmt, ...)
+{
+    va_list args;
+    va_start(args, fmt);
+    vsnprintf(v->status.message, sizeof v->status.message, fmt, args);
+    va_end(args);
+    v->times.message_until_ns = hg_clock_now_ns() + message_ns;
+    v->dirty = true;
+}
+
+void hg_viewer_send_camera(struct hg_viewer *v)
+{
+    struct hgp_view_camera camera = {0};
+    if (v->status.state != HG_VIEW_OPEN)
+        return;
+    hg_navigate_camera(&v->navigate, &camera);
+    const uint64_t seq = hg_view_session_camera(v->session, &camera);
+    v->measured.sent_ns[seq % HG_VIEWER_SENT_MAX] = hg_clock_now_ns();
+    v->choice.camera = -1;
+}
+
+// ---- what the session has ----------------------------------------------------------------------
+
+static void show_picture(struct hg_viewer *v)
+{
+    const struct hg_view_pixels *p = &v->picture.pixels;
+    int width = 0, height = 0;
+    if (v->texture)
+        SDL_QueryTexture(v->texture, NULL, NULL, &width, &height);
+    if (width != (int)p->width || height != (int)p->height) {
+        if (v->texture)
+            SDL_DestroyTexture(v->texture);
+        v->texture = SDL_CreateTexture(v->renderer, SDL_PIXELFORMAT_RGBA32,
+            SDL_TEXTUREACCESS_STREAMING, (int)p->width, (int)p->height);
+        if (v->texture)
+            SDL_SetTextureBlendMode(v->texture, SDL_BLENDMODE_BLEND);
+    }
+    if (!v->texture || SDL_UpdateTexture(v->texture, NULL, p->data, (int)p->width * 4))
+        hg_viewer_say(v, "the picture cannot be shown: %s", SDL_GetError());
+    const uint64_t sent_ns = v->measured.sent_ns[v->picture.facts.input_seq % HG_VIEWER_SENT_MAX];
+    if (sent_ns) {
+        v->measured.latency_ms = (double)(hg_clock_now_ns() - sent_ns) * 1e-6;
+        v->measured.sent_ns[v->picture.facts.input_seq % HG_VIEWER_SENT_MAX] = 0;
+    }
+}
+
+static void take_answers(struct hg_viewer *v)
+{
+    struct hgp_view_camera camera;
+    struct hgp_picked picked;
+    if (v->taken.fits != v->status.fits) {
+        v->taken.fits = v->status.fits;
+        if (hg_view_session_fitted(v->session, &camera) && camera.has_eye) {
+            hg_navigate_look(&v->navigate, camera.eye, camera.target, &camera);
+            if (!camera.has_camera) // else the view has the scene's camera already
+                hg_viewer_send_camera(v);
+        }
+    }
+    if (v->taken.picks != v->status.picks) {
+        v->taken.picks = v->status.picks;
+        if (hg_view_session_picked(v->session, &picked)) {
+            hg_navigate_centre(&v->navigate, picked.position);
+            hg_viewer_send_camera(v);
+        }
+    }
+}
+
+static void measure(struct hg_viewer *v)
+{
+    struct hg_viewer_measured *m = &v->measured;
+    const uint64_t now_ns = hg_clock_now_ns();
+    if (now_ns - m->since_ns < second_ns)
+        return;
+    const double s = (double)(now_ns - m->since_ns) * 1e-9;
+    m->fps = (double)(v->status.frames - m->frames) / s;
+    m->bytes_per_s = (double)(v->status.bytes - m->bytes) / s;
+    m->frames = v->status.frames;
+    m->bytes = v->status.bytes;
+    m->since_ns = now_ns;
+    v->dirty |= v->statistics;
+}
+
+static void take_session(struct hg_viewer *v)
+{
+    char message[HG_VIEW_TEXT_BYTES], title[400];
+    memcpy(message, v->status.message, sizeof message);
+    hg_view_session_status(v->session, &v->status);
+    if (v->taken.messages != v->status.messages) {
+        v->taken.messages = v->status.messages;
+        v->times.message_until_ns = hg_clock_now_ns() + message_ns;
+    } else {
+        memcpy(v->status.message, message, sizeof message); // perhaps one of the window's own
+    }
+    if (v->taken.scenes != v->status.scene && v->status.state == HG_VIEW_OPEN) {
+        v->taken.scenes = v->status.scene;
+        hg_view_session_scene(v->session, v->scene);
+        hg_viewer_begin_scene(v);
+    }
+    take_answers(v);
+    if (hg_view_session_take(v->session, &v->picture))
+        show_picture(v);
+    hg_viewer_title(v, title, sizeof title);
+    if (strcmp(title, SDL_GetWindowTitle(v->window)) != 0)
+        SDL_SetWindowTitle(v->window, title);
+    v->dirty = true;
+}
+
+// ---- events ------------------------------------------------------------------------------------
+
+static void on_key(struct hg_viewer *v, const SDL_KeyboardEvent *key, bool down)
+{
+    bool moves;
+    const enum hg_view_action action = hg_controls_find(key->keysym.scancode, &moves);
+    const bool shift = key->keysym.mod & KMOD_SHIFT;
+    if (down && key->keysym.scancode == SDL_SCANCODE_Q && (key->keysym.mod & KMOD_CTRL))
+        v->quits = true;
+    else if (action == HG_VIEW_ACTION_COUNT || (key->keysym.mod & (KMOD_CTRL | KMOD_ALT)))
+        return;
+    else if (moves)
+        v->controls.held[action] = down;
+    else if (down && !key->repeat)
+        hg_viewer_do(v, action, shift);
+}
+
+static void on_button(struct hg_viewer *v, const SDL_MouseButtonEvent *button)
+{
+    const bool down = button->type == SDL_MOUSEBUTTONDOWN;
+    const bool shift = SDL_GetModState() & KMOD_SHIFT;
+    if (button->button == SDL_BUTTON_LEFT && down && button->clicks == 2) {
+        const struct hg_view_request request = {.ask = HG_VIEW_ASK_PICK,
+            .x = (uint32_t)(button->x < 0 ? 0 : button->x),
+            .y = (uint32_t)(button->y < 0 ? 0 : button->y)};
+        if (v->status.state == HG_VIEW_OPEN)
+            hg_view_session_ask(v->session, &request);
+    }
+    v->pointer.turns = down && button->button == SDL_BUTTON_LEFT && !shift;
+    v->pointer.pans = down && !v->pointer.turns;
+    SDL_CaptureMouse(v->pointer.turns || v->pointer.pans);
+}
+
+static void on_motion(struct hg_viewer *v, const SDL_MouseMotionEvent *motion)
+{
+    if (v->pointer.turns)
+        hg_navigate_drag(&v->navigate, motion->xrel, motion->yrel, v->height);
+    else if (v->pointer.pans)
+        hg_navigate_pan(&v->navigate, motion->xrel, motion->yrel, v->height);
+    else
+        return;
+    hg_viewer_send_camera(v);
+}
+
+static void on_window(struct hg_viewer *v, const SDL_WindowEvent *event)
+{
+    v->dirty = true;
+    if (event->event == SDL_WINDOWEVENT_SIZE_CHANGED) {
+        SDL_GetRendererOutputSize(v->renderer, &v->width, &v->height);
+        v->times.resized_ns = hg_clock_now_ns();
+    } else if (event->event == SDL_WINDOWEVENT_FOCUS_LOST) {
+        hg_controls_release(&v->controls);
+        v->pointer = (struct hg_viewer_pointer){0};
+    }
+}
+
+static void on_drop(struct hg_viewer *v, SDL_DropEvent *drop)
+{
+    if (drop->type == SDL_DROPFILE && drop->file)
+        hg_view_session_open(v->session, drop->file);
+    SDL_free(drop->file);
+}
+
+static void on_pointer(struct hg_viewer *v, const SDL_Event *e)
+{
+    switch (e->type) {
+    case SDL_MOUSEBUTTONDOWN:
+    case SDL_MOUSEBUTTONUP:
+        on_button(v, &e->button);
+        break;
+    case SDL_MOUSEMOTION:
+        on_motion(v, &e->motion);
+        break;
+    case SDL_MOUSEWHEEL:
+        hg_navigate_wheel(&v->navigate, (double)e->wheel.preciseY);
+        hg_viewer_send_camera(v);
+        break;
+    case SDL_CONTROLLERBUTTONDOWN:
+        hg_viewer_do(v, hg_controls_button(e->cbutton.button, v->navigate.style), false);
+        break;
+    default:
+        hg_controls_pad(&v->controls, e);
+    }
+}
+
+static void on_event(struct hg_viewer *v, SDL_Event *e)
+{
+    switch (e->type) {
+    case SDL_QUIT:
+        v->quits = true;
+        break;
+    case SDL_WINDOWEVENT:
+        on_window(v, &e->window);
+        break;
+    case SDL_KEYDOWN:
+    case SDL_KEYUP:
+        on_key(v, &e->key, e->type == SDL_KEYDOWN);
+        break;
+    case SDL_DROPFILE:
+    case SDL_DROPTEXT:
+        on_drop(v, &e->drop);
+        break;
+    default:
+        if (e->type == v->wake_event)
+            take_session(v);
+        else
+            on_pointer(v, e);
+    }
+}
+
+// ---- drawing -----------------------------------------------------------------------------------
+
+// Squares of two greys, where the picture is transparent.
+static void draw_checker(struct hg_viewer *v)
+{
+    SDL_SetRenderDrawColor(v->renderer, 46, 48, 52, 255);
+    SDL_RenderClear(v->renderer);
+    if (v->choice.background != HGP_background_NONE)
+        return;
+    SDL_SetRenderDrawColor(v->renderer, 60, 62, 66, 255);
+    for (int y = 0; y < v->height; y += CHECKER_PX)
+        for (int x = (y / CHECKER_PX % 2) * CHECKER_PX; x < v->width; x += 2 * CHECKER_PX)
+            SDL_RenderFillRect(v->renderer, &(SDL_Rect){x, y, CHECKER_PX, CHECKER_PX});
+}
+
+// Of another size than the window (while that changes): as large as fits, in the middle.
+static void draw_picture(struct hg_viewer *v)
+{
+    int width, height;
+    if (!v->texture || SDL_QueryTexture(v->texture, NULL, NULL, &width, &height))
+        return;
+    SDL_Rect to = {0, 0, v->width, v->height};
+    if ((int64_t)width * v->height > (int64_t)height * v->width)
+        to.h = (int)((int64_t)height * v->width / width);
+    else
+        to.w = (int)((int64_t)width * v->height / height);
+    to.x = (v->width - to.w) / 2;
+    to.y = (v->height - to.h) / 2;
+    SDL_RenderCopy(v->renderer, v->texture, NULL, &to);
+}
+
+static void draw(struct hg_viewer *v)
+{
+    draw_checker(v);
+    draw_picture(v);
+    hg_viewer_draw_text(v);
+    SDL_RenderPresent(v->renderer);
+    v->dirty = false;
+}
+
+// ---- the loop ----------------------------------------------------------------------------------
+
+// What keys and sticks do while they are held. True: they are.
+static bool move(struct hg_viewer *v)
+{
+    struct hg_navigate_wish wish = {0};
+    const uint64_t now_ns = hg_clock_now_ns();
+    const double seconds = (double)(now_ns - v->times.moved_ns) * 1e-9;
+    v->times.moved_ns = now_ns;
+    hg_controls_wish(&v->controls, SDL_GetModState() & KMOD_SHIFT, &wish);
+    if (!hg_navigate_move(&v->navigate, &wish, seconds))
+        return false;
+    hg_viewer_send_camera(v);
+    return true;
+}
+
+static bool play(struct hg_viewer *v)
+{
+    struct hg_viewer_clock *c = &v->clock;
+    const uint64_t now_ns = hg_clock_now_ns();
+    if (!c->plays || v->status.state != HG_VIEW_OPEN || v->scene->duration_s <= 0)
+        return false;
+    c->time_s += (double)(now_ns - c->before_ns) * 1e-9;
+    c->before_ns = now_ns;
+    while (c->time_s >= v->scene->duration_s)
+        c->time_s -= v->scene->duration_s;
+    hg_view_session_pose(v->session, c->time_s);
+    return true;
+}
+
+static void tick(struct hg_viewer *v)
+{
+    const uint64_t now_ns = hg_clock_now_ns();
+    measure(v);
+    if (v->times.resized_ns && now_ns - v->times.resized_ns >= resize_ns) {
+        v->times.resized_ns = 0;
+        if (v->status.state == HG_VIEW_OPEN)
+            hg_viewer_send_size(v);
+    }
+    if (v->times.message_until_ns && now_ns >= v->times.message_until_ns) {
+        v->times.message_until_ns = 0;
+        v->dirty = true;
+    }
+    v->quits |= hg_cli_is_stopped();
+}
+
+static void loop(struct hg_viewer *v)
+{
+    SDL_Event event;
+    bool moving = false;
+    while (!v->quits) {
+        const int wait_ms = moving ? MOVING_MS : IDLE_MS;
+        if (SDL_WaitEventTimeout(&event, wait_ms))
+            do
+                on_event(v, &event);
+            while (SDL_PollEvent(&event));
+        moving = move(v);
+        moving |= play(v);
+        tick(v);
+        if (v->dirty)
+            draw(v);
+    }
+}
+
+// ---- the window --------------------------------------------------------------------------------
+
+static void wake(void *user)
+{
+    struct hg_viewer *v = user;
+    SDL_Event event = {.type = v->wake_event};
+    SDL_PushEvent(&event); // a full queue wakes, too
+}
+
+static enum hg_status fail_sdl(struct hg_error *err)
+{
+    return hg_error_set(err, HG_E_DEVICE, "window", NULL, "cannot be opened: %s", SDL_GetError());
+}
+
+static enum hg_status open_window(struct hg_viewer *v, struct hg_error *err)
+{
+    const struct hg_cli_options *o = v->o;
+    const int width = o->has_size ? (int)o->size.width : HGP_STANDARD_width;
+    const int height = o->has_size ? (int)o->size.height : HGP_STANDARD_height;
+    const Uint32 flags =
+        SDL_WINDOW_RESIZABLE | (o->full_screen ? SDL_WINDOW_FULLSCREEN_DESKTOP : 0);
+    struct hg_error font = {0};
+    SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
+    if (SDL_Init(SDL_INIT_VIDEO | SDL_INIT_GAMECONTROLLER))
+        return fail_sdl(err);
+    // Without a display SDL may fall back to a driver that shows nothing, where no one can close
+    // it.
+    if (!SDL_getenv("SDL_VIDEODRIVER") && SDL_strcmp(SDL_GetCurrentVideoDriver(), "offscreen") == 0)
+        return hg_error_set(err, HG_E_DEVICE, "window", NULL,
+            "there is no display (neither DISPLAY nor WAYLAND_DISPLAY names one)");
+    v->wake_event = SDL_RegisterEvents(1);
+    v->window = SDL_CreateWindow(
+        "helio view", SDL_WINDOWPOS_UNDEFINED, SDL_WINDOWPOS_UNDEFINED, width, height, flags);
+    if (v->window)
+        v->renderer = SDL_CreateRenderer(v->window, -1, 0);
+    if (v->window && !v->renderer)
+        v->renderer = SDL_CreateRenderer(v->window, -1, SDL_RENDERER_SOFTWARE);
+    if (!v->renderer)
+        return fail_sdl(err);
+    SDL_EventState(SDL_DROPFILE, SDL_ENABLE);
+    SDL_GetRendererOutputSize(v->renderer, &v->width, &v->height);
+    if (hg_overlay_init(&v->overlay, v->renderer, FONT_PX, &font))
+        fprintf(stderr, "helio: %s: %s\n", font.what, font.reason);
+    return HG_OK;
+}
+
+static void close_window(struct hg_viewer *v)
+{
+    hg_controls_finish(&v->controls);
+    hg_overlay_finish(&v->overlay);
+    if (v->texture)
+        SDL_DestroyTexture(v->texture);
+    if (v->renderer)
+        SDL_DestroyRenderer(v->renderer);
+    if (v->window)
+        SDL_DestroyWindow(v->window);
+    SDL_Quit();
+    hg_view_pixels_finish(&v->picture.pixels);
+    hg_free(v->scene);
+}
+
+int hg_viewer_run(const struct hg_cli_options *options)
+{
+    struct hg_viewer v = {.o = options, .dirty = true, .times.moved_ns = hg_clock_now_ns()};
+    struct hg_error err = {0};
+    v.scene = hg_calloc(1, sizeof *v.scene);
+    enum hg_status status = v.scene ? open_window(&v, &err) : HG_E_NOMEM;
+    if (!status)
+        status = hg_view_session_create(options, wake, &v, &v.session, &err);
+    if (!status)
+        loop(&v);
+    hg_view_session_destroy(v.session);
+    // A scene that could not be opened, or was lost, is what the command ended with.
+    const int code = status ? (int)hg_cli_report(NULL, HG_CLI_DOING_RENDER, &err)
+                     : v.status.state == HG_VIEW_FAILED ? v.status.exit_code
+                                                        : HG_CLI_EXIT_OK;
+    close_window(&v);
+    return code;
+}

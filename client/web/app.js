@@ -1,0 +1,535 @@
+// app.js - the viewer as a whole: one connection, one scene, one view, and the page around them.
+import { blend, cameraToText, distance, halfHeight, makeCamera } from "./camera.js";
+import { Connection, describeError } from "./connection.js";
+import { Controls } from "./controls.js";
+import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
+import { Inspector } from "./inspect.js";
+import { keepAccess, keepResume, takeAccess, takeResume } from "./link.js";
+import { Opening } from "./opening.js";
+import { Overlay } from "./overlay.js";
+import { ScenePanel, ViewPanel } from "./panels.js";
+import { People } from "./people.js";
+import { Scene } from "./scene.js";
+import { share, takePicture } from "./share.js";
+import { Curtain, Panels, Status, VIEWS, askToken, menuButton, showHelp } from "./shell.js";
+import { Stats } from "./stats.js";
+import { Timeline } from "./timeline.js";
+import { View } from "./view.js";
+
+const CLIENT = "helio-web/1";
+const FLIGHT_MS = 350;
+const LATER_MS = 60;
+const LONG_TICK_S = 0.1;
+const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
+
+const $ = (id) => document.getElementById(id);
+const radians = (deg) => deg * Math.PI / 180;
+
+class App {
+    constructor() {
+        this.link = takeAccess();
+        const url = new URL("hgp", location.href);
+        url.hash = "";
+        url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+        this.connection = new Connection(url.href, CLIENT);
+        this.connection.token = this.link.ticket;
+        this.connection.ticket = takeResume();
+        this.canvas = $("picture");
+        this.scene = new Scene(this.connection);
+        this.view = new View(this.connection, this.canvas);
+        this.view.params = { ...this.view.params, ...this.link.params };
+        this.view.camera = this.link.camera ?? this.view.camera;
+        this.view.sent = this.link.camera;
+        this.overlay = new Overlay($("overlay"), this.canvas);
+        this.status = new Status($("status"));
+        this.curtain = new Curtain($("curtain"));
+        this.title = "";
+        this.opened = this.link.load ? { path: this.link.load } : null;
+        this.build();
+        this.listen();
+        this.connection.connect();
+    }
+
+    // ---- the page ------------------------------------------------------------------------------
+
+    build() {
+        this.panels = new Panels((name, isOpen) => this.onPanel(name, isOpen));
+        const close = (name) => () => this.panels.set(name, false);
+        this.viewPanel = new ViewPanel($("panel-view"), {
+            set: (changes) => this.setParams(changes),
+            later: (changes) => this.later("params", changes, (c) => this.setParams(c)),
+            lens: (changes) => this.setLens(changes),
+            resolution: (v) => this.view.setResolution(v),
+            codec: (v) => this.attempt(() => this.view.setCodec(v)),
+            environment: (fields) => this.setEnvironment(fields),
+            environmentLater: (fields) =>
+                this.later("environment", fields, (f) => this.setEnvironment(f)),
+        }, close("view"));
+        this.scenePanel = new ScenePanel($("panel-scene"), this.scene, {
+            select: (id) => this.inspector.select(id), toggle: (id, on) => this.setVisible(id, on),
+            focus: (id) => this.fit(id), camera: (id) => this.follow(id),
+            variant: (asset, name) => this.attempt(() => this.scene.setVariant(asset, name)),
+            canEdit: () => this.connection.canEdit,
+            warnings: (list) => this.showWarnings(list),
+        }, close("scene"));
+        this.stats = new Stats($("panel-stats"), this.connection, close("stats"));
+        this.timeline = new Timeline($("timeline"), {
+            set: (asset, animation, time) => this.scene.setAnimation(asset, animation, time),
+            change: () => this.wake() });
+        this.inspector = new Inspector(this, $("card"), this.canvas);
+        this.opening = new Opening(this, $("dropzone"), $("empty"));
+        this.buildMenu();
+        this.buildTools();
+    }
+
+    buildMenu() {
+        const opener = (name, picture, label, props = {}) => {
+            const b = iconButton(picture, label, () => this.panels.toggle(name), props);
+            this.panels.add(name, $(`panel-${name}`), b);
+            return b;
+        };
+        const wide = { class: "icon-button only-wide" };
+        const open = () => this.opening.input.click();
+        const picture = () => this.attempt(() => takePicture(this));
+        const link = () => this.attempt(() => share(this));
+        const people = opener("people", "people", "People", { ...wide, hidden: true });
+        this.people = new People(this, $("panel-people"), people,
+            () => this.panels.set("people", false));
+        const more = () => [
+            ["Open files", "open", "", open], ["Screenshot", "camera", "", picture],
+            ["Share", "share", "", link],
+            ...this.people.isThere
+                ? [["People", "people", "", () => this.panels.toggle("people")]] : [],
+            ["Help", "help", "?", showHelp]];
+        $("menu").append(iconButton("open", "Open files", open, wide),
+            iconButton("camera", "Screenshot", picture, wide),
+            iconButton("share", "Share", link, wide),
+            people, opener("scene", "scene", "Scene"), opener("view", "view", "View"),
+            opener("stats", "stats", "Statistics"), iconButton("help", "Help", showHelp, wide),
+            menuButton("more", "More", more, { class: "icon-button only-narrow" }),
+            this.opening.input);
+    }
+
+    buildTools() {
+        this.modeButtons = Object.entries(MODES).map(([mode, label]) =>
+            iconButton(mode, label, () => this.setMode(mode), { data: { mode } }));
+        const views = () => VIEWS.map(([name, key, at]) =>
+            [name, null, key, () => this.standardView(at)]);
+        $("tools").append(...this.modeButtons, h("span", { class: "gap" }),
+            iconButton("fit", "Show everything", () => this.fit(0n)),
+            menuButton("cube", "Standard views", views),
+            h("span", { class: "gap" }), ...this.inspector.buttons);
+        $("tools").addEventListener("keydown", (e) => this.toolKey(e));
+    }
+
+    // Arrows go along the toolbar, beside Tab.
+    toolKey(event) {
+        const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        const all = [...$("tools").querySelectorAll("button")];
+        if (by)
+            all[(all.indexOf(document.activeElement) + by + all.length) % all.length].focus();
+    }
+
+    listen() {
+        const { connection, view, scene, canvas } = this;
+        this.controls = new Controls(canvas, () => this.takeCamera(), {
+            change: () => this.wake(), pick: (x, y) => this.inspector.pick(x, y),
+            focus: (x, y) => this.inspector.focusAt(x, y), key: (e) => this.onKey(e) });
+        this.setMode("orbit");
+        connection.addEventListener("state", (e) => this.onState(e.detail));
+        connection.addEventListener("opened", (e) => this.onOpened(e.detail.resumed));
+        connection.addEventListener("auth", (e) => this.signIn(e.detail));
+        connection.addEventListener("message", (e) => this.onMessage(e.detail));
+        view.addEventListener("shown", (e) => this.onShown(e.detail));
+        view.addEventListener("verified", (e) => this.onVerified(e.detail));
+        view.addEventListener("trouble", (e) => toast(describeError(e.detail), "error"));
+        view.addEventListener("params", () => this.updateView());
+        scene.addEventListener("changed", () => this.onScene());
+        scene.addEventListener("assets", () => this.refreshScene());
+        new ResizeObserver(() => view.resize()).observe(canvas);
+        matchMedia(`(resolution: ${devicePixelRatio}dppx)`)
+            .addEventListener("change", () => view.resize());
+        document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
+        addEventListener("pagehide", () => this.leave());
+        addEventListener("hashchange", () => location.reload());
+        this.updateView();
+    }
+
+    // A session that came in by a join ticket goes on when the page is loaded again: the ticket
+    // may be good once only.
+    leave() {
+        if (this.connection.joined)
+            keepResume(this.connection.ticket);
+        else
+            this.connection.close();
+    }
+
+    // ---- connection ----------------------------------------------------------------------------
+
+    onState(state) {
+        document.body.dataset.state = state;
+        clearInterval(this.waitTimer);
+        if (state === "open") {
+            this.curtain.hide();
+            this.status.set("live", "Preparing", "The first picture is on its way");
+            return;
+        }
+        this.view.stop();
+        this.status.set("lost", state === "connecting" ? "Connecting" : "Not connected");
+        if (state === "waiting") {
+            this.showWaiting();
+            this.waitTimer = setInterval(() => this.showWaiting(), 500);
+        }
+    }
+
+    showWaiting() {
+        const { connection } = this;
+        const rest = Math.max(0, connection.retryAt_ms - performance.now());
+        const again = rest > 900 ? `Trying again in ${Math.ceil(rest / 1000)} s.` : "Trying again.";
+        const why = connection.lastError ? `${describeError(connection.lastError)} ` : "";
+        this.curtain.show(this.wasOpen ? "Connection lost" : "No connection",
+            `${why}${again}`, ["Try now", () => connection.connect()]);
+    }
+
+    async onOpened(resumed) {
+        try {
+            if (resumed) {
+                this.scene.setRange(resumed);
+                await this.view.resume();
+                announce("Connected again");
+            } else {
+                await this.openSession();
+            }
+            this.wasOpen = true;
+            this.refreshScene();
+            await this.people.watch();
+        } catch (error) {
+            if (error.status !== "closed")
+                this.showFailure(error);
+        }
+    }
+
+    async openSession() {
+        const { scene, view, connection } = this;
+        const path = this.opened?.path ?? "";
+        this.link.scene = connection.joined || this.link.scene;
+        await this.withProgress("Opening the scene", async (onProgress) => {
+            await scene.open(this.link.scene, path, onProgress);
+            if (this.opened?.files && !scene.existed)
+                await scene.loadFiles(this.opened.files, onProgress);
+        });
+        await view.start();
+        await connection.keep();
+    }
+
+    showFailure(error) {
+        this.status.set("lost", "Not open");
+        this.curtain.show("The scene cannot be opened", describeError(error),
+            ["Try again", () => this.connection.connect()]);
+    }
+
+    async signIn(error) {
+        const token = await askToken(error ? describeError(error) : null);
+        if (token === null) {
+            this.curtain.show("Signed out", "This server needs an access token or a join ticket.",
+                ["Sign in", () => this.signIn(null)]);
+            return;
+        }
+        keepAccess(token);
+        this.connection.token = token;
+        this.connection.connect();
+    }
+
+    onMessage({ name, body }) {
+        if (name === "drain")
+            toast(`The server is about to restart${body.reason ? `: ${body.reason}` : ""}.`);
+        else if (name === "drain_cancelled")
+            toast("The server goes on.");
+        else if (name === "message")
+            toast(`${body.from}: ${body.text}`);
+        else if (name === "idle_warning")
+            toast(`This session ends in ${Math.ceil(body.remaining_ms / 1000)} s.`, "info",
+                ["Stay", () => this.view.subscribe()]);
+        else if (name === "notice" && body.what === "worker")
+            toast("The renderer was restarted; the scene is being restored.");
+        else if (name === "notice" && body.reason)
+            toast(`${body.what}: ${body.reason}`);
+    }
+
+    // ---- frames --------------------------------------------------------------------------------
+
+    onShown(detail) {
+        const { frame } = detail;
+        this.stats.add(detail);
+        this.overlay.draw(this.view.shown);
+        this.scene.noteRevision(frame.scene_revision);
+        if (frame.settled)
+            this.status.set("settled", "Settled", "Nothing is left to improve");
+        else if (this.isMoving)
+            this.status.set("live", "Moving");
+        else
+            this.status.set("refining", `Refining ${this.progressText(frame)}`);
+        if (this.view.needsPivot && frame.settled) {
+            this.view.needsPivot = false;
+            this.findPivot();
+        }
+    }
+
+    progressText(frame) {
+        const { params } = this.view;
+        const most = params.samples ?? (params.mode === "PATH" ? 256 : 32);
+        return `${Math.min(100, Math.round(frame.samples / most * 100))} %`;
+    }
+
+    onVerified(isSame) {
+        if (isSame)
+            this.status.set("settled", "Exact",
+                "The pixels shown are those that the server rendered, bit by bit");
+    }
+
+    // ---- camera --------------------------------------------------------------------------------
+
+    // The camera that input moves: a flight that is under way ends where it is.
+    takeCamera() {
+        this.flight = null;
+        this.view.needsPivot = false;
+        return this.view.camera;
+    }
+
+    wake() {
+        if (this.isAwake)
+            return;
+        this.isAwake = true;
+        this.ticked_ms = performance.now();
+        requestAnimationFrame((t) => this.tick(t));
+    }
+
+    // Once per animation frame while something moves: one camera at most is sent.
+    tick(now_ms) {
+        const dt_s = Math.min(LONG_TICK_S, Math.max(0, (now_ms - this.ticked_ms) / 1000));
+        this.ticked_ms = now_ms;
+        if (!this.people.canMove)
+            this.explainFollowing();
+        let goesOn = this.controls.tick(dt_s);
+        goesOn = this.tickFlight(now_ms) || goesOn;
+        goesOn = this.timeline.tick(dt_s) || goesOn;
+        goesOn = this.view.sendCamera() || this.controls.pointers.size > 0 || goesOn;
+        this.isMoving = goesOn;
+        this.isAwake = goesOn;
+        if (goesOn)
+            requestAnimationFrame((t) => this.tick(t));
+    }
+
+    // Input does nothing while another session moves the camera that this view follows.
+    explainFollowing() {
+        const { holder } = this.people.shared;
+        const of = holder ? ` of ${this.people.nameOf(holder)}` : "";
+        toast(`This view follows the shared camera${of}.`, "info",
+            ["Leave it", () => this.attempt(() => this.people.setFollow(false))]);
+    }
+
+    fly(to) {
+        const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
+        const from = structuredClone(this.view.camera);
+        const begun_ms = performance.now();
+        this.flight = { from, to, begun_ms, length_ms: isStill ? 0 : FLIGHT_MS };
+        this.wake();
+    }
+
+    tickFlight(now_ms) {
+        const { flight } = this;
+        if (!flight)
+            return false;
+        const t = flight.length_ms ? Math.min(1, (now_ms - flight.begun_ms) / flight.length_ms) : 1;
+        const ease = t < 1 ? 1 - (1 - Math.max(0, t)) ** 3 : 1;
+        this.view.camera = makeCamera(t < 1 ? blend(flight.from, flight.to, ease) : flight.to);
+        this.viewPanel.updateLens(this.view.camera);
+        if (t >= 1)
+            this.flight = null;
+        return t < 1;
+    }
+
+    async fit(node, angles = null) {
+        await this.attempt(async () => {
+            const { eye, target, kind, vfov_rad } = this.view.camera;
+            const d = eye.map((v, i) => v - target[i]);
+            const [azimuth, elevation] = angles ?? [Math.atan2(d[0], d[2]),
+                Math.asin(d[1] / Math.max(1e-9, Math.hypot(...d)))];
+            const fit = await this.view.fitted({ node, kind, vfov_rad, azimuth_rad: azimuth,
+                elevation_rad: Math.max(-Math.PI / 2, Math.min(Math.PI / 2, elevation)) });
+            this.fly(makeCamera(fit));
+        });
+    }
+
+    standardView(at) {
+        if (Array.isArray(at))
+            return this.fit(0n, at.map(radians));
+        return this.attempt(async () =>
+            this.fly(makeCamera(await this.view.fitted({ cameras: false }))));
+    }
+
+    follow(id) {
+        return this.attempt(async () => {
+            this.flight = null;
+            await this.view.follow(id);
+            this.updateView();
+        });
+    }
+
+    // Where a camera of the scene looks says nothing about what it looks at.
+    async findPivot() {
+        const picked = await this.view.pick(0.5, 0.5).catch(() => null);
+        if (!picked || this.isMoving)
+            return;
+        const { camera } = this.view;
+        const depth = picked.distance;
+        const now = distance(camera);
+        camera.target = camera.eye.map((v, i) => v + (camera.target[i] - v) * depth / now);
+        this.view.sent = structuredClone(camera);
+        this.controls.speed_mps = depth * 0.3;
+    }
+
+    setLens(changes) {
+        const { camera } = this.view;
+        if (changes.kind && changes.kind !== camera.kind) {
+            const half = halfHeight(camera);
+            if (changes.kind === "ORTHOGRAPHIC")
+                changes.half_height = half;
+        }
+        Object.assign(camera, changes);
+        this.viewPanel.updateLens(camera);
+        this.wake();
+    }
+
+    setMode(mode) {
+        this.controls.mode = mode;
+        this.controls.speed_mps = Math.max(distance(this.view.camera) * 0.3, 1e-4);
+        for (const b of this.modeButtons)
+            b.setAttribute("aria-pressed", String(b.dataset.mode === mode));
+        announce(`${MODES[mode]} mode`);
+    }
+
+    // ---- keys ----------------------------------------------------------------------------------
+
+    onKey(event) {
+        const number = VIEWS.find(([, key]) => key === event.key);
+        const actions = {
+            KeyO: () => this.setMode("orbit"), KeyG: () => this.setMode("fly"),
+            KeyK: () => this.setMode("walk"),
+            KeyF: () => this.fit(event.shiftKey ? this.inspector.selection?.id ?? 0n : 0n),
+            KeyM: () => this.inspector.toggleTool("measure"),
+            KeyN: () => this.inspector.toggleTool("note"),
+            KeyP: () => this.setParams(
+                { mode: this.view.params.mode === "PATH" ? "REALTIME" : "PATH" }),
+            KeyC: () => this.panels.toggle("scene"), KeyV: () => this.panels.toggle("view"),
+            KeyT: () => this.panels.toggle("stats"), Space: () => this.timeline.toggle(),
+            Enter: () => this.inspector.pick(0.5, 0.5), Escape: () => this.escape(),
+        };
+        const action = number ? () => this.standardView(number[2])
+            : event.key === "?" ? showHelp : actions[event.code];
+        action?.();
+        return Boolean(action);
+    }
+
+    escape() {
+        if (!this.inspector.escape())
+            this.panels.closeOne();
+    }
+
+    // ---- settings and edits --------------------------------------------------------------------
+
+    // Failures are shown, not thrown.
+    async attempt(action) {
+        try {
+            return await action();
+        } catch (error) {
+            toast(describeError(error), "error");
+            return undefined;
+        }
+    }
+
+    // Values of a slider that is moved are sent a moment later, together.
+    later(key, changes, apply) {
+        this.waiting ??= {};
+        const was = this.waiting[key];
+        const all = { ...was?.changes, ...changes };
+        clearTimeout(was?.timer);
+        this.waiting[key] = { changes: all, timer: setTimeout(() => {
+            delete this.waiting[key];
+            apply(all);
+        }, LATER_MS) };
+    }
+
+    setParams(changes) {
+        if (changes.mode)
+            changes = { samples: changes.mode === "PATH" ? 256 : 32, ...changes };
+        return this.attempt(() => this.view.set(changes));
+    }
+
+    setEnvironment(fields) {
+        return this.attempt(() => this.scene.setEnvironment(fields));
+    }
+
+    setVisible(id, isVisible) {
+        return this.attempt(async () => {
+            await this.scene.setVisible(id, isVisible);
+            this.inspector.showCard();
+        });
+    }
+
+    updateView() {
+        this.viewPanel.update(this.view.params, this.view.camera, this.connection.canEdit);
+    }
+
+    // ---- the scene -----------------------------------------------------------------------------
+
+    async refreshScene() {
+        await this.scene.refresh().catch(() => {});
+    }
+
+    onScene() {
+        const { scene, connection } = this;
+        this.scenePanel.update();
+        this.timeline.setAnimations(scene.animations, connection.canEdit);
+        const file = scene.assets.map((a) => a.file).filter(Boolean).map((f) => f.split("/").pop());
+        const name = this.openedName ?? (this.link.scene || file.join(", "));
+        this.title = name;
+        $("title").textContent = name;
+        document.title = name ? `${name} – Heliograph` : "Heliograph";
+        this.updateView();
+        this.opening.setEmpty(!scene.total);
+    }
+
+    async withProgress(text, action) {
+        const task = progressToast(text);
+        try {
+            return await action((stage, share) => task.update(`${text}: ${stage}`, share));
+        } finally {
+            task.end();
+        }
+    }
+
+    showWarnings(list) {
+        const text = (w) => typeof w === "string" ? w
+            : [w.what, w.where, w.reason ?? w.message].filter(Boolean).join(" – ");
+        return ask("Notes of the loader", h("ul", { class: "body", tabindex: "0" },
+            ...list.map((w) => h("li", { text: text(w) }))), [["Close", "close"]]);
+    }
+
+    onPanel(name, isOpen) {
+        if (name === "scene" && isOpen) {
+            this.refreshScene();
+            this.scenePanel.tree.draw();
+        }
+        if (name === "stats")
+            this.stats.draw();
+        if (isOpen)
+            ($(`panel-${name}`).querySelector("input, select, dl, ul button")
+                ?? $(`panel-${name}`).querySelector("button")).focus({ preventScroll: true });
+    }
+
+}
+
+// For scripts of tests and of the console.
+window.helio = new App();
+window.helio.cameraText = () => cameraToText(window.helio.view.camera);

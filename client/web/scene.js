@@ -1,0 +1,197 @@
+// scene.js - the scene of the session: what it holds, and edits of it.
+//
+// Events: "changed" (nodes or assets were listed anew), "assets" (they were loaded or removed).
+import { RequestError } from "./connection.js";
+import { upload } from "./upload.js";
+
+const PAGE_NODES = 4096;
+const MOST_NODES = 200000;
+const REFRESH_MS = 1500;
+
+export class Scene extends EventTarget {
+    constructor(connection) {
+        super();
+        this.connection = connection;
+        this.clear();
+    }
+
+    clear() {
+        this.nodes = new Map();
+        this.roots = [];
+        this.assets = [];
+        this.total = 0;
+        this.revision = 0n;
+        this.listed = -1n;
+        this.isWanted = false;
+    }
+
+    // ---- opening -------------------------------------------------------------------------------
+
+    // Joins or makes the scene; with `path` loads it where the scene is new.
+    async open(name, path, onProgress) {
+        this.clear();
+        this.name = name;
+        const opened = await this.connection.call("scene_open", { name });
+        this.setRange(opened);
+        this.existed = opened.existed;
+        this.revision = opened.revision;
+        if (path && !opened.existed)
+            await this.loadPath(path, onProgress);
+    }
+
+    setRange({ first_id, id_count }) {
+        this.nextAsset = first_id;
+        this.endAsset = first_id + id_count;
+    }
+
+    takeAssetNumber() {
+        const used = new Set(this.assets.map((a) => a.number));
+        while (used.has(this.nextAsset) && this.nextAsset < this.endAsset)
+            this.nextAsset++;
+        if (this.nextAsset >= this.endAsset)
+            throw new RequestError({ status: "limit", what: "scene",
+                reason: "this session has no numbers for assets left" });
+        return this.nextAsset++;
+    }
+
+    async load(message, onProgress) {
+        const warnings = [];
+        const loaded = await this.connection.call("asset_load",
+            { asset: this.takeAssetNumber(), path: "", files: [], ...message },
+            (kind, body) => {
+                if (kind === "progress")
+                    onProgress(body.stage, Number(body.total)
+                        ? Number(body.done) / Number(body.total) : null);
+                else
+                    warnings.push(body);
+            });
+        this.revision = loaded.revision;
+        this.dispatchEvent(new Event("assets"));
+        return { loaded, warnings };
+    }
+
+    loadPath(path, onProgress) {
+        return this.load({ path }, onProgress);
+    }
+
+    async loadFiles(files, onProgress) {
+        const sent = await upload(this.connection, files, onProgress);
+        onProgress("Opening", null);
+        return this.load({ files: sent }, onProgress);
+    }
+
+    async unloadAll(assets) {
+        for (const asset of assets)
+            await this.connection.call("asset_unload", { asset: asset.number });
+        this.dispatchEvent(new Event("assets"));
+    }
+
+    // ---- what is in it -------------------------------------------------------------------------
+
+    // A frame showed this revision: what is listed on the page follows after a moment.
+    noteRevision(revision) {
+        if (revision > this.revision)
+            this.revision = revision;
+        if (this.isWanted && this.revision > this.listed && !this.timer)
+            this.timer = setTimeout(() => {
+                this.timer = null;
+                this.refresh().catch(() => {});
+            }, REFRESH_MS);
+    }
+
+    async refresh() {
+        this.isWanted = true;
+        const { text } = await this.connection.call("info_query", {});
+        const info = JSON.parse(text);
+        const nodes = await this.listNodes();
+        this.listed = this.revision;
+        this.assets = info.assets.map((asset, i) => ({ ...asset,
+            number: asset.asset ?? this.guessNumber(nodes, i) }));
+        this.index(nodes);
+        this.dispatchEvent(new Event("changed"));
+    }
+
+    async listNodes() {
+        const nodes = [];
+        for (;;) {
+            const page = await this.connection.call("nodes_query",
+                { first: nodes.length, count: PAGE_NODES });
+            nodes.push(...page.nodes);
+            this.total = page.total;
+            if (nodes.length >= page.total || !page.nodes.length || nodes.length >= MOST_NODES)
+                return nodes;
+        }
+    }
+
+    // Ids of loaded objects say their asset.
+    guessNumber(nodes, index) {
+        const numbers = [...new Set(nodes.map((n) => Number(n.node >> 32n)))].filter(Boolean);
+        return numbers[index] ?? 0;
+    }
+
+    index(list) {
+        this.nodes = new Map(list.map((n) => [n.node, { ...n, children: [] }]));
+        this.roots = [];
+        for (const node of this.nodes.values())
+            (this.nodes.get(node.parent)?.children ?? this.roots).push(node);
+    }
+
+    nameOf(id) {
+        const node = this.nodes.get(id);
+        return node?.name || `node ${id & 0xffffffffn}`;
+    }
+
+    get cameras() {
+        return [...this.nodes.values()].filter((n) => n.camera);
+    }
+
+    get animations() {
+        return this.assets.flatMap((asset) => (asset.animations ?? []).map((a, i) =>
+            ({ asset: asset.number, animation: i, name: a.name || `Animation ${i + 1}`,
+                duration_s: a.duration_s })));
+    }
+
+    get variants() {
+        return this.assets.flatMap((asset) => (asset.variants ?? []).map((name) =>
+            ({ asset: asset.number, name })));
+    }
+
+    // ---- edits ---------------------------------------------------------------------------------
+
+    async edit(name, message) {
+        const { revision } = await this.connection.call(name, message);
+        // What this page did itself needs no new list.
+        if (this.listed === this.revision)
+            this.listed = revision;
+        this.revision = revision;
+    }
+
+    async setVisible(id, visible) {
+        await this.edit("node_set", { node: id, visible });
+        const node = this.nodes.get(id);
+        if (node)
+            node.visible = visible;
+        this.dispatchEvent(new Event("changed"));
+    }
+
+    setVariant(asset, variant) {
+        return this.edit("variant_set", { asset, variant });
+    }
+
+    setAnimation(asset, animation, time_s) {
+        return this.edit("animation_set", { asset, animation, time_s });
+    }
+
+    setEnvironment(fields) {
+        return this.edit("environment_set", fields);
+    }
+
+    async setEnvironmentFile(files, onProgress) {
+        const [{ hash }] = await upload(this.connection, files, onProgress);
+        await this.setEnvironment({ kind: "FILE", hash });
+    }
+
+    bounds(node) {
+        return this.connection.call("bounds_query", { node });
+    }
+}

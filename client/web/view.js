@@ -1,0 +1,363 @@
+// view.js - the view of the scene: its size and settings, its camera, its frames and their credit.
+//
+// Events: "shown" (detail: { frame, latency_ms, decode_ms, split }), "verified" (boolean: the
+// settled pixels on the canvas have the hash that the server states), "trouble" (detail: an
+// error), "params" (settings changed).
+import { isSame, makeCamera } from "./camera.js";
+import { FramePainter, hexOf } from "./decode.js";
+import { enums } from "./hgp.js";
+
+const VIEW = 1;
+const CREDIT_FRAMES = 16; // the daemon keeps to what the network and the decoder take
+const RESIZE_MS = 120;
+const LEAST_SIDE_PX = 16;
+const GREATEST_SIDE_PX = 16384;
+const REMEMBERED_INPUTS = 256;
+const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to be sent
+const FAILURES = 3; // of one encoding before the next of the list takes its place
+
+const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+
+export class View extends EventTarget {
+    constructor(connection, canvas) {
+        super();
+        this.connection = connection;
+        this.canvas = canvas;
+        this.params = { encoding: "JPEG", quality: 85, max_fps: 60,
+            still_encoding: isLoopback() ? "RAW_RGBA8" : "PNG8" };
+        this.codec = "auto";
+        this.failures = new Map(); // encoding -> frames that could not be decoded in a row
+        this.resolution = 1;
+        this.maxPixels = 2560 * 1440;
+        this.camera = makeCamera();
+        this.sent = null;
+        this.shown = null; // camera of the picture on the canvas
+        this.node = 0n; // camera of the scene that the view follows
+        this.seq = 0;
+        this.inputs = new Map(); // sequence -> { time_ms, camera }
+        this.frame = null;
+        this.isStarted = false;
+        this.isHidden = false;
+        this.isEmpty = false;
+        this.isFollowing = false; // another session moves its camera
+        this.painter = new FramePainter(canvas, (f, t) => this.onShown(f, t),
+            (f, e) => this.onFailed(f, e));
+        connection.addEventListener("frame", (e) => this.onFrame(e.detail));
+    }
+
+    // ---- life ----------------------------------------------------------------------------------
+
+    // Makes the view in a session that has just opened its scene.
+    async start() {
+        this.setSize();
+        this.params.codecs ??= await this.codecs();
+        await this.connection.call("view_set", this.settings());
+        this.isStarted = true;
+        if (this.sent)
+            this.sendCamera(true);
+        else
+            await this.fitFirst();
+        this.subscribe();
+    }
+
+    // Goes on in a session that was resumed: it has the view and its subscription.
+    async resume() {
+        this.isStarted = true;
+        await this.connection.call("view_set", this.settings());
+        if (this.sent)
+            this.sendCamera(true);
+        else
+            await this.readCamera();
+        this.subscribe();
+    }
+
+    stop() {
+        this.isStarted = false;
+        this.inputs.clear();
+    }
+
+    subscribe() {
+        if (this.isStarted)
+            this.connection.send("subscribe",
+                { view: VIEW, credit_frames: this.isIdle ? 0 : CREDIT_FRAMES });
+    }
+
+    get isIdle() {
+        return this.isHidden || this.isEmpty;
+    }
+
+    // Nothing is rendered of a scene without geometry.
+    setEmpty(isEmpty) {
+        if (isEmpty === this.isEmpty)
+            return;
+        this.isEmpty = isEmpty;
+        this.subscribe();
+    }
+
+    // A hidden page asks for no frames, so none are rendered for it.
+    setHidden(isHidden) {
+        this.isHidden = isHidden;
+        this.subscribe();
+    }
+
+    settings() {
+        return { view: VIEW, width: this.width, height: this.height, names: 1, ...this.params };
+    }
+
+    // ---- settings ------------------------------------------------------------------------------
+
+    // Changes parameters of view_set. A refused change is taken back, and thrown.
+    async set(changes) {
+        const before = this.params;
+        this.params = { ...this.params, ...changes };
+        this.dispatchEvent(new Event("params"));
+        if (!this.isStarted)
+            return;
+        try {
+            await this.connection.call("view_set", { view: VIEW, ...changes });
+        } catch (error) {
+            this.params = before;
+            this.dispatchEvent(new Event("params"));
+            throw error;
+        }
+    }
+
+    // Encodings in motion, the best first: without a network between, what is encoded fastest.
+    async codecs() {
+        const known = await FramePainter.motionEncodings();
+        const names = this.codec !== "auto" ? [this.codec, "JPEG"]
+            : isLoopback() ? ["JPEG"] : known;
+        return Uint8Array.from(names, (name) => enums.encoding[name]);
+    }
+
+    async setCodec(codec) {
+        this.codec = codec;
+        await this.set({ codecs: await this.codecs() });
+    }
+
+    // ---- size ----------------------------------------------------------------------------------
+
+    setSize() {
+        const box = this.canvas.getBoundingClientRect();
+        const ratio = window.devicePixelRatio * this.resolution;
+        let width = box.width * ratio, height = box.height * ratio;
+        const shrink = Math.min(1, Math.sqrt(this.maxPixels / Math.max(1, width * height)));
+        const side = (v) =>
+            Math.max(LEAST_SIDE_PX, Math.min(GREATEST_SIDE_PX, Math.round(v * shrink)));
+        width = side(width);
+        height = side(height);
+        const isNew = width !== this.width || height !== this.height;
+        this.width = width;
+        this.height = height;
+        return isNew;
+    }
+
+    // The page was resized: once it rests for a moment the view gets its new size.
+    resize() {
+        clearTimeout(this.resizeTimer);
+        this.resizeTimer = setTimeout(() => this.applySize(), RESIZE_MS);
+    }
+
+    async applySize() {
+        if (!this.setSize() || !this.isStarted)
+            return;
+        const { width, height } = this;
+        try {
+            await this.connection.call("view_set", { view: VIEW, width, height });
+        } catch (error) {
+            if (error.status !== "limit" || width * height < 65536) {
+                this.trouble(error);
+                return;
+            }
+            // More pixels than this session may have: half of them, and again.
+            this.maxPixels = Math.floor(width * height / 2);
+            await this.applySize();
+        }
+    }
+
+    setResolution(resolution) {
+        this.resolution = resolution;
+        return this.applySize();
+    }
+
+    // ---- camera --------------------------------------------------------------------------------
+
+    // The camera that the server chose for the scene as a whole.
+    async fitted(options = {}) {
+        return this.connection.call("view_fit", { view: VIEW, ...options });
+    }
+
+    async fitFirst() {
+        const fit = await this.fitted({ cameras: true });
+        if (fit.camera) {
+            await this.follow(fit.camera);
+        } else {
+            this.camera = makeCamera(fit);
+            this.sendCamera(true);
+        }
+    }
+
+    // Looks through a camera of the scene until the user moves.
+    async follow(node) {
+        this.node = node;
+        this.sendCamera(true);
+        await this.readCamera();
+        this.needsPivot = true;
+    }
+
+    // The camera that the server has for the view.
+    async readCamera() {
+        const { text } = await this.connection.call("stats_query", { view: VIEW });
+        const at = JSON.parse(text).camera;
+        this.camera = makeCamera({ eye: at.eye, target: at.target,
+            kind: at.kind.toUpperCase(), vfov_rad: (at.vfov_deg ?? 0) * Math.PI / 180,
+            half_height: at.half_height });
+        this.sent = structuredClone(this.camera);
+        this.remember(this.seq);
+    }
+
+    // Sends the camera when it moved since; the newest one wins, so it never waits in a queue.
+    sendCamera(force = false) {
+        if (!force && (this.sent && isSame(this.sent, this.camera)))
+            return false;
+        if (!this.isStarted || this.isFollowing)
+            return false;
+        if (!force && this.connection.backlog_bytes > BACKLOG_BYTES)
+            return false;
+        if (!force)
+            this.node = 0n;
+        const { eye, target, up, kind, vfov_rad, half_height } = this.camera;
+        const lens = kind === "ORTHOGRAPHIC" ? { half_height } : { vfov_rad };
+        this.seq++;
+        this.connection.send("view_camera", { view: VIEW, input_seq: this.seq,
+            ...(this.node ? { camera: this.node } : { eye, target, up, kind, ...lens }) });
+        this.sent = structuredClone(this.camera);
+        this.remember(this.seq);
+        return true;
+    }
+
+    // The shared camera moved: frames of this view will show it under its mover's numbers.
+    takeShared(camera, seq) {
+        this.camera = camera;
+        this.sent = structuredClone(camera);
+        this.inputs.clear();
+        this.remember(Number(seq));
+    }
+
+    remember(seq) {
+        this.inputs.set(seq, { time_ms: performance.now(), camera: this.sent });
+        if (this.inputs.size > REMEMBERED_INPUTS)
+            this.inputs.delete(this.inputs.keys().next().value);
+    }
+
+    // ---- frames --------------------------------------------------------------------------------
+
+    onFrame({ frame, begun_ms, received_ms }) {
+        if (frame.view !== VIEW)
+            return;
+        frame.times = { begun_ms, received_ms };
+        this.painter.push(frame);
+    }
+
+    onShown(frame, { decode_ms }) {
+        this.giveCredit(frame);
+        this.failures.delete(frame.encoding);
+        this.frame = frame;
+        const seq = Number(frame.input_seq);
+        const input = this.inputs.get(seq);
+        if (input)
+            this.shown = input.camera;
+        const now_ms = performance.now();
+        const latency_ms = input && !input.seen ? now_ms - input.time_ms : null;
+        const split = latency_ms === null ? null : this.split(frame, input.time_ms, now_ms);
+        if (input)
+            input.seen = true;
+        for (const old of this.inputs.keys())
+            if (old < seq)
+                this.inputs.delete(old);
+        this.label(frame);
+        this.dispatchEvent(new CustomEvent("shown",
+            { detail: { frame, latency_ms, decode_ms, split } }));
+        if (frame.settled && frame.hash)
+            this.verify(frame);
+    }
+
+    // A frame that cannot be decoded: the next one is to be a key frame; after some of them in a
+    // row the server takes the next encoding of the list.
+    onFailed(frame, error) {
+        const count = (this.failures.get(frame.encoding) ?? 0) + 1;
+        const isOver = count >= FAILURES;
+        this.failures.set(frame.encoding, isOver ? 0 : count);
+        this.connection.send("key_frame", { view: VIEW,
+            ...isOver ? { failed: enums.encoding[frame.encoding] } : {} });
+        this.giveCredit(frame);
+        if (isOver)
+            this.trouble(error);
+    }
+
+    // Says when the frame came as well: the server holds its rate to what the network delivers.
+    giveCredit({ number, times }) {
+        if (this.isIdle || !times)
+            return;
+        const ns = (ms) => BigInt(Math.round(ms * 1000)) * 1000n;
+        const { best } = this.connection;
+        this.connection.send("taken", { view: VIEW, number,
+            begun_ns: ns(times.begun_ms), received_ns: ns(times.received_ms), ...best ? { rtt_ns: ns(best.rtt_ms) } : {} });
+    }
+
+    // Where the time from input to picture went, in ms by stage; null: the server does not say.
+    split(frame, input_ms, shown_ms) {
+        const at = (field) => this.connection.toPageTime(frame[field]);
+        const [came, begin, end, encoded, sent] = ["input_ns", "render_begin_ns", "render_end_ns",
+            "encode_end_ns", "sent_ns"].map(at);
+        if ([came, begin, end, encoded, sent].includes(null))
+            return null;
+        return { uplink: came - input_ms, wait: begin - came, render: end - begin,
+            encode: encoded - end, send: sent - encoded,
+            network: frame.times.received_ms - sent, show: shown_ms - frame.times.received_ms };
+    }
+
+    // What the canvas shows, readable for tests and scripts.
+    label(frame) {
+        Object.assign(this.canvas.dataset, { frame: frame.number, seq: frame.input_seq,
+            revision: frame.scene_revision, samples: frame.samples, settled: frame.settled,
+            encoding: frame.encoding, exact: "" });
+    }
+
+    // Are the settled pixels on the canvas those that the server rendered?
+    async verify(frame) {
+        const stated = hexOf(frame.hash);
+        const hash = await this.painter.hash();
+        if (this.frame !== frame)
+            return;
+        this.canvas.dataset.hash = stated;
+        this.canvas.dataset.exact = hash === stated;
+        this.dispatchEvent(new CustomEvent("verified", { detail: hash === stated }));
+    }
+
+    trouble(error) {
+        this.dispatchEvent(new CustomEvent("trouble", { detail: error }));
+    }
+
+    // ---- questions -----------------------------------------------------------------------------
+
+    // Position in the picture, 0..1 from the top left, to px of the newest frame.
+    toPixel(x, y) {
+        const { width, height } = this.canvas;
+        const clamp = (v, most) => Math.max(0, Math.min(most - 1, Math.floor(v * most)));
+        return { x: clamp(x, width), y: clamp(y, height) };
+    }
+
+    // What is under a place of the picture; null: nothing.
+    async pick(x, y) {
+        const picked = await this.connection.call("pick", { view: VIEW, ...this.toPixel(x, y) });
+        return picked.hit ? picked : null;
+    }
+
+    // A settled picture as a PNG file.
+    async screenshot(onProgress) {
+        const frame = await this.connection.call("frame_request",
+            { view: VIEW, settled: true, encoding: "PNG8" }, onProgress);
+        return frame.data;
+    }
+}

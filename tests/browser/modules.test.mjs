@@ -1,0 +1,144 @@
+// modules.test.mjs - the viewer's modules that need no browser, its size, and what it asks for.
+// Run: node --test tests/browser/modules.test.mjs   (environment: HELIO_SOURCE_DIR, default: here)
+import assert from "node:assert/strict";
+import { readFileSync, readdirSync } from "node:fs";
+import { join } from "node:path";
+import test from "node:test";
+import { fileURLToPath, pathToFileURL } from "node:url";
+import { gzipSync } from "node:zlib";
+
+const root = process.env.HELIO_SOURCE_DIR ?? fileURLToPath(new URL("../..", import.meta.url));
+const web = join(root, "client/web");
+const load = (name) => import(pathToFileURL(join(web, name)));
+const camera = await load("camera.js");
+const { parseLink, formatLink } = await load("link.js");
+const { choose, urisOf } = await load("upload.js");
+const { describeError, RequestError } = await load("connection.js");
+
+const close = (a, b, e = 1e-9) => a.every((v, i) => Math.abs(v - b[i]) <= e);
+const make = () => camera.makeCamera({ eye: [1, 2, 5], target: [0.5, 1, -1] });
+const files = readdirSync(web).filter((n) => /\.(html|js|css|svg)$/.test(n));
+
+test("all of it is under 100 KiB, compressed file by file", () => {
+    const bytes = files.reduce((sum, n) => sum + gzipSync(readFileSync(join(web, n)), { level: 9 }).length, 0);
+    assert.ok(bytes < 100 * 1024, `${bytes} bytes`);
+});
+
+test("no file names another place, and no script or style stands in the page", () => {
+    for (const name of files) {
+        const text = readFileSync(join(web, name), "utf8").replaceAll("http://www.w3.org/", "");
+        assert.ok(!/https?:\/\//.test(text), name);
+    }
+    const page = readFileSync(join(web, "index.html"), "utf8");
+    assert.ok(!/<style|\sstyle=|\son[a-z]+=|<script(?![^>]*\ssrc=)/.test(page));
+});
+
+test("an orbit keeps the distance, and full turns come back", () => {
+    const c = make(), before = camera.distance(c);
+    for (let i = 0; i < 8; i++)
+        camera.orbit(c, Math.PI / 4, 0);
+    assert.ok(close(c.eye, [1, 2, 5], 1e-9));
+    camera.orbit(c, 0.3, 10);
+    assert.ok(Math.abs(camera.distance(c) - before) < 1e-9);
+    assert.ok(c.eye.every(Number.isFinite), "straight above");
+});
+
+test("looking around keeps the eye", () => {
+    const c = make();
+    camera.look(c, 0.7, -0.2);
+    assert.deepEqual(c.eye, [1, 2, 5]);
+    assert.ok(Math.abs(camera.distance(c) - camera.distance(make())) < 1e-9);
+});
+
+test("what lies under the pointer stays under it when zooming and panning", () => {
+    for (const kind of ["PERSPECTIVE", "ORTHOGRAPHIC"]) {
+        const c = { ...make(), kind, half_height: 2 };
+        const { right, up } = camera.axes(c);
+        const half = camera.halfHeight(c);
+        const point = c.target.map((v, i) => v + 0.5 * half * 1.5 * right[i] - 0.25 * half * up[i]);
+        const at = camera.project(c, point, 300, 200);
+        camera.dolly(c, 0.4, 0.5, -0.25, 1.5);
+        const then = camera.project(c, point, 300, 200);
+        assert.ok(close([at.x, at.y], [then.x, then.y], 1e-6), kind);
+        camera.pan(c, 10, -7, 200);
+        const moved = camera.project(c, point, 300, 200);
+        assert.ok(close([moved.x, moved.y], [then.x + 10, then.y - 7], 1e-6), kind);
+    }
+});
+
+test("the target is in the middle, and what is behind the eye is nowhere", () => {
+    const c = make();
+    const at = camera.project(c, c.target, 640, 360);
+    assert.ok(close([at.x, at.y], [320, 180]));
+    assert.equal(camera.project(c, [2, 4, 12], 640, 360), null);
+});
+
+test("walking stays level, flying goes where it looks", () => {
+    const c = make();
+    camera.move(c, 0, 0, 3, true);
+    assert.ok(Math.abs(c.eye[1] - 2) < 1e-12);
+    const f = make();
+    camera.move(f, 0, 0, 3, false);
+    assert.ok(f.eye[1] < 2);
+});
+
+test("a flight begins and ends where it says", () => {
+    const a = make(), b = camera.makeCamera({ eye: [-4, 0, 1], target: [0, 0, 0] });
+    assert.ok(close(camera.blend(a, b, 0).eye, a.eye, 1e-6));
+    assert.deepEqual(camera.blend(a, b, 1).eye, b.eye);
+});
+
+test("links keep camera, settings and names; nonsense is left out", () => {
+    const link = { scene: "hall & roof", load: "demo:", ticket: "abc", camera: make(),
+        params: { mode: "PATH", tonemap: "AGX", exposure_ev: 1.5, exposure_mode: "AUTO" } };
+    const back = parseLink(formatLink(link));
+    assert.equal(back.scene, link.scene);
+    assert.equal(back.load, "demo:");
+    assert.equal(back.ticket, "abc");
+    assert.deepEqual(back.params, link.params);
+    assert.ok(close(back.camera.eye, link.camera.eye, 1e-5));
+    const bad = parseLink("#mode=FAST&ev=99&camera=1,2,3&tonemap=__proto__&scene=%ff");
+    assert.deepEqual(bad.params, {});
+    assert.equal(bad.camera, null);
+    for (const text of ["", "1,2,3,1,2,3,1", "1,2,3,4,5,6,0", "a,b,c,d,e,f,g", "1,2,3,4,5,6,7,8"])
+        assert.equal(camera.cameraFromText(text), null, text);
+});
+
+test("an orthographic camera survives a link", () => {
+    const c = { ...make(), kind: "ORTHOGRAPHIC", half_height: 3 };
+    const back = camera.cameraFromText(camera.cameraToText(c));
+    assert.equal(back.kind, "ORTHOGRAPHIC");
+    assert.equal(back.half_height, 3);
+});
+
+const gltf = (document) => new File([JSON.stringify(document)], "a.gltf");
+const model = { buffers: [{ uri: "data%20one.bin" }, { uri: "data:application/octet-stream;base64,AA==" }],
+    images: [{ uri: "../tex/b.png" }, { bufferView: 0 }] };
+
+test("a glTF file brings the files that it names", async () => {
+    assert.deepEqual(urisOf(model), ["data one.bin", "../tex/b.png"]);
+    const chosen = await choose([{ path: "m/geo/a.gltf", file: gltf(model) },
+        { path: "m/geo/data one.bin", file: new File(["1"], "data one.bin") },
+        { path: "m/tex/b.png", file: new File(["2"], "b.png") },
+        { path: "m/tex/unused.png", file: new File(["3"], "unused.png") }]);
+    assert.equal(chosen.name, "a.gltf");
+    assert.deepEqual(chosen.files.map((f) => f.uri), ["a.gltf", "data one.bin", "../tex/b.png"]);
+});
+
+test("missing, foreign and broken files are refused by name", async () => {
+    await assert.rejects(choose([{ path: "a.gltf", file: gltf(model) }]),
+        (e) => e.status === "not-found" && /data one\.bin/.test(e.message));
+    await assert.rejects(choose([{ path: "a.txt", file: new File([""], "a.txt") }]),
+        (e) => e.status === "unsupported");
+    await assert.rejects(choose([{ path: "a.gltf", file: new File(["{"], "a.gltf") }]),
+        (e) => e.status === "format");
+    await assert.rejects(choose([{ path: "a.glb", file: new File(["short"], "a.glb") }]),
+        (e) => e.status === "unsupported");
+});
+
+test("errors say which limit it was and when to try again", () => {
+    const text = describeError(new RequestError({ code: 3, what: "view 1", where: "width",
+        reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
+    for (const part of ["max-pixels", "view 1", "too many pixels", "3 s"])
+        assert.ok(text.includes(part), text);
+});

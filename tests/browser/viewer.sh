@@ -1,0 +1,14 @@
+#!/bin/sh
+# viewer.sh - the viewer in Chromium, where Chromium, Node and the packages of package.json are there.
+# Without them it is skipped; where CI=true, a failure.
+set -u
+here=$(cd "$(dirname "$0")" && pwd)
+missing() {
+    if [ "${CI:-}" = true ]; then echo "missing: $1"; exit 1; fi
+    echo "SKIPPED: missing: $1"
+    exit 77
+}
+command -v node >/dev/null || missing node
+[ -x /usr/bin/chromium ] || [ -x /usr/bin/chromium-browser ] || missing chromium
+[ -d "$here/node_modules/puppeteer-core" ] || missing "npm ci --prefix tests/browser"
+exec node --test "$here/viewer.test.mjs"

@@ -1,0 +1,290 @@
+// viewer.test.mjs - the viewer in Chromium against a real daemon and its renderer. One browser and
+// one daemon for all cases, small pictures, waiting for conditions only.
+// Run: node --test tests/browser/viewer.test.mjs   (HELIO_BUILD_DIR; docs/testing.md)
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { existsSync, readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+import { after, before, test } from "node:test";
+import {
+    Daemon, WAIT_MS, build, filePixels, models, openBrowser, openPage, picture, psnr, shownPixels,
+    until, waitExact, waitFor, waitPicture,
+} from "./rig.mjs";
+
+const MODEL = "leaves.glb"; // a few quads
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const SETTINGS = "gi=NONE&samples=4";
+
+const daemon = new Daemon();
+let browser, page;
+
+const link = (words, role = "edit") =>
+    `${daemon.origin}/#${words}&ticket=${daemon.tokens[role]}&${SETTINGS}`;
+const status = () => page.$eval("#status", (s) => s.textContent.trim());
+const evaluate = (...args) => page.evaluate(...args);
+
+before(async () => {
+    await daemon.start();
+    browser = await openBrowser();
+    page = await openPage(browser, link(`scene=tests&load=${join(models, MODEL)}`));
+}, { timeout: WAIT_MS });
+
+after(async () => {
+    await browser?.close();
+    await daemon.finish();
+});
+
+test("loads a scene, and takes the access out of the address", async () => {
+    await waitPicture(page, (d) => d.frame);
+    assert.equal(new URL(page.url()).hash.includes("ticket"), false);
+    await waitFor(page, () => document.title.includes("tests"));
+});
+
+test("settles to the pixels that the server hashed", async () => {
+    await waitExact(page);
+    const { hash } = await picture(page);
+    assert.match(hash, /^[0-9a-f]{64}$/);
+    await waitFor(page, () => document.querySelector("#status").textContent.includes("Exact"));
+});
+
+test("shows the pixels that helio renders", async () => {
+    const { width, height } = await picture(page);
+    const camera = await evaluate(() => window.helio.view.camera);
+    const file = await daemon.render(MODEL, { width, height, camera, samples: 4,
+        options: ["--gi", "none", "--exposure", "auto"] });
+    const expected = await filePixels(page, file);
+    assert.ok(psnr(await shownPixels(page), expected) > 55, "settled pixels differ");
+    // The same picture with loss, through the decoder that pictures in motion take.
+    await evaluate(async () => {
+        const frame = await window.helio.connection.call("frame_request",
+            { view: 1, settled: true, encoding: "JPEG", quality: 90 });
+        window.helio.view.painter.push(frame);
+        await window.helio.view.painter.queue;
+    });
+    const lossy = psnr(await shownPixels(page), expected);
+    assert.ok(lossy > 28 && lossy < 900, `JPEG: ${lossy} dB`);
+});
+
+test("moves with the mouse, and the newest camera is shown in the end", async () => {
+    const before = await shownPixels(page);
+    const seq = await evaluate(() => window.helio.view.seq);
+    await page.mouse.move(180, 160);
+    await page.mouse.down();
+    for (let i = 1; i <= 10; i++)
+        await page.mouse.move(180 + 6 * i, 160 + 2 * i);
+    await page.mouse.up();
+    await waitExact(page);
+    assert.ok(await evaluate(() => window.helio.view.seq) > seq, "no camera was sent");
+    assert.ok(psnr(before, await shownPixels(page)) < 40, "the picture has not changed");
+});
+
+test("every codec that browser and server share shows the same picture", async () => {
+    const known = await evaluate(async () =>
+        (await import("./decode.js")).FramePainter.motionEncodings());
+    for (const codec of [...known, "JPEG_444", "TILES"]) {
+        await evaluate((name) => window.helio.view.setCodec(name), codec);
+        await evaluate(() => {
+            window.codecSeen = [];
+            window.helio.view.addEventListener("shown", (e) =>
+                window.codecSeen.push(e.detail.frame.encoding));
+        });
+        await page.focus("#picture");
+        await page.keyboard.press("ArrowLeft");
+        await waitExact(page);
+        const seen = await evaluate(() => window.codecSeen);
+        assert.ok(seen.every((e) => e === codec || e === "JPEG" || e === "RAW_RGBA8"),
+            `${codec}: ${seen}`);
+    }
+    await evaluate(() => window.helio.view.setCodec("auto"));
+});
+
+test("is usable by keyboard alone", async () => {
+    await page.setViewport({ width: 900, height: 480 });
+    await evaluate(() => document.activeElement.blur());
+    const reached = new Set();
+    for (let i = 0; i < 40; i++) {
+        await page.keyboard.press("Tab");
+        reached.add(await evaluate(() => document.activeElement.getAttribute("aria-label")));
+    }
+    const wanted = await evaluate(() => [...document.querySelectorAll("#menu button, #tools button")]
+        .filter((b) => b.offsetParent).map((b) => b.getAttribute("aria-label")));
+    for (const label of [...wanted, "Picture of the scene"])
+        assert.ok(reached.has(label), `Tab does not reach: ${label}`);
+    await page.focus("#picture");
+    await page.keyboard.press("KeyF");
+    await waitExact(page);
+    await page.keyboard.press("Enter"); // picks what is in the middle
+    await page.waitForSelector("#card:not([hidden])");
+    await page.keyboard.press("Escape");
+    await page.waitForSelector("#card", { hidden: true });
+    await page.keyboard.press("KeyC");
+    await page.waitForSelector("#panel-scene:not([hidden]) .node");
+    await page.keyboard.press("Escape");
+    await page.waitForSelector("#panel-scene", { hidden: true });
+    assert.equal(await evaluate(() => document.activeElement.getAttribute("aria-label")), "Scene");
+    await page.focus("#picture");
+    await page.keyboard.type("?");
+    await page.waitForSelector("dialog[open]");
+    await page.keyboard.press("Escape");
+    await page.waitForSelector("dialog", { hidden: true });
+});
+
+test("measures between two picks", async () => {
+    await page.focus("#picture");
+    await page.keyboard.press("KeyM");
+    await page.keyboard.press("Enter");
+    await waitFor(page, () => window.helio.overlay.points.length === 1);
+    await page.keyboard.press("Enter");
+    await waitFor(page, () => document.querySelector("#card").textContent.includes("0.000 m"));
+    await page.keyboard.press("Escape");
+});
+
+for (const scheme of ["dark", "light"])
+    test(`axe-core finds nothing: ${scheme}`, async () => {
+        await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+        for (const [width, panels] of [[1000, ["scene", "view", "stats"]], [360, ["view"]], [360, ["scene"]]]) {
+            await page.setViewport({ width, height: 640 });
+            await evaluate((open) => ["scene", "view", "stats"].forEach((name) =>
+                window.helio.panels.set(name, open.includes(name))), panels);
+            await evaluate(() => document.querySelectorAll("details").forEach((d) => { d.open = true; }));
+            await evaluate(`${axe}; window.axe.run({ resultTypes: ["violations"] })`)
+                .then(({ violations }) => assert.deepEqual(violations.map((v) =>
+                    `${v.id}: ${v.nodes.map((n) => n.target.join(" ")).slice(0, 3).join("; ")}`), []));
+        }
+        await evaluate(() => ["scene", "view", "stats"].forEach((n) => window.helio.panels.set(n, false)));
+    });
+
+test("fits into 360 px", async () => {
+    await page.setViewport({ width: 360, height: 640 });
+    for (const panel of [null, "scene", "view", "stats"]) {
+        if (panel)
+            await evaluate((name) => window.helio.panels.set(name, true), panel);
+        const outside = await evaluate(() => [...document.querySelectorAll("button, select, input, h2, #status")]
+            .filter((e) => e.offsetParent && !e.closest(".hidden")).filter((e) => {
+                const box = e.getBoundingClientRect();
+                return box.width > 1 && (box.left < -1 || box.right > 361);
+            }).map((e) => e.outerHTML.slice(0, 80)));
+        assert.deepEqual(outside, [], `beyond the edge with ${panel}`);
+        assert.ok(await evaluate(() => document.documentElement.scrollWidth <= 360));
+    }
+    await evaluate(() => window.helio.panels.set("stats", false));
+});
+
+test("survives a storm of sizes", async () => {
+    for (let i = 0; i < 20; i++)
+        await page.setViewport({ width: 330 + 37 * (i * 7 % 11), height: 280 + 23 * (i * 5 % 9) });
+    await page.setViewport({ width: 361, height: 301 });
+    await waitFor(page, () => document.querySelector("#picture").width === 361);
+    await waitExact(page);
+    assert.deepEqual(page.complaints, []);
+});
+
+test("goes on when the worker is killed", async () => {
+    const [pid] = daemon.workers();
+    assert.ok(pid, "no worker found");
+    process.kill(pid, "SIGKILL");
+    await until(() => daemon.workers().some((p) => p !== pid), "another worker starts");
+    await page.focus("#picture");
+    await page.keyboard.press("ArrowRight");
+    await waitExact(page);
+});
+
+test("resumes its session when the daemon is killed and started again", async () => {
+    const { session } = await evaluate(() => ({ session: String(window.helio.connection.session) }));
+    await daemon.kill();
+    await page.waitForSelector("#curtain:not([hidden])");
+    await evaluate(() => {
+        window.helio.connection.addEventListener("opened", (e) => {
+            window.resumedSession = e.detail.resumed ? String(e.detail.resumed.session) : "a new one";
+        });
+    });
+    await daemon.start();
+    await waitFor(page, () => window.resumedSession);
+    assert.equal(await evaluate(() => window.resumedSession), session);
+    await page.waitForSelector("#curtain", { hidden: true });
+    await page.focus("#picture");
+    await page.keyboard.press("ArrowRight");
+    await waitExact(page);
+});
+
+// What the browser does when files are dropped on the page.
+const drop = (files) => evaluate((list) => {
+    const transfer = new DataTransfer();
+    for (const [name, base64] of list)
+        transfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], name));
+    window.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
+}, files.map(([name, bytes]) => [name, Buffer.from(bytes).toString("base64")]));
+
+test("opens a file that is dropped on it", async () => {
+    await drop([["panes.glb", readFileSync(join(models, "panes.glb"))]]);
+    await page.waitForSelector("dialog[open] button[value=replace]");
+    await page.click("dialog[open] button[value=replace]");
+    await waitFor(page, () => document.title.includes("panes.glb"));
+    await waitExact(page);
+    await waitFor(page, () => window.helio.scene.assets.length === 1);
+});
+
+test("says plainly which file is missing", async () => {
+    const document = { asset: { version: "2.0" }, buffers: [{ uri: "far.bin", byteLength: 4 }] };
+    await drop([["near.gltf", JSON.stringify(document)]]);
+    await waitFor(page, () => [...document.querySelectorAll(".toast.error")]
+        .some((t) => t.textContent.includes("far.bin")));
+    await drop([["letter.txt", "nothing"]]);
+    await waitFor(page, () => [...document.querySelectorAll(".toast.error")]
+        .some((t) => t.textContent.includes("none of these is a scene")));
+});
+
+test("two people see one scene; who may only look cannot change it", async () => {
+    const second = await openPage(browser, link("scene=tests", "view"));
+    await waitExact(second);
+    const sees = await second.evaluate(() => window.helio.scene.total);
+    assert.equal(sees, await evaluate(() => window.helio.scene.total));
+    const refused = await second.evaluate(() => window.helio.scene.setEnvironment({ kind: "NONE" })
+        .then(() => "done", (error) => error.status));
+    assert.equal(refused, "not-allowed");
+    assert.deepEqual(second.complaints, []);
+    await second.close();
+});
+
+test("asks for a token where it has none, and for another where it is wrong", async () => {
+    const third = await (await browser.createBrowserContext()).newPage();
+    third.setDefaultTimeout(WAIT_MS);
+    await third.goto(`${daemon.origin}/#scene=tests`);
+    await third.waitForSelector("dialog[open] #token");
+    await third.type("#token", "not-the-token");
+    await third.keyboard.press("Enter");
+    await waitFor(third, () => document.querySelector("#token-error")?.textContent.length > 0);
+    await third.type("#token", daemon.tokens.view);
+    await third.keyboard.press("Enter");
+    await waitPicture(third, (d) => d.frame);
+    await third.browserContext().close();
+});
+
+test("asks nobody else for anything", () => {
+    const others = page.requests.filter((url) => !url.startsWith(daemon.origin)
+        && !url.startsWith(`blob:${daemon.origin}`));
+    assert.deepEqual(others, []);
+    assert.deepEqual(page.complaints, []);
+});
+
+test("helio serve: one command, one address, Ctrl-C ends it", async () => {
+    const child = spawn(join(build, "bin/helio"), ["serve", join(models, MODEL), "--cache-dir",
+        join(daemon.folder, "serve-cache")], { stdio: ["ignore", "pipe", "inherit"] });
+    const ended = new Promise((done) => child.on("exit", done));
+    const [url] = await new Promise((done) =>
+        createInterface({ input: child.stdout }).once("line", (...line) => done(line)));
+    assert.match(url, /^http:\/\/127\.0\.0\.1:\d+\/#scene=leaves\.glb&ticket=[0-9a-f]{48}$/);
+    const served = await openPage(browser, `${url}&${SETTINGS}`);
+    await waitPicture(served, (d) => d.frame);
+    await served.close();
+    child.kill("SIGINT");
+    assert.equal(await ended, 0);
+    await assert.rejects(fetch(new URL(url).origin), "the daemon still runs");
+});
+
+test("the status tells what the picture is", async () => {
+    assert.match(await status(), /Settled|Exact|Refining|Moving/);
+    assert.ok(existsSync(join(models, MODEL)));
+});
