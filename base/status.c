@@ -54,6 +54,15 @@ enum hg_status hg_error_set(struct hg_error *err, enum hg_status status, const c
     return status;
 }
 
+enum hg_status hg_error_limit(struct hg_error *err, const char *limit, uint32_t retry_after_ms)
+{
+    if (!err)
+        return HG_E_LIMIT;
+    copy_text(err->limit, sizeof err->limit, limit);
+    err->retry_after_ms = retry_after_ms;
+    return err->status;
+}
+
 void hg_error_format(const struct hg_error *err, char *dst, size_t dst_size)
 {
     const char *reason = err->reason[0] ? err->reason : hg_status_text(err->status);

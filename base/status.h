@@ -25,6 +25,8 @@ struct hg_error {
     char what[256];
     char where[128];
     char reason[256];
+    char limit[32];          // HG_E_LIMIT, HG_E_BUSY: which one, by the name of its option; or ""
+    uint32_t retry_after_ms; // of a limit: after which the same may succeed; 0 = not by waiting
 };
 
 // Short stable name of a status ("not-found"); "unknown" for values outside the table.
@@ -38,6 +40,8 @@ const char *hg_status_text(enum hg_status status);
 enum hg_status hg_error_set(struct hg_error *err, enum hg_status status, const char *what,
     const char *where, const char *fmt, ...) HG_PRINTF(5, 6);
 
+// Says of an error that is set already which limit it is of. Returns its status. NULL: HG_E_LIMIT.
+enum hg_status hg_error_limit(struct hg_error *err, const char *limit, uint32_t retry_after_ms);
 // "what: where: reason (status)" into dst; empty parts are left out. Always terminates.
 void hg_error_format(const struct hg_error *err, char *dst, size_t dst_size);
 

@@ -6,8 +6,7 @@
 #include "base/clock.h"
 #include "client/cli/cli.h"
 
-// Connects to the daemon that --connect names.
-static enum hg_status connect_daemon(
+enum hg_status hg_cli_connect_daemon(
     struct hg_cli *cli, enum hg_cli_doing *doing, struct hg_error *err)
 {
     *doing = HG_CLI_DOING_ARGUMENTS;
@@ -59,7 +58,7 @@ enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options)
     struct hg_error err = {0};
     enum hg_cli_doing doing;
     hg_cli_init(&cli, options);
-    enum hg_status status = connect_daemon(&cli, &doing, &err);
+    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
     if (!status)
         status = ping_all(&cli, &err);
     return finish(&cli, doing, status, &err);
@@ -67,7 +66,7 @@ enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options)
 
 // ---- stats, sessions ---------------------------------------------------------------------------
 
-static enum hg_status query(
+enum hg_status hg_cli_query(
     struct hg_cli *cli, enum hgp_type type, json_t **out, struct hg_error *err)
 {
     char *text;
@@ -83,7 +82,7 @@ static enum hg_status query(
     return HG_OK;
 }
 
-static void print_json(const json_t *value)
+void hg_cli_print_json(const json_t *value)
 {
     json_dumpf(value, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');
@@ -96,14 +95,14 @@ enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options)
     enum hg_cli_doing doing;
     json_t *stats = NULL;
     hg_cli_init(&cli, options);
-    enum hg_status status = connect_daemon(&cli, &doing, &err);
+    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
     // The worker of a session answers; a session without a scene has none.
     if (!status)
         status = helio_scene_open(cli.h, "", &cli.scene, &err);
     if (!status)
-        status = query(&cli, HGP_T_stats_query, &stats, &err);
+        status = hg_cli_query(&cli, HGP_T_stats_query, &stats, &err);
     if (!status)
-        print_json(stats);
+        hg_cli_print_json(stats);
     json_decref(stats);
     return finish(&cli, doing, status, &err);
 }
@@ -121,7 +120,7 @@ static void cell_text(const json_t *value, char *dst, size_t size)
 }
 
 // A list of objects as columns named by the first one's keys.
-static void print_table(json_t *list)
+void hg_cli_print_table(json_t *list)
 {
     const char *key;
     json_t *value;
@@ -158,11 +157,11 @@ static void print_sessions(json_t *answer)
 {
     json_t *list = json_is_array(answer) ? answer : json_object_get(answer, "sessions");
     if (json_is_object(json_array_get(list, 0)))
-        print_table(list);
+        hg_cli_print_table(list);
     else if (json_is_array(list))
         printf("no sessions\n");
     else
-        print_json(answer);
+        hg_cli_print_json(answer);
 }
 
 enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
@@ -172,11 +171,13 @@ enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
     enum hg_cli_doing doing;
     json_t *answer = NULL;
     hg_cli_init(&cli, options);
-    enum hg_status status = connect_daemon(&cli, &doing, &err);
-    if (!status)
-        status = query(&cli, HGP_T_sessions_query, &answer, &err);
+    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
+    if (!status && options->has_interval)
+        status = hg_cli_follow_sessions(&cli, &err);
+    else if (!status)
+        status = hg_cli_query(&cli, HGP_T_sessions_query, &answer, &err);
     if (!status && options->json)
-        print_json(answer);
+        hg_cli_print_json(answer);
     else if (!status)
         print_sessions(answer);
     json_decref(answer);
@@ -187,7 +188,7 @@ static void print_quarantine(json_t *answer)
 {
     json_t *list = json_object_get(answer, "quarantine");
     if (json_array_size(list) > 0)
-        print_table(list);
+        hg_cli_print_table(list);
     else
         printf("no file is in quarantine\n");
 }
@@ -195,9 +196,9 @@ static void print_quarantine(json_t *answer)
 static enum hg_status list_quarantine(struct hg_cli *cli, struct hg_error *err)
 {
     json_t *answer = NULL;
-    enum hg_status status = query(cli, HGP_T_quarantine_query, &answer, err);
+    enum hg_status status = hg_cli_query(cli, HGP_T_quarantine_query, &answer, err);
     if (!status && cli->options->json)
-        print_json(answer);
+        hg_cli_print_json(answer);
     else if (!status)
         print_quarantine(answer);
     json_decref(answer);
@@ -226,7 +227,7 @@ enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options)
     if (!clear && strcmp(verb, "list") != 0)
         status = hg_error_set(&err, HG_E_INVAL, "quarantine", NULL, "takes list or clear");
     if (!status)
-        status = connect_daemon(&cli, &doing, &err);
+        status = hg_cli_connect_daemon(&cli, &doing, &err);
     if (!status && !clear)
         status = list_quarantine(&cli, &err);
     else if (!status && options->arg_count < 2)

@@ -342,8 +342,10 @@ void hg_cli_attach(struct hg_cli *cli)
     interrupt_target = cli->h;
     if (stopped)
         helio_interrupt(cli->h);
-    helio_set_handlers(cli->h, &(struct helio_handlers){&cli->progress, hg_cli_on_tick,
-                                   hg_cli_on_progress, hg_cli_on_notice});
+    helio_set_handlers(cli->h, &(struct helio_handlers){.user = &cli->progress,
+                                   .tick = hg_cli_on_tick,
+                                   .progress = hg_cli_on_progress,
+                                   .notice = hg_cli_on_notice});
 }
 
 static enum hg_status open_session(

@@ -182,6 +182,19 @@ struct hg_cli_client_stats {
 enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, json_t *newest,
     const struct hg_cli_client_stats *own, struct hg_error *err) HG_MUST_CHECK;
 
+// ---- commands for those who run a daemon --------------------------------------------------------
+
+// Connects to the daemon that --connect names.
+enum hg_status hg_cli_connect_daemon(
+    struct hg_cli *cli, enum hg_cli_doing *doing, struct hg_error *err) HG_MUST_CHECK;
+// The JSON that answers a query; *out is released with json_decref.
+enum hg_status hg_cli_query(
+    struct hg_cli *cli, enum hgp_type type, json_t **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_cli_print_json(const json_t *value);
+void hg_cli_print_table(json_t *list); // of objects, as columns named by the first one's keys
+// Prints what sessions_query answers every --interval, a line each, until the connection ends.
+enum hg_status hg_cli_follow_sessions(struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
+
 // The commands.
 enum hg_cli_exit hg_cli_render(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_info(const struct hg_cli_options *options);
@@ -196,5 +209,9 @@ enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options);
 enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_message(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_kick(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_drain(const struct hg_cli_options *options);
+enum hg_cli_exit hg_cli_tickets(const struct hg_cli_options *options);
 
 #endif

@@ -22,6 +22,10 @@ static enum hg_cli_exit (*const run_command[HG_CLI_COMMAND_COUNT])(
     [HG_CLI_INDEX_STATS] = hg_cli_stats_command,
     [HG_CLI_INDEX_QUARANTINE] = hg_cli_quarantine,
     [HG_CLI_INDEX_SESSIONS] = hg_cli_sessions,
+    [HG_CLI_INDEX_MESSAGE] = hg_cli_message,
+    [HG_CLI_INDEX_KICK] = hg_cli_kick,
+    [HG_CLI_INDEX_DRAIN] = hg_cli_drain,
+    [HG_CLI_INDEX_TICKETS] = hg_cli_tickets,
 };
 
 // helio --generate NAME: "helio.1", "helio-render.1", "helio.bash" or "_helio" to the standard

@@ -4,7 +4,7 @@ _helio()
     local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD-1]}
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        COMPREPLY=($(compgen -W 'render info compare run bake cache bench serve ping stats quarantine sessions view --help --version' -- "$cur"))
+        COMPREPLY=($(compgen -W 'render info compare run bake cache bench serve ping stats quarantine sessions message kick drain tickets view --help --version' -- "$cur"))
         return
     fi
     case "${COMP_WORDS[1]} $prev" in
@@ -34,6 +34,7 @@ _helio()
     'serve --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'serve --role') COMPREPLY=($(compgen -W 'view edit' -- "$cur")); return ;;
     'serve --progress') COMPREPLY=($(compgen -W 'auto json none' -- "$cur")); return ;;
+    'tickets --role') COMPREPLY=($(compgen -W 'view edit' -- "$cur")); return ;;
     'view --up') COMPREPLY=($(compgen -W 'auto +X +Y +Z -X -Y -Z' -- "$cur")); return ;;
     'view --mode') COMPREPLY=($(compgen -W 'realtime path' -- "$cur")); return ;;
     'view --tonemap') COMPREPLY=($(compgen -W 'aces agx pbr-neutral linear' -- "$cur")); return ;;
@@ -61,7 +62,11 @@ _helio()
     ping) options='--count --connect --token --token-file --timeout --help' ;;
     stats) options='--connect --token --token-file --timeout --help' ;;
     quarantine) options='--json --connect --token --token-file --timeout --help' ;;
-    sessions) options='--json --connect --token --token-file --timeout --help' ;;
+    sessions) options='--json --interval --connect --token --token-file --timeout --help' ;;
+    message) options='--scene --session --connect --token --token-file --timeout --help' ;;
+    kick) options='--reason --block --connect --token --token-file --timeout --help' ;;
+    drain) options='--reason --deadline --stay --cancel --connect --token --token-file --timeout --help' ;;
+    tickets) options='--json --scene --role --uses --valid --label --connect --token --token-file --timeout --help' ;;
     view) options='--size --screenshots --full-screen --view --camera --orbit --eye --target --fov --up --point-size --variant --env --sun --env-intensity --env-rotation --exposure --ground --background --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --spp --record --connect --token --token-file --timeout --reconnect --upload --join --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     esac
     case "$cur" in

@@ -9,7 +9,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
-#include "client/lib/conn.h"
+#include "client/lib/session.h"
 
 static uint64_t deadline_of(uint64_t timeout_ns)
 {
@@ -142,7 +142,8 @@ static bool handle_companion(struct helio *h, const struct hg_client_message *m)
     return false;
 }
 
-static enum hg_status status_of_answer(const struct hg_client_message *m, struct hg_error *err)
+static enum hg_status status_of_answer(
+    struct helio *h, const struct hg_client_message *m, struct hg_error *err)
 {
     if (m->pub.type != HGP_T_error)
         return HG_OK;
@@ -151,8 +152,10 @@ static enum hg_status status_of_answer(const struct hg_client_message *m, struct
     snprintf(what, sizeof what, "%.*s", (int)e->what.size, e->what.data ? e->what.data : "");
     snprintf(where, sizeof where, "%.*s", (int)e->where.size, e->where.data ? e->where.data : "");
     enum hg_status status = e->code ? (enum hg_status)e->code : HG_E_INTERNAL;
-    return hg_error_set(err, status, what, where, "%.*s", (int)e->reason.size,
+    hg_error_set(err, status, what, where, "%.*s", (int)e->reason.size,
         e->reason.data ? e->reason.data : "");
+    hg_client_add_limit(h, m->pub.request, err);
+    return status;
 }
 
 // Handles queued companions of a request; true when its answer is in *answer or *status failed.
@@ -162,7 +165,7 @@ static bool find_answer(struct helio *h, uint32_t request, struct hg_client_mess
     struct hg_client_message *m;
     while ((m = take_answer(h, request))) {
         if (!handle_companion(h, m)) {
-            *status = status_of_answer(m, err);
+            *status = status_of_answer(h, m, err);
             if (*status)
                 hg_client_message_destroy(m);
             else
@@ -213,6 +216,11 @@ static bool may_repeat(enum hgp_type type)
     case HGP_T_scene_open:
     case HGP_T_scene_close:
     case HGP_T_view_close:
+    case HGP_T_annotation_set:
+    case HGP_T_annotation_remove:
+    case HGP_T_join_make:
+    case HGP_T_message_send:
+    case HGP_T_kick:
         return false;
     default:
         return true;
@@ -370,7 +378,7 @@ enum hg_status helio_query_json(
     union hgp_any query = {0};
     *text = NULL;
     if (type != HGP_T_stats_query && type != HGP_T_info_query && type != HGP_T_sessions_query &&
-        type != HGP_T_quarantine_query)
+        type != HGP_T_quarantine_query && type != HGP_T_join_query)
         return hg_error_set(err, HG_E_INVAL, "query", NULL, "not a query answered with JSON");
     if (type == HGP_T_stats_query)
         query.stats_query.view = view;

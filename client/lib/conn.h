@@ -48,6 +48,13 @@ struct hg_client_queue {
     size_t count, bytes;
 };
 
+// What the server said last about a limit.
+struct hg_client_limited {
+    bool is_set;
+    uint32_t request, retry_after_ms;
+    char limit[33];
+};
+
 // What the other end said of itself.
 struct hg_client_server {
     char name[129];
@@ -56,6 +63,8 @@ struct hg_client_server {
     uint16_t version;
     uint64_t session;
     uint32_t send_limit; // payload bytes that it takes
+    char scene[129];     // of a join ticket; "" = none
+    struct hg_client_limited limited;
 };
 
 // Going on with the session on another connection.

@@ -168,6 +168,7 @@ void helio_get_info(const struct helio *h, struct helio_info *out)
         .device = h->server.device,
         .worker_pid = h->worker_pid,
         .draining = h->draining,
+        .scene = h->server.scene,
         .reconnects = h->resume.done,
     };
 }

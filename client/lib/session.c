@@ -33,8 +33,26 @@ static enum hg_status fail_from_error(struct helio *h, const struct hgp_error *e
     char where[128];
     snprintf(where, sizeof where, "%.*s", (int)error->where.size,
         error->where.data ? error->where.data : "");
-    return hg_client_fail(h, status, where, "%.*s", (int)error->reason.size,
+    status = hg_client_fail(h, status, where, "%.*s", (int)error->reason.size,
         error->reason.data ? error->reason.data : "");
+    hg_client_add_limit(h, 0, &h->error);
+    return status;
+}
+
+// It comes right before the error that it is of.
+static void take_limit(struct helio *h, const struct hgp_limited *m)
+{
+    h->server.limited.is_set = true;
+    h->server.limited.request = m->request;
+    h->server.limited.retry_after_ms = m->retry_after_ms;
+    snprintf(h->server.limited.limit, sizeof h->server.limited.limit, "%.*s", (int)m->limit.size,
+        m->limit.size ? m->limit.data : "");
+}
+
+void hg_client_add_limit(struct helio *h, uint32_t request, struct hg_error *err)
+{
+    if (h->server.limited.is_set && h->server.limited.request == request)
+        hg_error_limit(err, h->server.limited.limit, h->server.limited.retry_after_ms);
 }
 
 // The session is open: it is kept from now on, or gives way to the one that was lost.
@@ -88,9 +106,13 @@ static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welc
         return hg_client_fail(h, HG_E_AUTH, "token", "the server asks for a token");
     if (!welcome->auth_required) // open already: the token is not needed
         return on_open(h);
-    struct hgp_auth auth = {.token = hgp_str_make(h->token)};
+    const struct hgp_auth auth = {.token = hgp_str_make(h->token)};
+    const struct hgp_auth_resume again = {
+        .token = auth.token, .secret = {h->resume.secret, h->resume.secret_bytes}};
     struct hg_error err = {0};
-    enum hg_status status = hg_client_enqueue(h, HGP_T_auth, 0, &auth, &err);
+    enum hg_status status = h->resume.deadline_ns
+                                ? hg_client_enqueue(h, HGP_T_auth_resume, 0, &again, &err)
+                                : hg_client_enqueue(h, HGP_T_auth, 0, &auth, &err);
     h->auth_sent = true;
     return status ? hg_client_fail(h, HG_E_AUTH, "token", "%s", err.reason) : HG_OK;
 }
@@ -124,6 +146,12 @@ static enum hg_status greeting(struct helio *h, const struct hg_client_message *
 {
     if (!h->embedded && message->pub.type == HGP_T_welcome && !h->auth_sent && !h->server.name[0])
         return on_welcome(h, &message->body.welcome);
+    if (!h->embedded && message->pub.type == HGP_T_join_scene && h->auth_sent) {
+        const struct hgp_str *scene = &message->body.join_scene.scene;
+        snprintf(h->server.scene, sizeof h->server.scene, "%.*s", (int)scene->size,
+            scene->size ? scene->data : "");
+        return HG_OK;
+    }
     if (!h->embedded && message->pub.type == HGP_T_auth_ok && h->auth_sent) {
         h->server.role = message->body.auth_ok.role;
         return on_open(h);
@@ -134,6 +162,12 @@ static enum hg_status greeting(struct helio *h, const struct hg_client_message *
         return on_worker_ready(h, &message->body.worker_ready);
     return hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not expected before the session is open",
         hgp_find((uint16_t)message->pub.type)->name);
+}
+
+// What a program that does not take messages need not know must not fill the queue.
+static bool is_crowded(const struct helio *h)
+{
+    return h->queue.count >= HG_CLIENT_QUEUE_MESSAGES / 4;
 }
 
 static bool may_come_from_server(const struct helio *h, enum hgp_type type)
@@ -161,6 +195,20 @@ static bool handle_own(
         if (*status)
             *status = hg_client_fail(h, *status, NULL, "cannot answer a ping: %s", err.reason);
         return true;
+    case HGP_T_limited:
+        take_limit(h, &message->body.limited);
+        return true;
+    case HGP_T_drain_cancelled:
+        h->draining = false;
+        return true;
+    case HGP_T_message:
+        if (h->handlers.message)
+            h->handlers.message(h->handlers.user, &message->body.message);
+        return h->handlers.message || is_crowded(h);
+    case HGP_T_idle_warning:
+        if (h->handlers.idle)
+            h->handlers.idle(h->handlers.user, &message->body.idle_warning);
+        return h->handlers.idle || is_crowded(h);
     case HGP_T_ticket:
         if (message->pub.request == HG_CLIENT_OWN_REQUEST)
             take_secret(h, message->body.ticket.secret);

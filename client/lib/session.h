@@ -10,4 +10,8 @@ enum hg_status hg_client_greet(struct helio *h) HG_MUST_CHECK;
 // Acts on one complete message; owns it from here on.
 enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *message) HG_MUST_CHECK;
 
+// Adds to the error of a request (0: of the connection) which limit it is of, where the server has
+// said so.
+void hg_client_add_limit(struct helio *h, uint32_t request, struct hg_error *err);
+
 #endif

@@ -271,7 +271,9 @@ enum hg_status hg_view_open_scene(struct hg_view_session *s, struct hg_error *er
     enum hg_status status = hg_cli_render_connect(r, !o->join, err);
     if (status)
         return status;
-    helio_set_handlers(r->cli.h, &(struct helio_handlers){s, on_tick, on_progress, on_notice});
+    helio_set_handlers(
+        r->cli.h, &(struct helio_handlers){
+                      .user = s, .tick = on_tick, .progress = on_progress, .notice = on_notice});
     if (o->join)
         status = join(s, &fresh, err);
     if (!status && s->work.recorder)

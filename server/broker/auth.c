@@ -70,6 +70,10 @@ static bool parse_scope(char *word, struct hg_token *out)
         return parse_pattern(value, scope->scenes, sizeof scope->scenes);
     if (strcmp(word, "weight") == 0)
         return parse_count(value, &scope->weight) && scope->weight <= HG_TOKEN_WEIGHT_MAX;
+    if (strcmp(word, "pixels") == 0)
+        return parse_count(value, &scope->max_pixels);
+    if (strcmp(word, "tickets") == 0)
+        return parse_count(value, &scope->max_tickets);
     if (strcmp(word, "sessions") == 0)
         return parse_count(value, &scope->max_sessions);
     return strcmp(word, "rate") == 0 && parse_count(value, &scope->max_rate);
@@ -151,7 +155,7 @@ static enum hg_status parse_line(
         else if (!parse_scope(word, out))
             return hg_error_set(err, HG_E_INVAL, NULL, NULL,
                 "'%s' is none of tenant=NAME, expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, "
-                "sessions=COUNT, rate=COUNT, weight=1...10000",
+                "sessions=COUNT, rate=COUNT, weight=1...10000, pixels=COUNT, tickets=COUNT",
                 word);
     }
     out->role = (enum hgp_role)value;

@@ -23,10 +23,14 @@
 #include "server/broker/privileges.h"
 #include "server/broker/recovery.h"
 #include "server/broker/session.h"
+#include "server/broker/session_admin.h"
+#include "server/broker/session_end.h"
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_share.h"
 #include "server/broker/session_upload.h"
+#include "server/broker/session_view.h"
 #include "server/broker/state.h"
 #include "server/broker/web.h"
 
@@ -164,7 +168,9 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .conns = &b->conns,
         .pool = &b->pool,
         .audit = &b->audit,
-        .quarantine = &b->quarantine,
+        .quarantine = &b->guests.quarantine,
+        .tickets = &b->guests.tickets,
+        .blocks = &b->guests.blocks,
         .scenes = {.pool = &b->pool, .store = b->store}};
     if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine, b->takeover.inherited_links))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
@@ -466,6 +472,10 @@ static void tick(struct hg_broker *b)
     }
     for (struct hg_session *it = b->sessions.first; it; it = it->next)
         hg_session_upload_check_times(it, now_ns);
+    hg_session_view_tick(&b->sessions);
+    hg_session_share_tick(&b->sessions);
+    hg_session_admin_tick(&b->sessions);
+    hg_session_end_idle(&b->sessions);
     hg_worker_pool_check_times(&b->pool);
     hg_shared_scene_check_times(&b->sessions.scenes, now_ns);
     hg_state_tend(&b->sessions);
@@ -499,6 +509,8 @@ static uint64_t round_end(void *user)
     bury(b);
     for (uint32_t i = 0; i < b->pool.count; i++)
         hg_recovery_continue(&b->pool.links[i]);
+    if (hg_session_admin_drained(&b->sessions))
+        begin_drain(b);
     if (draining)
         drain_step(b);
     else if (b->takeover.deadline_ns)
@@ -601,6 +613,7 @@ static void stop(struct hg_broker *b)
     hg_tls_finish(&b->streams.tls);
     hg_web_files_finish(&b->streams.web.files);
     hg_upload_store_destroy(b->store);
+    hg_join_tickets_finish(&b->guests.tickets);
     hg_audit_write(&b->audit, "stop", NULL, HG_OK, NULL);
     hg_audit_close(&b->audit);
     hg_tokens_finish(&b->tokens);

@@ -29,13 +29,16 @@
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   conn_share                                   memory for output
 //   worker_pool                                  which worker a scene goes to
+//   annotation block_list join_ticket pixel_rate  texts in scenes; who is let in; frames per second
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
-//   session_audit session_record
+//   session_audit session_record session_allow
 //   session_view session_upload
 //   session_look                                 how views show the scene
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
+//   session_end session_annotation session_camera session_ticket
+//   session_share session_admin                  people in a scene; administrators
 //   session_park
 //   session                                      begin and end, the client's messages
 //   session_answer resume                        what the worker says; on another connection
@@ -58,6 +61,13 @@ struct hg_broker_streams {
     struct hg_tls tls;
 };
 
+// Who is let in besides those whom the file of tokens names, and who is not.
+struct hg_guests {
+    struct hg_quarantine quarantine; // files that are not
+    struct hg_join_tickets tickets;
+    struct hg_block_list blocks;
+};
+
 struct hg_broker {
     struct hg_loop loop;
     struct hg_options options;
@@ -65,7 +75,7 @@ struct hg_broker {
     char *const *argv; // for reloads
     struct hg_tokens tokens;
     struct hg_audit audit;
-    struct hg_quarantine quarantine;
+    struct hg_guests guests;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;

@@ -5,13 +5,18 @@
 #include <time.h>
 
 #include "base/clock.h"
+#include "base/sha256.h"
 #include "server/broker/counters.h"
 #include "server/broker/resume.h"
 #include "server/broker/session.h"
+#include "server/broker/session_allow.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_park.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_ticket.h"
 #include "server/broker/session_view.h"
+
+enum { RETRY_SESSION_MS = 5000 };
 
 // ---- handshake ----------------------------------------------------------------------------------
 
@@ -45,13 +50,19 @@ static enum hg_status check_session(
         token && token->scope.max_sessions ? token->scope.max_sessions : o->max_sessions_per_token;
     if (a->sessions->draining)
         return hg_error_set(err, HG_E_STATE, "session", NULL, "the daemon is shutting down");
-    if (a->sessions->count - hg_session_count_parked(a->sessions) >= o->max_sessions - kept)
-        return hg_error_set(err, HG_E_LIMIT, "session", NULL,
+    if (hg_session_allow_begin(a->sessions, admin ? HGP_role_ADMIN : HGP_role_VIEW, "session", err))
+        return err->status;
+    if (a->sessions->count - hg_session_count_parked(a->sessions) >= o->max_sessions - kept) {
+        hg_error_set(err, HG_E_LIMIT, "session", NULL,
             "the daemon has as many sessions as it takes (max-sessions%s); try again later",
             kept ? ", reserved-sessions" : "");
-    if (token && count_sessions(a->sessions, conn) >= most)
-        return hg_error_set(err, HG_E_LIMIT, "session", NULL,
+        return hg_error_limit(err, "max-sessions", RETRY_SESSION_MS);
+    }
+    if (token && count_sessions(a->sessions, conn) >= most) {
+        hg_error_set(err, HG_E_LIMIT, "session", NULL,
             "this token has %u sessions open, as many as it may (max-sessions-per-token)", most);
+        return hg_error_limit(err, "max-sessions-per-token", RETRY_SESSION_MS);
+    }
     return HG_OK;
 }
 
@@ -124,7 +135,7 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
     }
     conn->version = m->version_max < HGP_VERSION_MAX ? m->version_max : HGP_VERSION_MAX;
     bool trusted = conn->slot.own && !a->options->require_token;
-    if (!trusted && !a->tokens->count) {
+    if (!trusted && !a->tokens->count && !a->sessions->tickets->count) {
         refuse(conn, HG_E_AUTH, "hello",
             "only the daemon's own user may connect: it has no tokens for others");
         return;
@@ -178,25 +189,83 @@ static void refuse_token(struct hg_conn *conn)
     refuse(conn, HG_E_AUTH, "auth", "the token is not known, or has expired");
 }
 
+// Whether a session that was made with the ticket has this secret for its resume.
+static bool is_known_session(const struct hg_conn *conn, const struct hg_join_ticket *ticket)
+{
+    const struct hg_admission *a = conn->table->owner;
+    const struct hg_session *s =
+        conn->auth.resumes ? hg_session_find_ticket(a->sessions, conn->auth.secret_hash) : NULL;
+    return s && s->resume.has_token && memcmp(s->resume.token, ticket->hash, 32) == 0;
+}
+
+static bool refuse_blocked(struct hg_conn *conn)
+{
+    const struct hg_admission *a = conn->table->owner;
+    const uint64_t now_s = (uint64_t)time(NULL);
+    const uint64_t until_s = hg_block_until(a->sessions->blocks, conn->auth.hash, now_s);
+    struct hg_error err = {0};
+    if (!until_s)
+        return false;
+    hg_error_set(&err, HG_E_PERM, "auth", NULL, "an administrator has blocked it for a while");
+    const uint64_t left_s = until_s - now_s;
+    hg_error_limit(&err, "kick", left_s < UINT32_MAX / 1000 ? (uint32_t)left_s * 1000 : UINT32_MAX);
+    audit_refusal(conn, NULL, HG_E_PERM, err.reason);
+    hg_conn_close(conn, &err, "auth");
+    return true;
+}
+
+static bool refuse_used(struct hg_conn *conn)
+{
+    refuse_token(conn);
+    return false;
+}
+
+// Of a join ticket. False: it was refused.
+static bool open_by_ticket(
+    struct hg_conn *conn, struct hg_join_ticket *ticket, const struct hg_token *token)
+{
+    const struct hg_admission *a = conn->table->owner;
+    const bool resumes = is_known_session(conn, ticket);
+    if (!resumes && (conn->auth.resumes || !hg_join_ticket_is_good(ticket, (uint64_t)time(NULL))))
+        return refuse_used(conn);
+    if (!open_session(conn, token))
+        return false;
+    conn->session->resume.only = resumes;
+    if (!resumes)
+        hg_outq_hold(&conn->out, hg_join_ticket_use(ticket, a->sessions->scenes.log));
+    hg_conn_send(conn, 0, HGP_T_join_scene,
+        &(struct hgp_join_scene){.scene = hgp_str_make(token->scope.scenes)});
+    return true;
+}
+
 static void judge_token(struct hg_conn *conn)
 {
     const struct hg_admission *a = conn->table->owner;
     const struct hg_token *token = hg_tokens_find(a->tokens, conn->auth.hash, time(NULL));
-    if (!token) {
+    struct hg_join_ticket *ticket =
+        token ? NULL : hg_join_ticket_find(a->sessions->tickets, conn->auth.hash);
+    struct hg_token as_token;
+    if (!token && !ticket) {
         refuse_token(conn);
         return;
     }
+    if (refuse_blocked(conn))
+        return;
     conn->auth.has_token = true;
-    if (open_session(conn, token))
+    if (ticket) {
+        hg_join_ticket_as_token(ticket, &as_token);
+        token = &as_token;
+    }
+    if (ticket ? open_by_ticket(conn, ticket, token) : open_session(conn, token))
         hg_conn_send(conn, conn->auth.request, HGP_T_auth_ok,
             &(struct hgp_auth_ok){.role = token->role, .name = hgp_str_make(conn->session->name)});
 }
 
-static void handle_auth(struct hg_conn *conn, uint32_t request, const struct hgp_auth *m)
+static void handle_auth(struct hg_conn *conn, uint32_t request, struct hgp_str token)
 {
     uint64_t wait_ns = penalty_ns(conn), now_ns = conn->table->loop->now_ns;
     conn->auth.request = request;
-    if (hg_token_hash(m->token, conn->auth.hash)) {
+    if (hg_token_hash(token, conn->auth.hash)) {
         refuse(conn, HG_E_NOMEM, "auth", "no memory to judge a token");
         return;
     }
@@ -208,15 +277,38 @@ static void handle_auth(struct hg_conn *conn, uint32_t request, const struct hgp
     conn->deadline_ns += wait_ns;
 }
 
+static void handle_auth_resume(
+    struct hg_conn *conn, uint32_t request, const struct hgp_auth_resume *m)
+{
+    conn->auth.resumes = hg_sha256(m->secret.size ? m->secret.data : (const uint8_t *)"",
+                             m->secret.size, conn->auth.secret_hash) == HG_OK;
+    handle_auth(conn, request, m->token);
+}
+
+// What the session's token allows now; out is for that of a join ticket. NULL: it is no longer
+// good.
+static const struct hg_token *find_token(
+    const struct hg_admission *a, const struct hg_conn *conn, int64_t now_s, struct hg_token *out)
+{
+    const struct hg_token *token = hg_tokens_find(a->tokens, conn->auth.hash, now_s);
+    const struct hg_join_ticket *ticket =
+        token ? NULL : hg_join_ticket_find(a->sessions->tickets, conn->auth.hash);
+    if (ticket)
+        hg_join_ticket_as_token(ticket, out);
+    return ticket ? out : token;
+}
+
 void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
 {
     const struct hg_admission *a = conns->owner;
     int64_t now_s = time(NULL);
+    struct hg_token of_ticket;
+    hg_session_ticket_check(a->sessions, a->tokens, (uint64_t)now_s);
     for (struct hg_conn *it = conns->first, *next; it; it = next) {
         next = it->next;
         if (!it->session || !it->auth.has_token || it->state != HG_CONN_OPEN)
             continue;
-        const struct hg_token *token = hg_tokens_find(a->tokens, it->auth.hash, now_s);
+        const struct hg_token *token = find_token(a, it, now_s, &of_ticket);
         if (token && token->role == it->session->role &&
             strcmp(token->tenant, it->session->tenant) == 0) {
             it->session->scope = token->scope;
@@ -247,7 +339,7 @@ static bool obeys(const struct hg_conn *conn, const struct hgp_message_info *inf
         return false;
     if (info->type == HGP_T_hello)
         return conn->state == HG_CONN_HELLO;
-    if (info->type == HGP_T_auth)
+    if (info->type == HGP_T_auth || info->type == HGP_T_auth_resume)
         return conn->state == HG_CONN_AUTH;
     return info->state <= table_state[conn->state];
 }
@@ -292,7 +384,10 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
         handle_hello(conn, request, &m->hello);
         return;
     case HGP_T_auth:
-        handle_auth(conn, request, &m->auth);
+        handle_auth(conn, request, m->auth.token);
+        return;
+    case HGP_T_auth_resume:
+        handle_auth_resume(conn, request, &m->auth_resume);
         return;
     case HGP_T_ping:
         hg_conn_send_urgent(conn, request, HGP_T_pong, &(struct hgp_pong){.nonce = m->ping.nonce});
@@ -322,6 +417,20 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
     }
 }
 
+// A session of a used join ticket is there to be replaced.
+static bool may_by_ticket(
+    struct hg_conn *conn, const struct hgp_message_info *info, uint32_t request)
+{
+    struct hg_error err = {0};
+    if (!conn->session || !conn->session->resume.only || info->type == HGP_T_resume ||
+        info->state < HGP_OPEN)
+        return true;
+    hg_error_set(&err, HG_E_PERM, info->name, NULL,
+        "the join ticket is used up: this session may resume the one it was for, and nothing else");
+    hg_conn_fail(conn, request, &err);
+    return false;
+}
+
 static bool may_by_role(struct hg_conn *conn, const struct hgp_message_info *info, uint32_t request)
 {
     if (!conn->session || info->role <= conn->session->role)
@@ -346,7 +455,8 @@ static void take_message(struct hg_conn *conn, struct hg_packet *packet)
         hg_conn_close(conn, &err, "protocol error");
         return;
     }
-    if (!may_by_role(conn, info, packet->header.request))
+    if (!may_by_role(conn, info, packet->header.request) ||
+        !may_by_ticket(conn, info, packet->header.request))
         return;
     struct hg_arena arena = {0};
     union hgp_any any;

@@ -62,12 +62,23 @@ void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, co
     hg_conn_send_packet(conn, request, hg_packet_encode(type, message));
 }
 
+// Right before the error.
+static void tell_limit(struct hg_conn *conn, uint32_t request, const struct hg_error *err)
+{
+    if (err->limit[0])
+        hg_conn_send(conn, 0, HGP_T_limited,
+            &(struct hgp_limited){.request = request,
+                .limit = hgp_str_make(err->limit),
+                .retry_after_ms = err->retry_after_ms});
+}
+
 void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error *err)
 {
     const char *reason = err->reason[0] ? err->reason : hg_status_text(err->status);
     if (hg_log_is_enabled(HG_LOG_DEBUG, HG_LOG_SESSION))
         hg_debug(SESSION, "session %llu request %u: %s: %s (%s)", (unsigned long long)conn->number,
             request, err->what, reason, hg_status_name(err->status));
+    tell_limit(conn, request, err);
     if (request || conn->state != HG_CONN_OPEN)
         hg_conn_send(conn, request, HGP_T_error,
             &(struct hgp_error){.code = (uint16_t)err->status,
@@ -136,6 +147,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
         return;
     if (err) {
         const char *text = err->reason[0] ? err->reason : hg_status_text(err->status);
+        tell_limit(conn, 0, err);
         hg_conn_send(conn, 0, HGP_T_error,
             &(struct hgp_error){.code = (uint16_t)err->status,
                 .what = hgp_str_make(err->what),

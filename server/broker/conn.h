@@ -26,6 +26,8 @@ enum hg_conn_state {
 struct hg_conn_auth {
     uint8_t hash[32]; // of its token
     bool has_token;
+    bool resumes;            // it says which session it goes on with (auth_resume)
+    uint8_t secret_hash[32]; // of what it says
     uint32_t request;
     uint64_t due_ns; // when the token is judged (hg_conn_events.due); 0 = nothing waits
 };

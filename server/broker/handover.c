@@ -146,6 +146,17 @@ static void save_link(const struct hg_handover *h, uint32_t index)
     append(h, &w);
 }
 
+static void save_camera(struct hg_writer *w, const struct hg_scene_camera *camera)
+{
+    const struct hg_packet *pose = camera->pose;
+    hg_write_u32(w, camera->holder);
+    hg_write_u8(w, camera->locked);
+    hg_write_u32(w, camera->mover);
+    hg_write_u32(w, pose ? pose->header.length : 0);
+    if (pose)
+        hg_write_bytes(w, pose->payload, pose->header.length);
+}
+
 static void save_scene(const struct hg_handover *h, const struct hg_shared_scene *scene)
 {
     const uint64_t now_ns = h->sessions->loop->now_ns;
@@ -159,6 +170,7 @@ static void save_scene(const struct hg_handover *h, const struct hg_shared_scene
     hg_write_u64(&w, scene->kept_until_ns > now_ns ? scene->kept_until_ns - now_ns
                      : scene->kept_until_ns        ? 1
                                                    : 0);
+    save_camera(&w, &scene->people.camera);
     append(h, &w);
 }
 
@@ -193,6 +205,11 @@ static void save_session(const struct hg_handover *h, const struct hg_session *s
     hg_write_u32(&w, s->scope.max_rate);
     hg_write_u32(&w, s->scope.weight);
     put_text(&w, s->scope.scenes);
+    hg_write_u32(&w, s->scope.max_pixels);
+    hg_write_u32(&w, s->scope.max_tickets);
+    hg_write_u8(&w, s->scope.is_ticket);
+    hg_write_u8(&w, s->resume.only);
+    hg_write_u64(&w, s->pace.statistics_ns);
     append(h, &w);
     for (const struct hg_session_view *it = s->views; it; it = it->next)
         save_view(h, s, it);
@@ -313,6 +330,27 @@ static enum hg_status load_link(const struct hg_handover *h, struct hg_reader *r
     return hg_link_adopt(link, fd, pid, r);
 }
 
+// Not there where the program before had no shared cameras.
+static bool load_camera(
+    const struct hg_session_table *table, struct hg_reader *r, struct hg_scene_camera *out)
+{
+    struct hgp_view_camera m;
+    if (r->failed || r->pos == r->size)
+        return !r->failed;
+    out->holder = hg_read_u32(r);
+    out->locked = hg_read_u8(r) != 0;
+    out->mover = hg_read_u32(r);
+    out->since_ns = out->moved_ns = table->loop->now_ns;
+    const uint32_t size = hg_read_u32(r);
+    const uint8_t *pose = size ? hg_read_bytes(r, size) : NULL;
+    if (!pose)
+        return !r->failed;
+    if (hgp_decode(HGP_VERSION_MAX, HGP_T_view_camera, hg_reader_make(pose, size), NULL, &m, NULL))
+        return false;
+    out->pose = hg_packet_encode(HGP_T_view_camera, &m);
+    return out->pose != NULL;
+}
+
 static enum hg_status load_scene(const struct hg_handover *h, struct hg_reader *r)
 {
     struct hg_session_table *table = h->sessions;
@@ -327,7 +365,8 @@ static enum hg_status load_scene(const struct hg_handover *h, struct hg_reader *
     take_text(r, scene->key, sizeof scene->key);
     uint64_t kept_ns = hg_read_u64(r);
     place.kept_until_ns = kept_ns ? table->loop->now_ns + kept_ns : 0;
-    if (r->failed || (!place.kept_until_ns && scene->sessions < 2))
+    if (!load_camera(table, r, &scene->people.camera) ||
+        (!place.kept_until_ns && scene->sessions < 2))
         return HG_E_FORMAT;
     hg_shared_scene_settle(scene, &place);
     return HG_OK;
@@ -350,6 +389,13 @@ static enum hg_status load_session(const struct hg_handover *h, struct hg_reader
     s->scope.max_rate = hg_read_u32(r);
     s->scope.weight = hg_read_u32(r);
     take_text(r, s->scope.scenes, sizeof s->scope.scenes);
+    if (r->failed || r->pos == r->size) // of a program before
+        return HG_OK;
+    s->scope.max_pixels = hg_read_u32(r);
+    s->scope.max_tickets = hg_read_u32(r);
+    s->scope.is_ticket = hg_read_u8(r) != 0;
+    s->resume.only = hg_read_u8(r) != 0;
+    s->pace.statistics_ns = hg_read_u64(r);
     return HG_OK;
 }
 

@@ -9,6 +9,7 @@
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_share.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/worker_pool.h"
 
@@ -96,6 +97,7 @@ void hg_resume(struct hg_conn *conn, uint32_t request, const struct hgp_resume *
     hg_session_record(s);
     answer(s, request, secret); // before all frames
     OPENSSL_cleanse(secret, sizeof secret);
+    hg_session_share_resume(s);
     if (s->attached) {
         hg_session_request_tell_tenant(s);
         hg_session_request_restore(s);

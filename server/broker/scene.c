@@ -7,7 +7,9 @@
 #include "base/log.h"
 #include "server/broker/list.h"
 
-static struct hg_shared_scene *find(
+enum { RETRY_WORKER_MS = 10000 };
+
+struct hg_shared_scene *hg_shared_scene_find(
     struct hg_scene_table *table, const char *tenant, struct hgp_str name)
 {
     for (struct hg_shared_scene *it = table->first; it && name.size; it = it->next)
@@ -67,7 +69,7 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct h
     struct hg_shared_scene **out, bool *existed, struct hg_error *err)
 {
     const struct hgp_str name = wish->name;
-    struct hg_shared_scene *scene = find(table, wish->tenant, name);
+    struct hg_shared_scene *scene = hg_shared_scene_find(table, wish->tenant, name);
     *existed = scene != NULL;
     *out = scene;
     if (scene) {
@@ -77,8 +79,10 @@ enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct h
     }
     struct hg_link *link = hg_worker_pool_route(table->pool, wish->tenant, wish->weight);
     if (!link)
-        return hg_error_set(err, HG_E_LIMIT, "scene_open", NULL,
+        hg_error_set(err, HG_E_LIMIT, "scene_open", NULL,
             "as many tenants have scenes open as may (max-workers); try again later");
+    if (!link)
+        return hg_error_limit(err, "max-workers", RETRY_WORKER_MS);
     scene = create(table, wish, link);
     if (!scene)
         return hg_error_set(err, HG_E_NOMEM, "scene_open", NULL, "no memory for a scene");
@@ -131,6 +135,8 @@ void hg_shared_scene_drop(struct hg_scene_table *table, struct hg_shared_scene *
     }
     HG_LIST_REMOVE(table->first, scene);
     hg_journal_destroy(scene->journal);
+    hg_annotations_finish(&scene->people.annotations);
+    hg_packet_unref(scene->people.camera.pose);
     hg_free(scene);
 }
 

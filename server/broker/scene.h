@@ -4,6 +4,7 @@
 #ifndef HG_BROKER_SCENE_H
 #define HG_BROKER_SCENE_H
 
+#include "server/broker/annotation.h"
 #include "server/broker/scene_journal.h"
 #include "server/broker/state_record.h"
 #include "server/broker/worker_pool.h"
@@ -13,6 +14,28 @@
 enum {
     HG_SCENE_ID_RANGE = 1 << 20, // object and asset ids of one session
     HG_SCENE_RANGES = 4032,      // in a scene at a time
+};
+
+// The camera that the views of several sessions have.
+struct hg_scene_camera {
+    uint32_t holder;               // number of the session that moves it; 0 = none
+    bool locked;                   // only administrators change that
+    bool due;                      // state: to tell those that watch
+    bool pose_due;                 // pose: likewise
+    enum hgp_camera_change change; // why the holder is the holder
+    uint64_t since_ns;             // the holder has it
+    uint64_t moved_ns;             // the holder moved it last
+    uint64_t told_ns;              // the pose was told last
+    uint32_t mover;                // number of the session that made the pose
+    struct hg_packet *pose;        // view_camera with all fields that count; NULL: never moved
+};
+
+// What the sessions of a scene know of each other.
+struct hg_scene_people {
+    struct hg_scene_camera camera;
+    uint64_t edits;        // accepted, since the start of the daemon
+    bool participants_due; // to tell those that watch
+    struct hg_annotations annotations;
 };
 
 struct hg_shared_scene {
@@ -32,6 +55,7 @@ struct hg_shared_scene {
     uint32_t deaths; // of the worker while this scene was replayed
     uint64_t logged; // position in the state log of its making
     uint64_t kept_until_ns; // the daemon holds it, as a session does, until then; 0 = it does not
+    struct hg_scene_people people;
 };
 
 struct hg_scene_table {
@@ -55,6 +79,9 @@ struct hg_scene_wish {
 // HG_E_LIMIT: no worker is left for the tenant. HG_E_NOMEM.
 enum hg_status hg_shared_scene_join(struct hg_scene_table *table, const struct hg_scene_wish *wish,
     struct hg_shared_scene **out, bool *existed, struct hg_error *err) HG_MUST_CHECK;
+// NULL: none of this name is open.
+struct hg_shared_scene *hg_shared_scene_find(
+    struct hg_scene_table *table, const char *tenant, struct hgp_str name);
 // A scene of the state log, without a worker, held by the daemon.
 // NULL: no memory, or there is one of this number.
 struct hg_shared_scene *hg_shared_scene_restore(

@@ -2,17 +2,24 @@
 
 #include <fnmatch.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "server/broker/list.h"
+#include "server/broker/session_admin.h"
+#include "server/broker/session_allow.h"
+#include "server/broker/session_annotation.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_camera.h"
 #include "server/broker/session_list.h"
 #include "server/broker/session_look.h"
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_rules.h"
+#include "server/broker/session_share.h"
+#include "server/broker/session_ticket.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 
@@ -34,6 +41,8 @@ static bool may_open(const struct hg_session *s, struct hgp_str name)
 {
     char text[129];
     snprintf(text, sizeof text, "%.*s", (int)name.size, name.data ? name.data : "");
+    if (s->scope.is_ticket) // a name, not a pattern
+        return strcmp(s->scope.scenes, text) == 0;
     return !name.size || !s->scope.scenes[0] || fnmatch(s->scope.scenes, text, 0) == 0;
 }
 
@@ -48,11 +57,17 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
         hg_error_set(&err, HG_E_STATE, "scene_open", NULL, "close the open scene first");
     else if (table->draining)
         hg_error_set(&err, HG_E_STATE, "scene_open", NULL, "the daemon is shutting down");
+    else if (hg_session_allow_begin(table, s->role, "scene_open", &err))
+        ; // err says why
     else if (!may_open(s, m->name))
         hg_error_set(&err, HG_E_PERM, "scene_open", "name",
             "this token may open scenes named '%s' only", s->scope.scenes);
     else if (hg_session_rules_may_change(table, "scene_open", &err))
         ; // err says why
+    else if (s->scope.is_ticket && s->role < HGP_role_EDIT &&
+             !hg_shared_scene_find(&table->scenes, s->tenant, m->name))
+        hg_error_set(&err, HG_E_NOTFOUND, "scene_open", "name",
+            "the scene is not open now, and this join ticket may only look");
     else if (hg_shared_scene_join(&table->scenes,
                  &(struct hg_scene_wish){s->tenant, m->name, s->number, s->scope.weight}, &scene,
                  &existed, &err))
@@ -62,6 +77,7 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
         hg_error_set(&err, HG_E_LIMIT, "scene_open", NULL,
             "objects of this scene have ids of %u sessions, and no ids are left",
             (unsigned)HG_SCENE_RANGES);
+        hg_error_limit(&err, "id-ranges", 0);
     }
     char name[129];
     snprintf(name, sizeof name, "%.*s", (int)m->name.size, m->name.size ? m->name.data : "");
@@ -72,6 +88,7 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     }
     s->scene = scene;
     s->first_id = first_id;
+    hg_session_share_enter(s);
     hg_outq_hold(&s->conn->out, scene->logged);
     hg_session_record(s);
     if (scene->in_worker)
@@ -95,6 +112,8 @@ static bool has_edits(const struct hg_session *s)
 static void leave_scene(struct hg_session *s, bool edits_under_way, bool is_end)
 {
     struct hg_shared_scene *scene = s->scene;
+    if (scene)
+        hg_session_share_leave(s, false);
     while (s->first)
         hg_session_request_drop(s, s->first);
     while (s->views)
@@ -156,17 +175,26 @@ static void take(struct hg_session *s, const struct hgp_taken *m)
     add_credit(s, &(struct hgp_credit){.view = m->view, .frames = 1});
 }
 
-// With the time when it came.
+// With the time when it came. Of views that follow the shared camera only its holder's count.
 static void relay_camera(
     struct hg_session *s, struct hg_packet *packet, const struct hgp_view_camera *m)
 {
     struct hgp_view_camera stamped = *m;
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
+    struct hg_error err = {0};
+    if (hg_session_camera_may_move(s, view, &err)) {
+        if (packet->header.request)
+            hg_conn_fail(s->conn, packet->header.request, &err);
+        return; // it may have been sent before its client knew
+    }
     stamped.has_received_ns = true;
     stamped.received_ns = hg_clock_now_ns();
     struct hg_packet *with = hg_packet_encode(HGP_T_view_camera, &stamped);
     if (with)
         with->header.request = packet->header.request;
     hg_session_request_relay(s, with ? with : packet);
+    if (view->follow.on)
+        hg_session_camera_moved(s, view, packet);
     hg_packet_unref(with);
 }
 
@@ -218,9 +246,90 @@ static void clear_quarantine(
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
 }
 
+// Of people in a scene.
+static bool take_shared(
+    struct hg_session *s, uint32_t request, uint16_t type, const union hgp_any *m)
+{
+    switch (type) {
+    case HGP_T_scene_watch:
+        hg_session_share_watch(s, request, &m->scene_watch);
+        return true;
+    case HGP_T_participant_set:
+        hg_session_share_participant(s, request, &m->participant_set);
+        return true;
+    case HGP_T_cursor_set:
+        hg_session_share_cursor(s, request, &m->cursor_set);
+        return true;
+    case HGP_T_camera_request:
+        hg_session_camera_request(s, request);
+        return true;
+    case HGP_T_camera_take:
+        hg_session_camera_take(s, request);
+        return true;
+    case HGP_T_camera_give:
+        hg_session_camera_give(s, request, &m->camera_give);
+        return true;
+    case HGP_T_camera_lock:
+        hg_session_camera_lock(s, request, &m->camera_lock);
+        return true;
+    case HGP_T_camera_follow:
+        hg_session_camera_follow(s, request, &m->camera_follow);
+        return true;
+    case HGP_T_annotation_set:
+        hg_session_annotation_set(s, request, &m->annotation_set);
+        return true;
+    case HGP_T_annotation_remove:
+        hg_session_annotation_remove(s, request, &m->annotation_remove);
+        return true;
+    case HGP_T_annotations_query:
+        hg_session_annotation_tell(s, request);
+        return true;
+    default:
+        return false;
+    }
+}
+
+// Of tickets, and of administrators.
+static bool take_admin(
+    struct hg_session *s, uint32_t request, uint16_t type, const union hgp_any *m)
+{
+    switch (type) {
+    case HGP_T_join_make:
+        hg_session_ticket_make(s, request, &m->join_make);
+        return true;
+    case HGP_T_join_query:
+        hg_session_ticket_list(s, request);
+        return true;
+    case HGP_T_join_revoke:
+        hg_session_ticket_revoke(s, request, &m->join_revoke);
+        return true;
+    case HGP_T_message_send:
+        hg_session_admin_message(s, request, &m->message_send);
+        return true;
+    case HGP_T_kick:
+        hg_session_admin_kick(s, request, &m->kick);
+        return true;
+    case HGP_T_drain_set:
+        hg_session_admin_drain(s, request, &m->drain_set);
+        return true;
+    case HGP_T_sessions_watch:
+        hg_session_admin_watch(s, request, &m->sessions_watch);
+        return true;
+    default:
+        return false;
+    }
+}
+
 void hg_session_message(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
 {
     uint32_t request = packet->header.request;
+    if (packet->header.type != HGP_T_credit) {
+        s->pace.active_ns = s->table->loop->now_ns;
+        s->pace.warned = false;
+    }
+    if (take_shared(s, request, packet->header.type, m) ||
+        take_admin(s, request, packet->header.type, m))
+        return;
     switch (packet->header.type) {
     case HGP_T_scene_open:
         open_scene(s, request, &m->scene_open);
@@ -279,6 +388,7 @@ void hg_session_destroy(struct hg_session *s)
 {
     hg_session_record_end(s);
     leave_scene(s, has_edits(s), true);
+    hg_pixel_account_unref(&s->table->pixels, s->pace.account);
     HG_LIST_REMOVE(s->table->first, s);
     s->table->count--;
     hg_free(s);

@@ -5,9 +5,11 @@
 #include "server/broker/counters.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_camera.h"
 #include "server/broker/session_look.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_share.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 #include "server/broker/trial.h"
@@ -53,6 +55,7 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
                 "an edit is not in the journal of scene '%s'", s->scene->key);
         else
             log_edit(s, request);
+        hg_session_share_edited(s, packet);
     } else if (type == HGP_T_batch_begin || type == HGP_T_batch_end) {
         s->batch_open = type == HGP_T_batch_begin;
         hg_session_record(s);
@@ -68,6 +71,7 @@ static void note_accepted(struct hg_session *s, struct hg_request *request)
         } else if (view && hg_session_view_merge(&view->params, packet) == HG_OK) {
             view->accepted = true;
             hg_session_record_view(s, view);
+            hg_session_camera_accepted(s, view);
         }
     } else if (type == HGP_T_view_camera) {
         hg_session_view_note_camera(s, packet);
@@ -226,6 +230,7 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
             stamp_sent(packet);
             view->frame_bytes = packet->header.length;
         }
+        hg_session_view_count(s, packet, &m->frame);
     }
     if (!request) {
         if (type == HGP_T_frame && !packet->header.request)

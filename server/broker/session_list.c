@@ -16,12 +16,18 @@ static void put_session(struct hg_writer *w, const struct hg_session *s)
     hg_json_put_number(w, "{\"session\":", s->number);
     hg_json_put_text(w, ",\"name\":", s->name);
     hg_json_put_text(w, ",\"role\":", hgp_enum_name("role", s->role));
+    hg_json_put_text(w, ",\"label\":", s->share.label);
+    hg_json_put_text(w, ",\"tenant\":", s->tenant);
     hg_json_put_text(w, ",\"peer\":", conn ? conn->peer.name : "");
     hg_json_put_text(w, ",\"client\":", conn ? conn->client : "");
     hg_json_put_text(w, ",\"scene\":", s->scene ? s->scene->key : "");
     hg_json_put_number(w, ",\"views\":", views);
     hg_json_put_number(w, ",\"pixels\":", hg_session_view_pixels(s));
     hg_json_put_number(w, ",\"requests\":", s->load.count);
+    hg_json_put_number(w, ",\"frames\":", s->pace.frames);
+    hg_json_put_number(w, ",\"frame_pixels\":", s->pace.pixels);
+    hg_json_put_number(w, ",\"frame_bytes\":", s->pace.frame_bytes);
+    hg_json_put_number(w, ",\"waits_for_pixels\":", s->pace.waits);
     hg_json_put_number(w, ",\"uploaded_bytes\":", s->bytes.uploaded);
     hg_json_put_number(w, ",\"received_bytes\":", conn ? conn->in.total_bytes : 0);
     hg_json_put_number(w, ",\"waiting_bytes\":", conn ? conn->out.bytes : 0);
@@ -39,6 +45,8 @@ static void put_scene(struct hg_writer *w, const struct hg_shared_scene *scene)
     hg_json_put_text(w, ",\"name\":", scene->name);
     hg_json_put_number(w, ",\"sessions\":", scene->sessions);
     hg_json_put_number(w, ",\"revision\":", scene->revision);
+    hg_json_put_number(w, ",\"camera_holder\":", scene->people.camera.holder);
+    hg_json_put_number(w, ",\"annotations\":", scene->people.annotations.count);
     hg_json_put_number(w, ",\"journal_entries\":", stats.entries);
     hg_json_put_number(w, ",\"journal_bytes\":", stats.bytes);
     hg_json_put(w, "}");
@@ -52,11 +60,13 @@ static void put_worker(struct hg_writer *w, const struct hg_link *link)
     hg_json_put_number(w, ",\"deaths\":", link->deaths);
     hg_json_put_text(w, ",\"tenant\":", link->whose.tenant);
     hg_json_put_number(w, ",\"rss_bytes\":", link->rss_bytes);
+    hg_json_put_number(w, ",\"memory_limit_bytes\":", link->whose.share.memory_bytes);
+    hg_json_put_number(w, ",\"weight\":", link->whose.weight);
     hg_json_put_number(w, ",\"waiting_bytes\":", link->out.bytes);
     hg_json_put(w, "}");
 }
 
-static void put_all(struct hg_writer *w, const struct hg_session_table *table)
+void hg_session_list_write(struct hg_writer *w, const struct hg_session_table *table)
 {
     const char *separator = "";
     hg_json_put(w, "{\"sessions\":[");
@@ -82,14 +92,15 @@ static void put_all(struct hg_writer *w, const struct hg_session_table *table)
     }
     hg_json_put(w, "]");
     hg_json_put_number(w, ",\"connections\":", table->conns->slots.count);
+    hg_json_put_number(w, ",\"tickets\":", table->tickets->count);
     hg_json_put_number(w, ",\"upload_store_bytes\":", hg_upload_store_bytes(table->store));
     hg_json_put_number(
         w, ",\"uptime_s\":", (table->loop->now_ns - table->started_ns) / 1000000000u);
-    hg_json_put(w, table->draining ? ",\"draining\":true}" : ",\"draining\":false}");
+    hg_json_put(
+        w, table->draining || table->drain.due_ns ? ",\"draining\":true}" : ",\"draining\":false}");
 }
 
-// Takes what was written over.
-static void answer(
+void hg_session_list_answer(
     struct hg_session *asker, uint32_t request, struct hg_writer *w, const char *what)
 {
     struct hg_error err = {0};
@@ -106,8 +117,8 @@ static void answer(
 void hg_session_list(struct hg_session *asker, uint32_t request)
 {
     struct hg_writer w = {.limit_bytes = 16 << 20};
-    put_all(&w, asker->table);
-    answer(asker, request, &w, "sessions_query");
+    hg_session_list_write(&w, asker->table);
+    hg_session_list_answer(asker, request, &w, "sessions_query");
 }
 
 static void put_entry(struct hg_writer *w, const struct hg_quarantine_entry *entry, uint64_t now_ns)
@@ -138,5 +149,5 @@ void hg_session_list_quarantine(struct hg_session *asker, uint32_t request)
         separator = ",";
     }
     hg_json_put(&w, separator[0] == '{' ? "{\"quarantine\":[]}" : "]}");
-    answer(asker, request, &w, "quarantine_query");
+    hg_session_list_answer(asker, request, &w, "quarantine_query");
 }

@@ -8,6 +8,7 @@
 #include "server/broker/session_audit.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_share.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 
@@ -134,6 +135,8 @@ bool hg_session_park(struct hg_session *s)
             hg_session_view_remove(s, it);
     }
     s->resume.parked_ns = table->loop->now_ns;
+    if (s->scene)
+        hg_session_share_leave(s, true);
     keep_within(table, s, table->options->max_parked);
     keep_within(table, NULL, table->options->max_sessions);
     return true;

@@ -38,7 +38,7 @@ static enum hg_status check_load(
 }
 
 // Journals up to here are not added up: their number is limited by that of sessions.
-enum { LITTLE_JOURNAL = 1 << 20 };
+enum { LITTLE_JOURNAL = 1 << 20, RETRY_JOURNAL_MS = 10000 };
 
 struct journals {
     uint64_t all, own; // bytes of all scenes, of those of one tenant
@@ -72,16 +72,20 @@ static enum hg_status check_journal(
     const uint64_t need = hg_journal_get_stats(s->scene->journal).bytes + more;
     if (!hg_journal_wants(type) || type == HGP_T_object_remove || type == HGP_T_asset_unload)
         return HG_OK;
-    if (need > o->journal_limit_bytes)
-        return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
+    if (need > o->journal_limit_bytes) {
+        hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
             "the scene would keep %llu MiB of edits, more than journal-limit allows (%llu MiB); "
             "remove objects or upload assets instead",
             (unsigned long long)(need >> 20), (unsigned long long)(o->journal_limit_bytes >> 20));
-    if (need > LITTLE_JOURNAL && exceeds_total(s, more))
-        return hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
+        return hg_error_limit(err, "journal-limit", 0);
+    }
+    if (need > LITTLE_JOURNAL && exceeds_total(s, more)) {
+        hg_error_set(err, HG_E_LIMIT, hgp_find(type)->name, NULL,
             "the edits of all scenes take what journal-total allows (%llu MiB), or this tenant's "
             "its share",
             (unsigned long long)(o->journal_total_bytes >> 20));
+        return hg_error_limit(err, "journal-total", RETRY_JOURNAL_MS);
+    }
     return HG_OK;
 }
 
@@ -94,14 +98,31 @@ static enum hg_status check_view(
         "this session has no view %u", number);
 }
 
+enum { RETRY_FRAME_MS = 100 };
+
+static enum hg_status busy(
+    const struct hg_session *s, const struct hg_packet *packet, struct hg_error *err)
+{
+    hg_error_set(err, HG_E_BUSY, hgp_find(packet->header.type)->name, NULL,
+        "%u frame requests of this session are under way already (max-frame-requests)",
+        s->load.frames);
+    return hg_error_limit(err, "max-frame-requests", RETRY_FRAME_MS);
+}
+
 static enum hg_status check_frame_request(
     struct hg_session *s, const struct hg_packet *packet, uint32_t view, struct hg_error *err)
 {
     if (s->load.frames >= s->table->options->max_frame_requests)
-        return hg_error_set(err, HG_E_BUSY, hgp_find(packet->header.type)->name, NULL,
-            "%u frame requests of this session are under way already (max-frame-requests)",
-            s->load.frames);
-    return check_view(s, packet, view, err);
+        return busy(s, packet, err);
+    if (check_view(s, packet, view, err))
+        return err->status;
+    const char *limit;
+    const uint64_t wait_ns = hg_session_view_wait_ns(s, &limit);
+    if (!wait_ns)
+        return HG_OK;
+    hg_error_set(err, HG_E_LIMIT, hgp_find(packet->header.type)->name, NULL,
+        "frames have taken the pixels that they may in this second (%s)", limit);
+    return hg_error_limit(err, limit, (uint32_t)(wait_ns / 1000000) + 1);
 }
 
 enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_packet *packet,

@@ -5,7 +5,10 @@
 
 #include "server/broker/audit.h"
 #include "server/broker/auth.h"
+#include "server/broker/block_list.h"
 #include "server/broker/conn.h"
+#include "server/broker/join_ticket.h"
+#include "server/broker/pixel_rate.h"
 #include "server/broker/quarantine.h"
 #include "server/broker/scene.h"
 
@@ -38,6 +41,12 @@ struct hg_session_looks {
     uint32_t count;
 };
 
+// Of a view: whether it has the scene's shared camera.
+struct hg_session_follow {
+    bool on;
+    bool due; // its worker has not been told the newest one
+};
+
 struct hg_session_view {
     struct hg_session_view *next;
     uint32_t number;
@@ -58,6 +67,7 @@ struct hg_session_view {
     uint64_t ran_ns;    // how long until the worker died
     bool suspect;       // its subscription is tried alone
     bool held;          // and waits for that
+    struct hg_session_follow follow;
 };
 
 // The newest upload that failed: its other pieces may still come, and fail the same way.
@@ -87,6 +97,37 @@ struct hg_session_resume {
     bool has_ticket;
     uint8_t ticket[32]; // hash of what the client has
     uint64_t parked_ns; // since when it is kept without a client; 0 = it has one, or is to end
+    bool only;          // its join ticket is used up: it may resume a session, and nothing else
+};
+
+// What a client is told of its scene (scene_watch).
+struct hg_session_watch {
+    bool participants, cursors, camera, annotations, edits;
+};
+
+// What it shares with the others of its scene, and is told of them.
+struct hg_session_share {
+    struct hg_session_watch watch;
+    bool behind;              // its client was slow and has missed annotations
+    char label[65];           // what it calls itself
+    bool has_color;           // else one by its number
+    uint32_t color;           // 0xRRGGBB
+    struct hgp_cursor cursor; // as it was told, or is to be
+    bool cursor_due;          // to tell the others
+    uint64_t asked_ns;        // since when it waits for the shared camera; 0 = it does not
+};
+
+// Allowances that fill up with time.
+struct hg_session_pace {
+    struct hg_pixel_account *account;     // of its token; NULL: not known yet
+    bool waits;                           // subscribed frames wait for pixels
+    uint64_t frames, pixels, frame_bytes; // that came from the worker, for statistics
+    double acts;            // changes that go to many, or into logs, which it may make now
+    uint64_t acts_ns;       // when that was counted
+    uint64_t active_ns;     // when its client last did something; 0: has not yet
+    bool warned;            // that it will end for want of it
+    uint64_t statistics_ns; // between statistics that it is sent; 0 = none
+    uint64_t told_ns;       // when the newest one was
 };
 
 struct hg_session_bytes {
@@ -116,6 +157,15 @@ struct hg_session {
     struct hg_session_failed failed;
     uint32_t poisons;
     struct hg_session_resume resume;
+    struct hg_session_share share;
+    struct hg_session_pace pace;
+};
+
+// A drain that an administrator has set.
+struct hg_session_drain {
+    uint64_t due_ns; // when the sessions end; 0 = none is set
+    bool stay;       // the daemon does not end with them
+    bool over;       // they have ended
 };
 
 // All sessions and their scenes.
@@ -127,6 +177,11 @@ struct hg_session_table {
     struct hg_worker_pool *pool;
     struct hg_audit *audit;
     struct hg_quarantine *quarantine;
+    struct hg_join_tickets *tickets;
+    struct hg_block_list *blocks;
+    struct hg_pixel_accounts pixels;
+    uint32_t pixel_turn; // number of the session that was first to have some
+    struct hg_session_drain drain;
     struct hg_scene_table scenes;
     struct hg_session *first;
     uint32_t count, last_number;

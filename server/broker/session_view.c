@@ -3,6 +3,7 @@
 #include "base/alloc.h"
 #include "base/log.h"
 #include "protocol/view_params.h"
+#include "server/broker/session_allow.h"
 
 struct hg_session_view *hg_session_view_find(struct hg_session *s, uint32_t number)
 {
@@ -46,9 +47,10 @@ static enum hg_status check_pixels(const struct hg_session *s, const struct hg_s
     uint64_t total = hg_session_view_pixels(s) - old + (uint64_t)width * height;
     if (total <= s->table->options->max_pixels)
         return HG_OK;
-    return hg_error_set(err, HG_E_LIMIT, "view_set", "width",
+    hg_error_set(err, HG_E_LIMIT, "view_set", "width",
         "%llu pixels in all views of this session are more than its quota of %u (max-pixels)",
         (unsigned long long)total, s->table->options->max_pixels);
+    return hg_error_limit(err, "max-pixels", 0);
 }
 
 enum hg_status hg_session_view_ask(
@@ -59,9 +61,13 @@ enum hg_status hg_session_view_ask(
     uint32_t height = m->has_height ? m->height : view ? view->height : HGP_STANDARD_height;
     if (!view && s->table->draining)
         return hg_error_set(err, HG_E_STATE, "view_set", NULL, "the daemon is shutting down");
-    if (!view && count_views(s) >= s->table->options->max_views)
-        return hg_error_set(err, HG_E_LIMIT, "view_set", "view",
+    if (!view && hg_session_allow_begin(s->table, s->role, "view_set", err))
+        return err->status;
+    if (!view && count_views(s) >= s->table->options->max_views) {
+        hg_error_set(err, HG_E_LIMIT, "view_set", "view",
             "this session has %u views, as many as its quota allows (max-views)", count_views(s));
+        return hg_error_limit(err, "max-views", 0);
+    }
     enum hg_status status = check_pixels(s, view, width, height, err);
     if (!status && !view && !(view = add_view(s, m->view)))
         status = hg_error_set(err, HG_E_NOMEM, "view_set", NULL, "no memory for a view");
@@ -167,6 +173,58 @@ void hg_session_view_remove(struct hg_session *s, struct hg_session_view *view)
     hg_free(view);
 }
 
+// ---- pixels per second --------------------------------------------------------------------------
+
+uint64_t hg_session_view_wait_ns(struct hg_session *s, const char **limit)
+{
+    struct hg_session_table *table = s->table;
+    const struct hg_options *o = table->options;
+    const struct hg_pixel_limits limits = {
+        .own = s->scope.max_pixels ? s->scope.max_pixels : o->max_pixel_rate,
+        .all = o->pixel_rate_total};
+    if (!s->pace.account) // without memory for one only the total counts
+        s->pace.account = hg_pixel_account_ref(
+            &table->pixels, s->resume.has_token ? s->resume.token : NULL, table->loop->now_ns);
+    return hg_pixel_wait_ns(&table->pixels, s->pace.account, &limits, table->loop->now_ns, limit);
+}
+
+void hg_session_view_count(
+    struct hg_session *s, const struct hg_packet *packet, const struct hgp_frame *frame)
+{
+    const uint64_t pixels = (uint64_t)frame->width * frame->height;
+    s->pace.frames++;
+    s->pace.pixels += pixels;
+    s->pace.frame_bytes += packet->header.length;
+    hg_pixel_take(&s->table->pixels, s->pace.account, pixels);
+}
+
+// Whether a frame may be begun; else the view waits.
+static bool has_pixels(struct hg_session *s)
+{
+    const char *limit;
+    const bool has = hg_session_view_wait_ns(s, &limit) == 0;
+    s->pace.waits |= !has;
+    return has;
+}
+
+void hg_session_view_tick(struct hg_session_table *table)
+{
+    struct hg_session *first = table->first;
+    while (first && first->number != table->pixel_turn) // who was first waits longest the next time
+        first = first->next;
+    first = first && first->next ? first->next : table->first;
+    for (struct hg_session *it = first; it;) {
+        if (it->pace.waits && it->scene) {
+            it->pace.waits = false;
+            hg_session_view_grant_all(it);
+        }
+        it = it->next ? it->next : table->first;
+        if (it == first)
+            break;
+    }
+    table->pixel_turn = first ? first->number : 0;
+}
+
 // ---- credit -------------------------------------------------------------------------------------
 
 static uint32_t most_credit(const struct hg_session *s, const struct hg_session_view *view)
@@ -196,6 +254,10 @@ uint32_t hg_session_view_take_window(struct hg_session *s, struct hg_session_vie
 {
     uint32_t most = most_credit(s, view);
     view->granted = 0;
+    if (!has_pixels(s)) { // subscribed without credit: grant() does it later
+        view->resubscribe = most > 0;
+        most = 0;
+    }
     while (
         view->granted < most && (!view->granted || hg_session_view_may_grant(s, view->frame_bytes)))
         view->granted++;
@@ -207,6 +269,11 @@ uint32_t hg_session_view_take_window(struct hg_session *s, struct hg_session_vie
 void hg_session_view_subscribe(struct hg_session *s, struct hg_session_view *view)
 {
     struct hg_link *link = s->scene->link;
+    if (!has_pixels(s)) { // grant() does it later
+        view->granted = 0;
+        view->resubscribe = true;
+        return;
+    }
     hg_link_send(link, s->number, hg_link_next_id(link), HGP_T_subscribe,
         &(struct hgp_subscribe){
             .view = view->number, .credit_frames = hg_session_view_take_window(s, view)});
@@ -244,6 +311,6 @@ void hg_session_view_grant_all(struct hg_session *s)
 {
     struct hg_session_view *view;
     while (s->attached && !is_slow(s) && (view = next_view(s)) &&
-           hg_session_view_may_grant(s, view->frame_bytes))
+           hg_session_view_may_grant(s, view->frame_bytes) && has_pixels(s))
         grant(s, view);
 }

@@ -29,6 +29,12 @@ uint32_t hg_session_view_take_window(struct hg_session *session, struct hg_sessi
 // False: hg_conn_events.drained comes when the client has taken something.
 bool hg_session_view_may_grant(const struct hg_session *session, uint64_t bytes);
 // Gives the worker credit for more frames while there is room for them, in turns over the views.
+// A frame has come: its pixels are taken off what the token may have.
+void hg_session_view_count(
+    struct hg_session *session, const struct hg_packet *packet, const struct hgp_frame *frame);
+// How long until the session may have something rendered; 0 = now. *limit: the option that says so.
+uint64_t hg_session_view_wait_ns(struct hg_session *session, const char **limit);
+void hg_session_view_tick(struct hg_session_table *table); // every 50 ms: those that waited
 void hg_session_view_grant_all(struct hg_session *session);
 
 #endif

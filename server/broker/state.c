@@ -75,6 +75,7 @@ static enum hg_status take_session(struct hg_session_table *table, const struct 
     if (table->last_number < s->number)
         table->last_number = s->number;
     snprintf(s->tenant, sizeof s->tenant, "%.*s", (int)m->tenant.size, m->tenant.data);
+    hg_session_record_take_share(s, m);
     s->batch_open = m->batch_open;
     s->resume = (struct hg_session_resume){
         .has_token = m->has_token, .has_ticket = true, .parked_ns = table->loop->now_ns};
@@ -122,6 +123,7 @@ static enum hg_status take_view(struct hg_session_table *table, const struct hg_
     if (!status) {
         view->subscribed = m->credit > 0;
         view->credit = view->first_credit = m->credit;
+        view->follow.on = m->follows;
         hg_packet_unref(view->camera);
         view->camera = camera ? hg_packet_ref(camera) : NULL;
         number_frames(view);
@@ -156,6 +158,46 @@ static enum hg_status end_scene(struct hg_session_table *table, uint32_t number)
     return HG_OK;
 }
 
+static enum hg_status take_annotation(
+    struct hg_session_table *table, const struct hg_state_record *record)
+{
+    const struct hg_state_annotation *m = &record->of.annotation;
+    struct hg_shared_scene *scene = hg_shared_scene_by_number(&table->scenes, m->scene);
+    if (!scene)
+        return HG_E_FORMAT;
+    struct hg_annotations *all = &scene->people.annotations;
+    if (record->kind == HG_STATE_ANNOTATION)
+        return hg_annotation_restore(all, m);
+    hg_annotation_remove(all, m->number);
+    all->gone_count = 0; // nothing was told yet
+    all->all_due = all->due = false;
+    if (all->last_number < m->number)
+        all->last_number = m->number;
+    return HG_OK;
+}
+
+// Of people in scenes.
+static enum hg_status take_later(
+    struct hg_session_table *table, const struct hg_state_record *record)
+{
+    struct hg_join_tickets *tickets = table->tickets;
+    switch (record->kind) {
+    case HG_STATE_ANNOTATION:
+    case HG_STATE_ANNOTATION_END:
+        return take_annotation(table, record);
+    case HG_STATE_TICKET:
+        return hg_join_ticket_restore(tickets, &record->of.ticket);
+    case HG_STATE_TICKET_END:
+        hg_join_ticket_remove(tickets, NULL, record->of.ticket.number);
+        if (tickets->last_number < record->of.ticket.number)
+            tickets->last_number = record->of.ticket.number;
+        return HG_OK;
+    default:
+        hg_block_add(table->blocks, NULL, record->of.block.hash, record->of.block.until_s);
+        return HG_OK;
+    }
+}
+
 enum hg_status hg_state_take_record(void *user, const uint8_t *body, size_t size)
 {
     struct hg_session_table *table = user;
@@ -183,9 +225,11 @@ enum hg_status hg_state_take_record(void *user, const uint8_t *body, size_t size
     case HG_STATE_VIEW_END:
         end_view(table, &record.of.view);
         return HG_OK;
-    default:
+    case HG_STATE_QUARANTINE_END:
         hg_quarantine_restore_end(table->quarantine, &record.of.suspect);
         return HG_OK;
+    default:
+        return take_later(table, &record);
     }
 }
 
@@ -272,6 +316,7 @@ static void put_scene(struct hg_state_log *log, const struct hg_shared_scene *sc
     hg_state_put_scene(log, &(struct hg_state_scene){scene->number, hgp_str_make(scene->tenant),
                                 hgp_str_make(scene->name)});
     hg_journal_each(scene->journal, put_entry, &(struct target){log, scene});
+    hg_annotations_record_all(log, scene->number, &scene->people.annotations);
 }
 
 void hg_state_put_all(struct hg_session_table *table)
@@ -281,6 +326,8 @@ void hg_state_put_all(struct hg_session_table *table)
     for (struct hg_session *it = table->first; it; it = it->next)
         hg_session_record_all(it);
     hg_quarantine_write(table->quarantine, table->loop->now_ns);
+    hg_join_tickets_record_all(table->tickets, table->scenes.log);
+    hg_block_record_all(table->blocks, table->scenes.log);
 }
 
 void hg_state_tend(struct hg_session_table *table)

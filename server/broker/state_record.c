@@ -1,8 +1,10 @@
 #include "server/broker/state_record.h"
 
+#include <math.h>
 #include <string.h>
 
-enum { TEXT_LIMIT = 1024 };
+enum { TEXT_LIMIT = 4096 };
+#define FOLLOWS (UINT32_C(1) << 31) // beside a credit, which has at most 1024
 
 // ---- encoding -----------------------------------------------------------------------------------
 
@@ -98,6 +100,10 @@ uint64_t hg_state_put_session(struct hg_state_log *log, const struct hg_state_se
     hg_write_bytes(&w, session->ticket, sizeof session->ticket);
     put_text(&w, session->name);
     put_text(&w, session->tenant);
+    hg_write_u8(&w, session->watch);
+    hg_write_u8(&w, session->has_color);
+    hg_write_u32(&w, session->color);
+    put_text(&w, session->label);
     return hg_state_log_append(log, &w, NULL);
 }
 
@@ -113,7 +119,7 @@ uint64_t hg_state_put_view(struct hg_state_log *log, const struct hg_state_view 
     struct hg_writer w = begin(HG_STATE_VIEW);
     hg_write_u32(&w, view->session);
     hg_write_u32(&w, view->number);
-    hg_write_u32(&w, view->credit);
+    hg_write_u32(&w, view->credit | (view->follows ? FOLLOWS : 0));
     hg_write_u32(&w, view->params.size);
     hg_write_bytes(&w, view->params.data, view->params.size);
     hg_write_bytes(
@@ -124,6 +130,73 @@ uint64_t hg_state_put_view(struct hg_state_log *log, const struct hg_state_view 
 uint64_t hg_state_put_view_end(struct hg_state_log *log, uint32_t session, uint32_t number)
 {
     return put_numbers(log, HG_STATE_VIEW_END, (uint32_t[]){session, number}, 2);
+}
+
+uint64_t hg_state_put_annotation(struct hg_state_log *log, const struct hg_state_annotation *it)
+{
+    if (!log)
+        return 0;
+    struct hg_writer w = begin(HG_STATE_ANNOTATION);
+    hg_write_u32(&w, it->scene);
+    hg_write_u32(&w, it->number);
+    hg_write_u8(&w, it->kind);
+    for (int i = 0; i < 3; i++)
+        hg_write_f32(&w, it->position[i]);
+    for (int i = 0; i < 3; i++)
+        hg_write_f32(&w, it->normal[i]);
+    hg_write_u64(&w, it->node);
+    hg_write_u32(&w, it->color);
+    put_text(&w, it->text);
+    put_text(&w, it->author);
+    put_text(&w, it->label);
+    hg_write_bytes(&w, it->author_key, sizeof it->author_key);
+    hg_write_u32(&w, it->author_session);
+    hg_write_u64(&w, it->time_ms);
+    hg_write_u64(&w, it->changed_ms);
+    return hg_state_log_append(log, &w, NULL);
+}
+
+uint64_t hg_state_put_annotation_end(struct hg_state_log *log, uint32_t scene, uint32_t number)
+{
+    return put_numbers(log, HG_STATE_ANNOTATION_END, (uint32_t[]){scene, number}, 2);
+}
+
+uint64_t hg_state_put_ticket(struct hg_state_log *log, const struct hg_state_ticket *ticket)
+{
+    if (!log)
+        return 0;
+    struct hg_writer w = begin(HG_STATE_TICKET);
+    hg_write_u32(&w, ticket->number);
+    hg_write_bytes(&w, ticket->hash, sizeof ticket->hash);
+    hg_write_bytes(&w, ticket->issuer_key, sizeof ticket->issuer_key);
+    hg_write_u8(&w, ticket->has_issuer_key);
+    hg_write_u8(&w, ticket->role);
+    hg_write_u32(&w, ticket->uses);
+    hg_write_u32(&w, ticket->used);
+    hg_write_u32(&w, ticket->weight);
+    hg_write_u32(&w, ticket->max_rate);
+    hg_write_u32(&w, ticket->max_pixels);
+    hg_write_u64(&w, ticket->until_s);
+    put_text(&w, ticket->tenant);
+    put_text(&w, ticket->issuer);
+    put_text(&w, ticket->scene);
+    put_text(&w, ticket->label);
+    return hg_state_log_append(log, &w, NULL);
+}
+
+uint64_t hg_state_put_ticket_end(struct hg_state_log *log, uint32_t number)
+{
+    return put_numbers(log, HG_STATE_TICKET_END, &number, 1);
+}
+
+uint64_t hg_state_put_block(struct hg_state_log *log, const struct hg_state_block *block)
+{
+    if (!log)
+        return 0;
+    struct hg_writer w = begin(HG_STATE_BLOCK);
+    hg_write_bytes(&w, block->hash, sizeof block->hash);
+    hg_write_u64(&w, block->until_s);
+    return hg_state_log_append(log, &w, NULL);
 }
 
 // ---- decoding -----------------------------------------------------------------------------------
@@ -182,6 +255,12 @@ static void take_session(struct hg_reader *r, struct hg_state_session *out)
     take_key(r, out->ticket);
     out->name = take_text(r);
     out->tenant = take_text(r);
+    if (r->failed || r->pos == r->size) // of an earlier version
+        return;
+    out->watch = hg_read_u8(r);
+    out->has_color = hg_read_u8(r) != 0;
+    out->color = hg_read_u32(r);
+    out->label = take_text(r);
 }
 
 static void take_view(struct hg_reader *r, struct hg_state_view *out)
@@ -189,8 +268,83 @@ static void take_view(struct hg_reader *r, struct hg_state_view *out)
     out->session = hg_read_u32(r);
     out->number = hg_read_u32(r);
     out->credit = hg_read_u32(r);
+    out->follows = (out->credit & FOLLOWS) != 0;
+    out->credit &= ~FOLLOWS;
     out->params = take_bytes(r, hg_read_u32(r));
     out->camera = take_bytes(r, r->failed ? 0 : r->size - r->pos);
+}
+
+static void take_vector(struct hg_reader *r, float out[3])
+{
+    for (int i = 0; i < 3; i++) {
+        out[i] = hg_read_f32(r);
+        r->failed |= !isfinite(out[i]); // clients are told it, and messages have no others
+    }
+}
+
+static void take_annotation(struct hg_reader *r, bool ends, struct hg_state_annotation *out)
+{
+    out->scene = hg_read_u32(r);
+    out->number = hg_read_u32(r);
+    r->failed |= out->number == 0;
+    if (ends)
+        return;
+    out->kind = hg_read_u8(r);
+    r->failed |= out->kind > HGP_annotation_kind_TEXT;
+    take_vector(r, out->position);
+    take_vector(r, out->normal);
+    out->node = hg_read_u64(r);
+    out->color = hg_read_u32(r);
+    out->text = take_text(r);
+    out->author = take_text(r);
+    out->label = take_text(r);
+    take_key(r, out->author_key);
+    out->author_session = hg_read_u32(r);
+    out->time_ms = hg_read_u64(r);
+    out->changed_ms = hg_read_u64(r);
+}
+
+static void take_ticket(struct hg_reader *r, bool ends, struct hg_state_ticket *out)
+{
+    out->number = hg_read_u32(r);
+    if (ends)
+        return;
+    take_key(r, out->hash);
+    take_key(r, out->issuer_key);
+    out->has_issuer_key = hg_read_u8(r) != 0;
+    out->role = hg_read_u8(r);
+    r->failed |= out->role != HGP_role_VIEW && out->role != HGP_role_EDIT;
+    out->uses = hg_read_u32(r);
+    out->used = hg_read_u32(r);
+    out->weight = hg_read_u32(r);
+    out->max_rate = hg_read_u32(r);
+    out->max_pixels = hg_read_u32(r);
+    out->until_s = hg_read_u64(r);
+    out->tenant = take_text(r);
+    out->issuer = take_text(r);
+    out->scene = take_text(r);
+    out->label = take_text(r);
+}
+
+// Of people in scenes.
+static bool take_later(struct hg_reader *r, struct hg_state_record *out)
+{
+    switch (out->kind) {
+    case HG_STATE_ANNOTATION:
+    case HG_STATE_ANNOTATION_END:
+        take_annotation(r, out->kind == HG_STATE_ANNOTATION_END, &out->of.annotation);
+        return true;
+    case HG_STATE_TICKET:
+    case HG_STATE_TICKET_END:
+        take_ticket(r, out->kind == HG_STATE_TICKET_END, &out->of.ticket);
+        return true;
+    case HG_STATE_BLOCK:
+        take_key(r, out->of.block.hash);
+        out->of.block.until_s = hg_read_u64(r);
+        return true;
+    default:
+        return false;
+    }
 }
 
 enum hg_status hg_state_record_decode(const uint8_t *body, size_t size, struct hg_state_record *out)
@@ -227,7 +381,8 @@ enum hg_status hg_state_record_decode(const uint8_t *body, size_t size, struct h
         out->of.view.number = hg_read_u32(&r);
         break;
     default:
-        return HG_E_FORMAT;
+        if (!take_later(&r, out))
+            return HG_E_FORMAT;
     }
     return r.failed || r.pos != r.size ? HG_E_FORMAT : HG_OK;
 }

@@ -20,6 +20,11 @@ enum hg_state_kind {
     HG_STATE_SESSION_END = 7,
     HG_STATE_VIEW = 8, // of such a session; replaces an older record of it
     HG_STATE_VIEW_END = 9,
+    HG_STATE_ANNOTATION = 32,     // of a scene; replaces an older record of it
+    HG_STATE_ANNOTATION_END = 33, // its number is not given again
+    HG_STATE_TICKET = 34,         // a join ticket; replaces an older record of it
+    HG_STATE_TICKET_END = 35,
+    HG_STATE_BLOCK = 36, // a token that is refused for a while
 };
 
 struct hg_state_scene {
@@ -48,12 +53,45 @@ struct hg_state_session {
     bool has_token, batch_open;
     uint8_t token[32], ticket[32]; // hashes
     struct hgp_str name, tenant;
+    // Not there in records of earlier versions.
+    uint8_t watch; // bits: participants, cursors, camera, annotations, edits
+    bool has_color;
+    uint32_t color;
+    struct hgp_str label;
 };
 
 struct hg_state_view {
     uint32_t session, number;
     uint32_t credit;                 // of its subscription; 0: it has none
+    bool follows;                    // the shared camera
     struct hgp_bytes params, camera; // payloads of view_set and view_camera; camera may be empty
+};
+
+struct hg_state_annotation {
+    uint32_t scene, number;
+    uint8_t kind;
+    float position[3], normal[3];
+    uint64_t node;
+    uint32_t color;
+    struct hgp_str text, author, label;
+    uint8_t author_key[32];
+    uint32_t author_session;
+    uint64_t time_ms, changed_ms;
+};
+
+struct hg_state_ticket {
+    uint32_t number;
+    uint8_t hash[32], issuer_key[32];
+    bool has_issuer_key;
+    uint8_t role;
+    uint32_t uses, used, weight, max_rate, max_pixels;
+    uint64_t until_s;
+    struct hgp_str tenant, issuer, scene, label;
+};
+
+struct hg_state_block {
+    uint8_t hash[32];
+    uint64_t until_s;
 };
 
 struct hg_state_record {
@@ -64,6 +102,9 @@ struct hg_state_record {
         struct hg_state_suspect suspect; // QUARANTINE_END: tenant and key
         struct hg_state_session session; // SESSION_END: its number
         struct hg_state_view view;       // VIEW_END: session and number
+        struct hg_state_annotation annotation; // ANNOTATION_END: scene and number
+        struct hg_state_ticket ticket;         // TICKET_END: its number
+        struct hg_state_block block;
     } of;
 };
 
@@ -83,5 +124,10 @@ uint64_t hg_state_put_session(struct hg_state_log *log, const struct hg_state_se
 uint64_t hg_state_put_session_end(struct hg_state_log *log, uint32_t number);
 uint64_t hg_state_put_view(struct hg_state_log *log, const struct hg_state_view *view);
 uint64_t hg_state_put_view_end(struct hg_state_log *log, uint32_t session, uint32_t number);
+uint64_t hg_state_put_annotation(struct hg_state_log *log, const struct hg_state_annotation *it);
+uint64_t hg_state_put_annotation_end(struct hg_state_log *log, uint32_t scene, uint32_t number);
+uint64_t hg_state_put_ticket(struct hg_state_log *log, const struct hg_state_ticket *ticket);
+uint64_t hg_state_put_ticket_end(struct hg_state_log *log, uint32_t number);
+uint64_t hg_state_put_block(struct hg_state_log *log, const struct hg_state_block *block);
 
 #endif

@@ -410,7 +410,12 @@ bool peer_next_within(struct peer *p, int timeout_ms)
     if (hgp_decode(1, p->header.type, hg_reader_make(p->payload, p->header.length), &p->arena,
             &p->m, &fault))
         fail_msg("the daemon sent nonsense: %s %s", fault.field, fault.reason);
-    return true;
+    if (p->header.type != HGP_T_limited)
+        return true;
+    snprintf(
+        p->limit, sizeof p->limit, "%.*s", (int)p->m.limited.limit.size, p->m.limited.limit.data);
+    p->retry_after_ms = p->m.limited.retry_after_ms;
+    return peer_next_within(p, PATIENCE_MS); // the error that it is of
 }
 
 bool peer_next(struct peer *p)

@@ -48,6 +48,8 @@ struct peer {
     uint32_t next_request, first_id;
     uint64_t session;
     uint8_t *payload; // of the newest message
+    char limit[65];   // of the newest `limited`, which is read past
+    uint32_t retry_after_ms;
     struct hg_arena arena;
     struct hgp_header header;
     union hgp_any m; // decoded

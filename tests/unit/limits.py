@@ -72,7 +72,8 @@ def line_of(text, index):
 def check(path, name):
     source = path.read_text(errors="replace")
     lines = source.count("\n")
-    if lines > MOST_LINES:
+    # What protocol/gen writes is as long as the table of messages.
+    if lines > MOST_LINES and not name.endswith("helio/_messages.py"):
         yield f"{name}: {lines} lines"
     if path.suffix not in {".c", ".h", ".cpp"}:
         return

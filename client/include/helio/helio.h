@@ -92,6 +92,7 @@ struct helio_info {
     const char *device;         // private worker: JSON object of its device; else ""
     int worker_pid;             // private worker: its process; else 0
     bool draining;              // the server stops soon
+    const char *scene;          // with a join ticket: the only one that may be opened; else ""
     uint32_t reconnects;        // so often the session went on on another connection
 };
 
@@ -171,6 +172,9 @@ struct helio_handlers {
     void (*tick)(void *user);
     void (*progress)(void *user, const struct hgp_progress *progress);
     void (*notice)(void *user, const struct hgp_notice *notice);
+    // Called wherever messages are read. Without them these wait for helio_next, unless many do.
+    void (*message)(void *user, const struct hgp_message *message);   // of an administrator
+    void (*idle)(void *user, const struct hgp_idle_warning *warning); // the session ends soon
 };
 
 HELIO_API void helio_set_handlers(struct helio *h, const struct helio_handlers *handlers);

@@ -1,0 +1,283 @@
+// test_admin.c - what administrators do with a running daemon, and what limits say.
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/clock.h"
+#include "tests/system/daemon.h"
+
+static void await(struct peer *p, enum hgp_type type)
+{
+    do
+        if (!peer_next(p))
+            fail_msg("the daemon closed the connection");
+    while (p->header.type != type);
+}
+
+static void begin(struct daemon *d, struct peer *admin, struct peer *user)
+{
+    daemon_start(d);
+    peer_enter(admin, d, "admin-token-1");
+    peer_enter(user, d, "edit-token-1");
+    peer_scene(user, "hall");
+}
+
+// Logs in; the next message is an error of this status.
+static void is_refused(struct peer *p, struct daemon *d, const char *token, enum hg_status status)
+{
+    peer_connect(p, d, true);
+    peer_hello(p);
+    peer_auth(p, token);
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, HGP_T_error);
+    assert_int_equal(p->m.error.code, status);
+    peer_end(p);
+    peer_close(p);
+}
+
+static void messages_reach_who_is_meant(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer admin, bert, anna;
+    daemon_init_tokens(&d);
+    begin(&d, &admin, &bert);
+    peer_enter(&anna, &d, "view-token-1");
+    const struct hgp_str text = hgp_str_make("maintenance at noon");
+    peer_call(&admin, HGP_T_message_send, &(struct hgp_message_send){.text = text}, HGP_T_ok);
+    await(&bert, HGP_T_message);
+    assert_memory_equal(bert.m.message.text.data, text.data, text.size);
+    await(&anna, HGP_T_message);
+    peer_call(&admin, HGP_T_message_send,
+        &(struct hgp_message_send){.text = text, .has_scene = true, .scene = hgp_str_make("hall")},
+        HGP_T_ok);
+    await(&bert, HGP_T_message);
+    assert_false(peer_next_within(&anna, 150));
+    peer_call(&admin, HGP_T_message_send,
+        &(struct hgp_message_send){.text = text, .has_session = true, .session = anna.session},
+        HGP_T_ok);
+    await(&anna, HGP_T_message);
+    peer_refused(&admin, HGP_T_message_send,
+        &(struct hgp_message_send){.text = text, .has_session = true, .session = 4711},
+        HG_E_NOTFOUND);
+    peer_refused(&bert, HGP_T_message_send, &(struct hgp_message_send){.text = text}, HG_E_PERM);
+    peer_close(&anna);
+    peer_close(&bert);
+    peer_close(&admin);
+    daemon_finish(&d);
+}
+
+static void kicked_stay_out(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer admin, bert, late;
+    uint8_t secret[32];
+    char folder[160];
+    daemon_init_tokens(&d);
+    snprintf(folder, sizeof folder, "%s/state", d.folder);
+    daemon_option(&d, "state-dir", folder);
+    begin(&d, &admin, &bert);
+    peer_call(&bert, HGP_T_keep, &(struct hgp_keep){0}, HGP_T_ticket);
+    memcpy(secret, bert.m.ticket.secret.data, sizeof secret);
+    struct hgp_kick kick = {.session = bert.session, .reason = hgp_str_make("too loud")};
+    peer_refused(&bert, HGP_T_kick, &kick, HG_E_PERM);
+    peer_call(&admin, HGP_T_kick, &kick, HGP_T_ok);
+    assert_true(peer_next(&bert));
+    assert_int_equal(bert.header.type, HGP_T_error);
+    assert_true(peer_says(&bert, "an administrator has ended it: too loud"));
+    peer_end(&bert);
+    peer_close(&bert);
+    peer_refused(&admin, HGP_T_kick, &kick, HG_E_NOTFOUND);
+    // It may come again, but its session is gone.
+    peer_enter(&bert, &d, "edit-token-1");
+    const struct hgp_resume resume = {.secret = {secret, sizeof secret}};
+    peer_refused(&bert, HGP_T_resume, &resume, HG_E_AUTH);
+    kick = (struct hgp_kick){.session = bert.session, .has_block_s = true, .block_s = 3600};
+    peer_call(&admin, HGP_T_kick, &kick, HGP_T_ok);
+    peer_end(&bert);
+    peer_close(&bert);
+    is_refused(&late, &d, "edit-token-1", HG_E_PERM);
+    assert_string_equal(late.limit, "kick");
+    assert_in_range(late.retry_after_ms, 3500000, 3600000);
+    peer_close(&admin);
+    daemon_signal(&d, SIGKILL);
+    daemon_reap(&d);
+    daemon_start(&d);
+    is_refused(&late, &d, "edit-token-1", HG_E_PERM); // also by the next daemon
+    peer_enter(&admin, &d, "admin-token-1");
+    kick = (struct hgp_kick){.session = admin.session, .has_block_s = true, .block_s = 1};
+    peer_refused(&admin, HGP_T_kick, &kick, HG_E_INVAL);
+    peer_close(&admin);
+    char *audit = daemon_read(&d, "state/audit.log");
+    assert_non_null(strstr(audit, "\"event\":\"kick\""));
+    assert_non_null(strstr(audit, "too loud"));
+    free(audit);
+    daemon_finish(&d);
+}
+
+static void drains_when_told(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer admin, bert, late;
+    daemon_init_tokens(&d);
+    begin(&d, &admin, &bert);
+    struct hgp_drain_set m = {.deadline_ms = 3600000, .reason = hgp_str_make("new disks")};
+    peer_refused(&bert, HGP_T_drain_set, &m, HG_E_PERM);
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    await(&bert, HGP_T_drain);
+    assert_memory_equal(bert.m.drain.reason.data, "new disks", 9);
+    peer_refused(&bert, HGP_T_view_set, &(struct hgp_view_set){.view = 1}, HG_E_STATE);
+    is_refused(&late, &d, "view-token-1", HG_E_STATE);
+    assert_string_equal(late.limit, "drain");
+    assert_true(late.retry_after_ms > 3000000);
+    m = (struct hgp_drain_set){.has_cancel = true, .cancel = true};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    await(&bert, HGP_T_drain_cancelled);
+    peer_view(&bert, 1, 16, 16);
+    // Stays: others end, administrators go on.
+    m = (struct hgp_drain_set){.deadline_ms = 50, .has_stay = true, .stay = true};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    peer_end(&bert);
+    peer_close(&bert);
+    is_refused(&late, &d, "view-token-1", HG_E_STATE);
+    m = (struct hgp_drain_set){.has_cancel = true, .cancel = true};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    peer_enter(&bert, &d, "edit-token-1");
+    // And for good.
+    m = (struct hgp_drain_set){.deadline_ms = 50};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    peer_end(&bert);
+    peer_end(&admin);
+    peer_close(&bert);
+    peer_close(&admin);
+    assert_int_equal(daemon_wait(&d), 0);
+    daemon_finish(&d);
+}
+
+static void statistics_come_by_themselves(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer admin, bert;
+    daemon_init_tokens(&d);
+    begin(&d, &admin, &bert);
+    peer_view(&bert, 1, 16, 16);
+    peer_call(&bert, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_refused(
+        &admin, HGP_T_sessions_watch, &(struct hgp_sessions_watch){.interval_ms = 1}, HG_E_INVAL);
+    peer_call(
+        &admin, HGP_T_sessions_watch, &(struct hgp_sessions_watch){.interval_ms = 100}, HGP_T_ok);
+    for (int i = 0; i < 3; i++) {
+        await(&admin, HGP_T_statistics);
+        char *text = strndup(admin.m.statistics.text.data, admin.m.statistics.text.size);
+        assert_non_null(strstr(text, "\"frame_pixels\":256"));
+        free(text);
+    }
+    peer_call(
+        &admin, HGP_T_sessions_watch, &(struct hgp_sessions_watch){.interval_ms = 0}, HGP_T_ok);
+    assert_false(peer_next_within(&admin, 300));
+    peer_close(&bert);
+    peer_close(&admin);
+    daemon_finish(&d);
+}
+
+static void idle_sessions_are_warned_and_end(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "session-idle-timeout", "1.2");
+    daemon_option(&d, "session-idle-warning", "0.9");
+    daemon_start(&d);
+    peer_open_scene(&p, &d, "hall");
+    await(&p, HGP_T_idle_warning);
+    assert_in_range(p.m.idle_warning.remaining_ms, 1, 900);
+    peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+    await(&p, HGP_T_idle_warning); // what it did counted
+    for (int i = 0; i < 30; i++)   // pings do not
+        peer_tell(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 1});
+    await(&p, HGP_T_error);
+    assert_int_equal(p.m.error.code, HG_E_TIMEOUT);
+    peer_end(&p);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void pixels_per_second_are_limited(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, other;
+    daemon_init(&d);
+    daemon_option(&d, "max-pixel-rate", "8192"); // two frames of 64x64 a second
+    daemon_start(&d);
+    peer_open_view(&p, &d, 64, 64);
+    peer_open_view(&other, &d, 64, 64);
+    peer_call(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_refused(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HG_E_LIMIT);
+    assert_string_equal(p.limit, "max-pixel-rate");
+    assert_in_range(p.retry_after_ms, 1, 501);
+    // The other session is of the same user.
+    peer_refused(&other, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HG_E_LIMIT);
+    usleep((p.retry_after_ms + 20) * 1000);
+    peer_call(&p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    // Subscribed frames wait, and come.
+    peer_call(
+        &p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 100}, HGP_T_ok);
+    const uint64_t begin_ns = hg_clock_now_ns();
+    for (int i = 0; i < 5; i++)
+        await(&p, HGP_T_frame);
+    assert_true(hg_clock_now_ns() - begin_ns > 400000000u); // not before the pixels are there
+    peer_close(&other);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void limits_have_names(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, more;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "max-views", "1");
+    daemon_option(&d, "max-pixels", "1000");
+    daemon_option(&d, "max-sessions-per-token", "1");
+    daemon_start(&d);
+    peer_enter(&p, &d, "edit-token-1");
+    peer_scene(&p, "hall");
+    peer_view(&p, 1, 16, 16);
+    peer_refused(&p, HGP_T_view_set, &(struct hgp_view_set){.view = 2}, HG_E_LIMIT);
+    assert_string_equal(p.limit, "max-views");
+    assert_int_equal(p.retry_after_ms, 0);
+    peer_refused(&p, HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_width = true, .width = 1000}, HG_E_LIMIT);
+    assert_string_equal(p.limit, "max-pixels");
+    is_refused(&more, &d, "edit-token-1", HG_E_LIMIT);
+    assert_string_equal(more.limit, "max-sessions-per-token");
+    assert_true(more.retry_after_ms > 0);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(messages_reach_who_is_meant),
+        cmocka_unit_test(kicked_stay_out),
+        cmocka_unit_test(drains_when_told),
+        cmocka_unit_test(statistics_come_by_themselves),
+        cmocka_unit_test(idle_sessions_are_warned_and_end),
+        cmocka_unit_test(pixels_per_second_are_limited),
+        cmocka_unit_test(limits_have_names),
+    };
+    return cmocka_run_group_tests_name("admin", tests, NULL, NULL);
+}
