@@ -32,7 +32,8 @@
 //   session_view session_upload
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
-//   session_end session_annotation session_camera session_ticket
+//   session_end
+//   session_annotation session_camera session_ticket
 //   session_share session_admin                  people in a scene; administrators
 //   session_park
 //   session                                      begin and end, the client's messages
