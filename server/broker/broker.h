@@ -37,7 +37,8 @@
 //   session_look                                 how views show the scene
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
-//   session_end session_annotation session_camera session_ticket
+//   session_end
+//   session_annotation session_camera session_ticket
 //   session_share session_admin                  people in a scene; administrators
 //   session_park
 //   session                                      begin and end, the client's messages

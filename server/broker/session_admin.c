@@ -5,7 +5,6 @@
 #include <time.h>
 
 #include "base/log.h"
-#include "server/broker/session.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_end.h"
 #include "server/broker/session_list.h"
@@ -58,6 +57,14 @@ void hg_session_admin_message(
 
 // ---- kick ---------------------------------------------------------------------------------------
 
+static struct hg_session *find(const struct hg_session_table *table, uint64_t number)
+{
+    struct hg_session *it = table->first;
+    while (it && it->number != number)
+        it = it->next;
+    return it;
+}
+
 static bool shares_token(const struct hg_session *a, const uint8_t hash[32])
 {
     return a->resume.has_token && memcmp(a->resume.token, hash, 32) == 0;
@@ -93,8 +100,7 @@ static void end_all(
 void hg_session_admin_kick(struct hg_session *s, uint32_t request, const struct hgp_kick *m)
 {
     struct hg_error err = {0}, why = {0};
-    struct hg_session *kicked =
-        m->session <= UINT32_MAX ? hg_session_find(s->table, (uint32_t)m->session) : NULL;
+    struct hg_session *kicked = find(s->table, m->session);
     const uint32_t block_s = m->has_block_s ? m->block_s : 0;
     char detail[400];
     if (!kicked || (!kicked->conn && !kicked->resume.parked_ns))
