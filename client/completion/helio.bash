@@ -51,23 +51,23 @@ _helio()
     esac
     local options=--help
     case "${COMP_WORDS[1]}" in
-    render) options='--output --size --region --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --up --point-size --variant --strict --env --sun --env-intensity --env-rotation --exposure --ground --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --layers --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --timeout --reconnect --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
-    info) options='--scene --up --json --connect --token --token-file --timeout --asset-root --log --progress --help' ;;
+    render) options='--output --size --region --bit-depth --exr --aov --jpeg-quality --watch --stats --frames --turntable --fps --skip-existing --at --view --camera --orbit --eye --target --fov --scene --up --point-size --variant --strict --env --sun --env-intensity --env-rotation --exposure --ground --background --quality --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --layers --spp --denoise --shutter --catcher --lens-radius --focus --next-eye --next-target --resume --checkpoint --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --reconnect --upload --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
+    info) options='--scene --up --json --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --asset-root --log --progress --help' ;;
     compare) options='--metric --fail-below --fail-above --mask --diff --timeout --log --help' ;;
-    run) options='--junit --report --update-references --define --record --replay --pace --connect --token --token-file --timeout --reconnect --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
+    run) options='--junit --report --update-references --define --record --replay --pace --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --reconnect --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     bake) options='--output --textures-only --geometry-only --stats --scene --point-size --strict --timeout --asset-root --host-budget --cache-limit --threads --log --quiet --verbose --progress --help' ;;
     cache) options='--verify --clear --json --cache-dir --progress --help' ;;
     bench) options='--json --options --timeout --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --progress --help' ;;
     serve) options='--up --point-size --port --listen --role --open --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --log --quiet --verbose --progress --help' ;;
-    ping) options='--count --connect --token --token-file --timeout --help' ;;
-    stats) options='--connect --token --token-file --timeout --help' ;;
-    quarantine) options='--json --connect --token --token-file --timeout --help' ;;
-    sessions) options='--json --interval --connect --token --token-file --timeout --help' ;;
-    message) options='--scene --session --connect --token --token-file --timeout --help' ;;
-    kick) options='--reason --block --connect --token --token-file --timeout --help' ;;
-    drain) options='--reason --deadline --stay --cancel --connect --token --token-file --timeout --help' ;;
-    tickets) options='--json --scene --role --uses --valid --label --connect --token --token-file --timeout --help' ;;
-    view) options='--size --screenshots --full-screen --view --camera --orbit --eye --target --fov --up --point-size --variant --env --sun --env-intensity --env-rotation --exposure --ground --background --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --spp --record --connect --token --token-file --timeout --reconnect --upload --join --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
+    ping) options='--count --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    stats) options='--connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    quarantine) options='--json --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    sessions) options='--json --interval --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    message) options='--scene --session --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    kick) options='--reason --block --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    drain) options='--reason --deadline --stay --cancel --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    tickets) options='--json --scene --role --uses --valid --label --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --help' ;;
+    view) options='--size --screenshots --full-screen --view --camera --orbit --eye --target --fov --up --point-size --variant --env --sun --env-intensity --env-rotation --exposure --ground --background --mode --tonemap --samples --seed --debug-view --error-px --trace --max-bounces --noise --time --filter --filter-radius --clamp-indirect --gi --temporal --scale --reflections --f-number --shutter-time --iso --sensor-height --ao --mirrors --shadow-maps --sharpen --layers --spp --record --connect --token --token-file --tls-ca --tls-pin --tls-cert --tls-key --insecure --timeout --reconnect --upload --join --asset-root --cache-dir --texture-budget --geometry-budget --host-budget --cache-limit --device --threads --log --quiet --verbose --progress --help' ;;
     esac
     case "$cur" in
     -*) COMPREPLY=($(compgen -W "$options" -- "$cur")) ;;

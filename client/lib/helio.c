@@ -28,7 +28,8 @@ static enum hg_status keep_tls(struct helio *h, const struct helio_options *o)
 {
     h->resume.tls.insecure = o->tls_insecure;
     return keep_text(&h->resume.tls.ca, o->tls_ca) && keep_text(&h->resume.tls.pin, o->tls_pin) &&
-                   keep_text(&h->resume.tls.cert, o->tls_cert) && keep_text(&h->resume.tls.key, o->tls_key)
+                   keep_text(&h->resume.tls.cert, o->tls_cert) &&
+                   keep_text(&h->resume.tls.key, o->tls_key)
                ? HG_OK
                : HG_E_NOMEM;
 }

@@ -209,6 +209,13 @@ class Ground(enum.IntEnum):
     MINUS_X = 6
 
 
+class CapStyle(enum.IntEnum):
+    MATERIAL = 0
+    COLOR = 1
+    HATCH = 2
+    NONE = 3
+
+
 class EnvironmentKind(enum.IntEnum):
     NONE = 0
     COLOR = 1
@@ -342,6 +349,7 @@ ENUMS: Dict[str, type[enum.IntEnum]] = {
     "gi": Gi,
     "reflections": Reflections,
     "ground": Ground,
+    "cap_style": CapStyle,
     "environment_kind": EnvironmentKind,
     "camera_kind": CameraKind,
     "up_axis": UpAxis,

@@ -28,6 +28,20 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("light", "U64", "", False), ("camera", "U64", "", False), ("visible", "BOOL", "", False),
         ("name", "STR", "", False),
     ]),
+    "clip_plane": (0x0000, "", [
+        ("normal", "VEC3", "", False), ("distance", "F32", "", False),
+    ]),
+    "node_override": (0x0000, "", [
+        ("node", "U64", "", False), ("set", "U8", "", False), ("hidden", "BOOL", "", False),
+        ("tint", "VEC4", "", False), ("selected", "BOOL", "", False), ("alpha", "F32", "", False),
+    ]),
+    "pixel_rect": (0x0000, "", [
+        ("x", "U32", "", False), ("y", "U32", "", False), ("width", "U32", "", False),
+        ("height", "U32", "", False),
+    ]),
+    "seen_node": (0x0000, "", [
+        ("node", "U64", "", False), ("pixels", "U32", "", False), ("outside", "U32", "", False),
+    ]),
     "mesh_part": (0x0000, "", [
         ("mode", "ENUM", "primitive_mode", False), ("material", "U64", "", False),
         ("positions", "BYTES", "", False), ("normals", "BYTES", "", False), ("tangents", "BYTES", "", False),
@@ -268,7 +282,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("rotation", "VEC4", "", True), ("scale", "VEC3", "", True), ("visible", "BOOL", "", True),
         ("mesh", "U64", "", True), ("light", "U64", "", True), ("camera", "U64", "", True),
         ("name", "STR", "", True), ("catches_shadows", "BOOL", "", True), ("next_translation", "VEC3", "", True),
-        ("next_rotation", "VEC4", "", True), ("next_scale", "VEC3", "", True),
+        ("next_rotation", "VEC4", "", True), ("next_scale", "VEC3", "", True), ("layers", "U32", "", True),
     ]),
     "light_set": (0x020e, "C2S", [
         ("light", "U64", "", False), ("kind", "ENUM", "light_kind", True), ("color", "VEC3", "", True),
@@ -320,7 +334,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("ao", "ENUM", "ao", True), ("mirrors", "ENUM", "mirrors", True),
         ("shadow_maps", "ENUM", "shadow_maps", True), ("sharpen", "F32", "", True), ("codecs", "BYTES", "", True),
         ("bitrate", "U32", "", True), ("target_fps", "F32", "", True), ("hidden", "U8", "", True),
-        ("names", "U8", "", True),
+        ("names", "U8", "", True), ("layers", "U32", "", True),
     ]),
     "view_close": (0x0302, "C2S", [
         ("view", "U32", "", False),
@@ -403,6 +417,17 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "clock": (0x0315, "S2C", [
         ("time_ns", "U64", "", False),
     ]),
+    "view_clip": (0x0320, "C2S", [
+        ("view", "U32", "", False), ("planes", "LIST", "clip_plane", False), ("caps", "ENUM", "cap_style", True),
+        ("cap_color", "VEC3", "", True), ("hatch_px", "F32", "", True),
+    ]),
+    "view_overrides": (0x0321, "C2S", [
+        ("view", "U32", "", False), ("overrides", "LIST", "node_override", False), ("clear", "BOOL", "", True),
+        ("select_color", "VEC3", "", True),
+    ]),
+    "view_variant": (0x0322, "C2S", [
+        ("view", "U32", "", False), ("asset", "U32", "", False), ("variant", "STR", "", True),
+    ]),
     "key_frame": (0x0318, "C2S", [
         ("view", "U32", "", False), ("failed", "U8", "", True),
     ]),
@@ -459,6 +484,32 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     ]),
     "quarantine_clear": (0x0411, "C2S", [
         ("key", "STR", "", False),
+    ]),
+    "box_select": (0x0412, "C2S", [
+        ("view", "U32", "", False), ("rects", "LIST", "pixel_rect", False), ("inside", "BOOL", "", True),
+        ("frame", "U64", "", True),
+    ]),
+    "box_selected": (0x0413, "S2C", [
+        ("revision", "U64", "", False), ("frame", "U64", "", False), ("total", "U32", "", False),
+        ("nodes", "LIST", "seen_node", False),
+    ]),
+    "surface_query": (0x0414, "C2S", [
+        ("view", "U32", "", False), ("x", "U32", "", False), ("y", "U32", "", False), ("width", "U32", "", False),
+        ("height", "U32", "", False), ("what", "U32", "", False), ("frame", "U64", "", True),
+    ]),
+    "surfaces": (0x0415, "S2C", [
+        ("revision", "U64", "", False), ("frame", "U64", "", False), ("width", "U32", "", False),
+        ("height", "U32", "", False), ("what", "U32", "", False), ("data", "BYTES", "", False),
+    ]),
+    "measure": (0x0416, "C2S", [
+        ("view", "U32", "", False), ("x0", "U32", "", False), ("y0", "U32", "", False), ("x1", "U32", "", False),
+        ("y1", "U32", "", False), ("frame", "U64", "", True),
+    ]),
+    "measured": (0x0417, "S2C", [
+        ("revision", "U64", "", False), ("frame", "U64", "", False), ("hit", "BOOL", "", False),
+        ("node0", "U64", "", False), ("node1", "U64", "", False), ("position0", "VEC3", "", False),
+        ("position1", "VEC3", "", False), ("normal0", "VEC3", "", False), ("normal1", "VEC3", "", False),
+        ("distance", "F32", "", False), ("along_normal", "F32", "", False), ("angle_rad", "F32", "", False),
     ]),
     "worker_ready": (0x0501, "W2B", [
         ("pid", "U32", "", False), ("device", "STR", "", False),
