@@ -16,12 +16,25 @@ enum hg_status hg_cli_connect_daemon(
     return hg_cli_connect(cli, cli->options->connect, NULL, false, err);
 }
 
-static enum hg_cli_exit finish(
+enum hg_cli_exit hg_cli_end(
     struct hg_cli *cli, enum hg_cli_doing doing, enum hg_status status, const struct hg_error *err)
 {
     enum hg_cli_exit code = status ? hg_cli_report(cli, doing, err) : HG_CLI_EXIT_OK;
     hg_cli_finish(cli, code);
     return code;
+}
+
+enum hg_cli_exit hg_cli_at_daemon(const struct hg_cli_options *options,
+    enum hg_status (*act)(struct hg_cli *cli, struct hg_error *err))
+{
+    struct hg_cli cli;
+    struct hg_error err = {0};
+    enum hg_cli_doing doing;
+    hg_cli_init(&cli, options);
+    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
+    if (!status)
+        status = act(&cli, &err);
+    return hg_cli_end(&cli, doing, status, &err);
 }
 
 // ---- ping --------------------------------------------------------------------------------------
@@ -54,14 +67,7 @@ static enum hg_status ping_all(struct hg_cli *cli, struct hg_error *err)
 
 enum hg_cli_exit hg_cli_ping(const struct hg_cli_options *options)
 {
-    struct hg_cli cli;
-    struct hg_error err = {0};
-    enum hg_cli_doing doing;
-    hg_cli_init(&cli, options);
-    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
-    if (!status)
-        status = ping_all(&cli, &err);
-    return finish(&cli, doing, status, &err);
+    return hg_cli_at_daemon(options, ping_all);
 }
 
 // ---- stats, sessions ---------------------------------------------------------------------------
@@ -88,23 +94,22 @@ void hg_cli_print_json(const json_t *value)
     putchar('\n');
 }
 
-enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options)
+static enum hg_status print_stats(struct hg_cli *cli, struct hg_error *err)
 {
-    struct hg_cli cli;
-    struct hg_error err = {0};
-    enum hg_cli_doing doing;
     json_t *stats = NULL;
-    hg_cli_init(&cli, options);
-    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
     // The worker of a session answers; a session without a scene has none.
+    enum hg_status status = helio_scene_open(cli->h, "", &cli->scene, err);
     if (!status)
-        status = helio_scene_open(cli.h, "", &cli.scene, &err);
-    if (!status)
-        status = hg_cli_query(&cli, HGP_T_stats_query, &stats, &err);
+        status = hg_cli_query(cli, HGP_T_stats_query, &stats, err);
     if (!status)
         hg_cli_print_json(stats);
     json_decref(stats);
-    return finish(&cli, doing, status, &err);
+    return status;
+}
+
+enum hg_cli_exit hg_cli_stats_command(const struct hg_cli_options *options)
+{
+    return hg_cli_at_daemon(options, print_stats);
 }
 
 static void cell_text(const json_t *value, char *dst, size_t size)
@@ -164,24 +169,23 @@ static void print_sessions(json_t *answer)
         hg_cli_print_json(answer);
 }
 
-enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
+static enum hg_status list_sessions(struct hg_cli *cli, struct hg_error *err)
 {
-    struct hg_cli cli;
-    struct hg_error err = {0};
-    enum hg_cli_doing doing;
     json_t *answer = NULL;
-    hg_cli_init(&cli, options);
-    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
-    if (!status && options->has_interval)
-        status = hg_cli_follow_sessions(&cli, &err);
-    else if (!status)
-        status = hg_cli_query(&cli, HGP_T_sessions_query, &answer, &err);
-    if (!status && options->json)
+    if (cli->options->has_interval)
+        return hg_cli_follow_sessions(cli, err);
+    enum hg_status status = hg_cli_query(cli, HGP_T_sessions_query, &answer, err);
+    if (!status && cli->options->json)
         hg_cli_print_json(answer);
     else if (!status)
         print_sessions(answer);
     json_decref(answer);
-    return finish(&cli, doing, status, &err);
+    return status;
+}
+
+enum hg_cli_exit hg_cli_sessions(const struct hg_cli_options *options)
+{
+    return hg_cli_at_daemon(options, list_sessions);
 }
 
 static void print_quarantine(json_t *answer)
@@ -234,5 +238,5 @@ enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options)
         status = clear_quarantine(&cli, "", &err);
     for (uint32_t i = 1; clear && i < options->arg_count && !status; i++)
         status = clear_quarantine(&cli, options->args[i], &err);
-    return finish(&cli, doing, status, &err);
+    return hg_cli_end(&cli, doing, status, &err);
 }

@@ -182,11 +182,17 @@ struct hg_cli_client_stats {
 enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, json_t *newest,
     const struct hg_cli_client_stats *own, struct hg_error *err) HG_MUST_CHECK;
 
-// ---- commands for those who run a daemon --------------------------------------------------------
+// ---- commands for administrators of a daemon ----------------------------------------------------
 
 // Connects to the daemon that --connect names.
 enum hg_status hg_cli_connect_daemon(
     struct hg_cli *cli, enum hg_cli_doing *doing, struct hg_error *err) HG_MUST_CHECK;
+// The end of a command: reports the error, if there is one.
+enum hg_cli_exit hg_cli_end(
+    struct hg_cli *cli, enum hg_cli_doing doing, enum hg_status status, const struct hg_error *err);
+// A whole command: connects to the daemon, acts, ends.
+enum hg_cli_exit hg_cli_at_daemon(const struct hg_cli_options *options,
+    enum hg_status (*act)(struct hg_cli *cli, struct hg_error *err));
 // The JSON that answers a query; *out is released with json_decref.
 enum hg_status hg_cli_query(
     struct hg_cli *cli, enum hgp_type type, json_t **out, struct hg_error *err) HG_MUST_CHECK;

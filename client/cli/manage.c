@@ -1,4 +1,4 @@
-// manage.c - helio message, kick, drain, tickets: for those who run a daemon, or invite to a scene.
+// manage.c - helio message, kick, drain, tickets: administration of a daemon, join tickets.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,14 +15,6 @@ static enum hg_status call(struct hg_cli *cli, enum hgp_type type, const void *m
     else
         helio_message_free(got);
     return status;
-}
-
-static enum hg_cli_exit finish(
-    struct hg_cli *cli, enum hg_cli_doing doing, enum hg_status status, const struct hg_error *err)
-{
-    enum hg_cli_exit code = status ? hg_cli_report(cli, doing, err) : HG_CLI_EXIT_OK;
-    hg_cli_finish(cli, code);
-    return code;
 }
 
 static enum hg_status parse_number(const char *text, uint64_t *out, struct hg_error *err)
@@ -76,32 +68,19 @@ static enum hg_status do_drain(struct hg_cli *cli, struct hg_error *err)
     return call(cli, HGP_T_drain_set, &m, HGP_T_ok, NULL, err);
 }
 
-static enum hg_cli_exit run(const struct hg_cli_options *options,
-    enum hg_status (*act)(struct hg_cli *cli, struct hg_error *err))
-{
-    struct hg_cli cli;
-    struct hg_error err = {0};
-    enum hg_cli_doing doing;
-    hg_cli_init(&cli, options);
-    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
-    if (!status)
-        status = act(&cli, &err);
-    return finish(&cli, doing, status, &err);
-}
-
 enum hg_cli_exit hg_cli_message(const struct hg_cli_options *options)
 {
-    return run(options, do_message);
+    return hg_cli_at_daemon(options, do_message);
 }
 
 enum hg_cli_exit hg_cli_kick(const struct hg_cli_options *options)
 {
-    return run(options, do_kick);
+    return hg_cli_at_daemon(options, do_kick);
 }
 
 enum hg_cli_exit hg_cli_drain(const struct hg_cli_options *options)
 {
-    return run(options, do_drain);
+    return hg_cli_at_daemon(options, do_drain);
 }
 
 // ---- tickets ------------------------------------------------------------------------------------
@@ -189,13 +168,13 @@ enum hg_cli_exit hg_cli_tickets(const struct hg_cli_options *options)
     } verbs[] = {{"list", list_tickets}, {"make", make_ticket}, {"revoke", revoke_tickets}};
     for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++)
         if (strcmp(options->args[0], verbs[i].verb) == 0)
-            return run(options, verbs[i].act);
+            return hg_cli_at_daemon(options, verbs[i].act);
     struct hg_cli cli;
     struct hg_error err = {0};
     hg_cli_init(&cli, options);
     enum hg_status status =
         hg_error_set(&err, HG_E_INVAL, "tickets", NULL, "takes list, make or revoke");
-    return finish(&cli, HG_CLI_DOING_ARGUMENTS, status, &err);
+    return hg_cli_end(&cli, HG_CLI_DOING_ARGUMENTS, status, &err);
 }
 
 // ---- sessions --follow --------------------------------------------------------------------------

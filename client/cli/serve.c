@@ -132,7 +132,7 @@ static enum hg_status make_secret(char text[SECRET_TEXT], struct hg_error *err)
     return HG_OK;
 }
 
-// The file of tokens holds their hashes: who reads it cannot log in.
+// The file of tokens holds hashes, which are of no use to log in.
 static enum hg_status write_tokens(struct serve *s, struct hg_error *err)
 {
     uint8_t digest[2][HG_SHA256_BYTES];
@@ -325,7 +325,7 @@ static enum hg_status load_scene(struct serve *s, struct hg_error *err)
     return status;
 }
 
-// Opens the page by way of a file that nobody else reads: an argument would be seen by all users.
+// Opens the page by way of a file that only this user may read: all users see arguments.
 static void open_browser(struct serve *s)
 {
     char file[128], text[1400];
