@@ -84,7 +84,7 @@ def packed(items):
     return lines + ([line] if line.strip() else [])
 
 
-HEAD = ('"""%s of the protocol. Written by generate.py from protocol/messages.def: do not edit."""\n'
+HEAD = ('"""%s of the protocol.\n\nWritten by client/python/generate.py from protocol/messages.def: do not edit."""\n'
         "from __future__ import annotations\n\n")
 
 

@@ -15,7 +15,14 @@ install_package() {
     deb=$(echo "$temp"/package/heliograph_*.deb)
     expect 0 dpkg-deb -x "$deb" "$root"
     dpkg-deb -f "$deb" Depends >"$temp/depends"
-    for package in libc6 libvulkan1 libopenimageio libembree mesa-vulkan-drivers; do
+    for package in libc6 libvulkan1 libopenimageio libembree libssl libdeflate mesa-vulkan-drivers; do
+        grep -q "$package" "$temp/depends" || fail "the package does not depend on $package"
+    done
+    # Of what the build found.
+    for library in openh264:helio-worker aom:helio-worker SDL2-2.0:helio-view fontconfig:helio-view; do
+        linked=$root/usr/libexec/${library#*:} name=${library%:*}
+        [ -e "$linked" ] && readelf -d "$linked" | grep -q "\[lib$name\.so" || continue
+        package=lib$(echo "$name" | tr '[:upper:]' '[:lower:]')
         grep -q "$package" "$temp/depends" || fail "the package does not depend on $package"
     done
     for page in helio.1 helio-render.1; do # as Debian wants them
@@ -31,7 +38,8 @@ for file in bin/helio bin/heliod libexec/helio-worker libexec/helio-loader libex
     share/man/man1/helio.1 share/man/man1/helio-render.1 share/man/man8/heliod.8 \
     share/bash-completion/completions/helio share/zsh/site-functions/_helio \
     lib/systemd/system/heliod.service lib/systemd/system/heliod.socket lib/sysusers.d/heliograph.conf \
-    share/doc/heliograph/copyright share/doc/heliograph/docs/client.md share/heliograph/web/hgp.js; do
+    share/doc/heliograph/copyright share/doc/heliograph/docs/client.md share/helio/web/hgp.js \
+    share/helio/web/index.html lib/python3/dist-packages/helio/__init__.py; do
     [ -e "$here/$file" ] || [ -e "$here/$file.gz" ] || fail "$file is not installed"
 done
 grep -q "^ExecStart=$prefix/bin/heliod " "$here/lib/systemd/system/heliod.service" ||
@@ -47,6 +55,14 @@ answers() { "$here/bin/helio" ping --count 1 --connect "unix:$temp/sock" >/dev/n
 until_true answers
 expect 0 "$here/bin/helio" render demo: -o "$temp/b.png" --size 64x48 --samples 1 --connect "unix:$temp/sock"
 same "$temp/a.png" "$temp/b.png"
+expect 0 python3 - "$temp/sock" <<'PY' # the viewer, over HTTP
+import socket, sys
+s = socket.socket(socket.AF_UNIX)
+s.connect(sys.argv[1])
+s.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+answer = b"".join(iter(lambda: s.recv(65536), b""))
+sys.exit(not (answer.startswith(b"HTTP/1.1 200") and b"<html" in answer))
+PY
 kill "$daemon" && wait "$daemon"
 daemon=
 

@@ -2,9 +2,9 @@
 """deploy_files.py SOURCE METRICS - the files of deploy/ hold together.
 
 METRICS: what `heliod --print-docs metrics` says. Every metric of the rules and of the dashboard is one
-of heliod's; queries are taken by promtool, haproxy.cfg by haproxy, unit files by systemd-analyze,
-where these are installed (exit code 77 when none of them is, and nothing else is wrong); manifests refer
-to what they define; the container and the manifests name options that there are.
+of heliod's; promtool accepts the queries and haproxy accepts haproxy.cfg, where these are installed (exit
+code 77 when neither is and nothing else is wrong); manifests refer to what they define; the container
+and the manifests name options that exist.
 """
 import json
 import os

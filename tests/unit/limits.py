@@ -12,10 +12,13 @@ import re
 import sys
 
 ROOMS = ["base", "client", "protocol", "renderer", "server", "shaders", "tests", "deploy"]
-SOURCES = {".c", ".h", ".cpp", ".glsl", ".comp", ".vert", ".frag", ".py", ".sh", ".mjs"}
+SOURCES = {".c", ".h", ".cpp", ".glsl", ".comp", ".vert", ".frag", ".py", ".sh", ".js", ".mjs"}
 MOST_LINES = 700
 MOST_MEMBERS = 25
 MOST_PARAMETERS = 6
+
+# The head of a generated file names its generator, by its path in the repository.
+GENERATED = re.compile(r"\A(?:[^\n]*\n){0,2}[^\n]*\b(?:Made|Written) by ([\w./-]+) from ")
 
 # Blocks that C and GLSL read by offset: tables, one row a name.
 TABLES = {"hg_gpu_lighting", "hg_gpu_path"}
@@ -69,11 +72,13 @@ def line_of(text, index):
     return text.count("\n", 0, index) + 1
 
 
-def check(path, name):
+def check(root, path, name):
     source = path.read_text(errors="replace")
     lines = source.count("\n")
-    # What protocol/gen writes is as long as the table of messages.
-    if lines > MOST_LINES and not name.endswith("helio/_messages.py"):
+    generated = GENERATED.match(source)
+    if generated and not (root / generated.group(1)).exists():
+        yield f"{name}: made by {generated.group(1)}, which is not there"
+    if lines > MOST_LINES and not generated:
         yield f"{name}: {lines} lines"
     if path.suffix not in {".c", ".h", ".cpp"}:
         return
@@ -104,7 +109,7 @@ def main(root):
     for room in ROOMS:
         for path in sorted((root / room).rglob("*")):
             if path.suffix in SOURCES and path.is_file():
-                found += check(path, str(path.relative_to(root)))
+                found += check(root, path, str(path.relative_to(root)))
     print("\n".join(found) if found else "all within limits")
     return 1 if found else 0
 

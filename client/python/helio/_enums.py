@@ -1,4 +1,6 @@
-"""Enums of the protocol. Written by generate.py from protocol/messages.def: do not edit."""
+"""Enums of the protocol.
+
+Written by client/python/generate.py from protocol/messages.def: do not edit."""
 from __future__ import annotations
 
 import enum

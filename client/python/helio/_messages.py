@@ -1,4 +1,6 @@
-"""Messages of the protocol. Written by generate.py from protocol/messages.def: do not edit."""
+"""Messages of the protocol.
+
+Written by client/python/generate.py from protocol/messages.def: do not edit."""
 from __future__ import annotations
 
 from typing import Dict, List, Tuple
