@@ -186,7 +186,7 @@ static const struct hg_client_transport_class tls_class = {
     .has_input = tls_has_input,
 };
 
-// ---- whom to trust ------------------------------------------------------------------------------
+// ---- trust --------------------------------------------------------------------------------------
 
 static enum hg_status set_trust(struct tls *tls, const struct hg_client_tls_options *o,
     const char *host, const char *url, struct hg_error *err)

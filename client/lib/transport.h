@@ -33,7 +33,7 @@ struct hg_client_transport_class {
     bool (*has_input)(const struct hg_client_transport *t);
 };
 
-// Whom to trust, and who one is, with TLS. Strings may be NULL.
+// With TLS: which certificates are trusted, and which one is shown. Strings may be NULL.
 struct hg_client_tls_options {
     char *ca;         // file (PEM) of authorities; NULL = the system's
     char *pin;        // SHA-256 of the server's certificate, in digits: it alone is trusted

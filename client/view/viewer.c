@@ -364,8 +364,7 @@ static enum hg_status open_window(struct hg_viewer *v, struct hg_error *err)
     SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
     if (SDL_Init(SDL_INIT_VIDEO | SDL_INIT_GAMECONTROLLER))
         return fail_sdl(err);
-    // Without a display SDL may fall back to a driver that shows nothing, where no one can close
-    // it.
+    // Without a display SDL may fall back to a driver that shows nothing: no user could close it.
     if (!SDL_getenv("SDL_VIDEODRIVER") && SDL_strcmp(SDL_GetCurrentVideoDriver(), "offscreen") == 0)
         return hg_error_set(err, HG_E_DEVICE, "window", NULL,
             "there is no display (neither DISPLAY nor WAYLAND_DISPLAY names one)");

@@ -522,7 +522,7 @@ export const messages = {
             { name: "ticket", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
         ],
     },
-    // say something to people; ok; error NOTFOUND: there is no such session or scene
+    // show a text to clients; ok; error NOTFOUND: there is no such session or scene
     message_send: {
         type: 0x0150, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
         fields: [

@@ -108,7 +108,7 @@ export class People {
         const { shared, app } = this;
         const waits = shared.waiting.some((w) => w.session === this.self);
         this.cameraText.textContent = shared.locked ? "Locked by an administrator."
-            : shared.holder ? `With ${this.nameOf(shared.holder)}.` : "Nobody moves it.";
+            : shared.holder ? `With ${this.nameOf(shared.holder)}.` : "It is free.";
         this.follow.set(this.isFollowing);
         const actions = [];
         if (this.isHolder)

@@ -62,7 +62,7 @@ struct hg_broker_streams {
     struct hg_tls tls;
 };
 
-// Who is let in besides those whom the file of tokens names, and who is not.
+// What lets in beside the file of tokens, and what is refused although it is there.
 struct hg_guests {
     struct hg_quarantine quarantine; // files that are not
     struct hg_join_tickets tickets;

@@ -189,7 +189,7 @@ static void turn_away(struct hg_conn *conn, const char *reason)
         hg_conn_kill(conn, "too many connections");
 }
 
-// May it stay, as far as is known who it is?
+// May it stay, as far as its peer is known?
 static void admit(struct hg_conn *conn)
 {
     const char *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);

@@ -111,7 +111,7 @@ void hg_session_admin_kick(struct hg_session *s, uint32_t request, const struct 
     else if (block_s)
         (void)block(s, kicked, block_s, &err);
     snprintf(detail, sizeof detail, "session %llu of %s, blocked for %u s: %.*s",
-        (unsigned long long)m->session, kicked ? kicked->name : "nobody", block_s,
+        (unsigned long long)m->session, kicked ? kicked->name : "?", block_s,
         (int)(m->reason.size < 200 ? m->reason.size : 0), m->reason.size ? m->reason.data : "");
     hg_session_audit(s, "kick", err.status, detail);
     if (!err.status) {

@@ -1,4 +1,4 @@
-// session_end.h - sessions that end because somebody in charge, or a rule, says so.
+// session_end.h - sessions that an administrator or a rule of the daemon ends.
 // Floor 6 (broker). Thread: the loop.
 #ifndef HG_BROKER_SESSION_END_H
 #define HG_BROKER_SESSION_END_H

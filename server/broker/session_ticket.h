@@ -10,7 +10,7 @@ void hg_session_ticket_make(
 void hg_session_ticket_list(struct hg_session *session, uint32_t request);
 void hg_session_ticket_revoke(
     struct hg_session *session, uint32_t request, const struct hgp_join_revoke *m);
-// Once a second: tickets whose issuer is not what it was, and those that let nobody in any more and
+// Once a second: tickets whose issuer is not what it was, and those that are used up or expired and
 // have no session, go.
 void hg_session_ticket_check(
     struct hg_session_table *table, const struct hg_tokens *tokens, uint64_t now_s);

@@ -265,7 +265,7 @@ test("asks for a token where it has none, and for another where it is wrong", as
     await third.browserContext().close();
 });
 
-test("asks nobody else for anything", () => {
+test("makes no requests to other hosts", () => {
     const others = page.requests.filter((url) => !url.startsWith(daemon.origin)
         && !url.startsWith(`blob:${daemon.origin}`));
     assert.deepEqual(others, []);
