@@ -239,6 +239,14 @@ enum hg_ws_event hg_ws_read(struct hg_ws_reader *r, const uint8_t *src, size_t s
     return event;
 }
 
+bool hg_ws_reader_is_sound(const struct hg_ws_reader *r)
+{
+    const struct hg_ws_frame *f = &r->frame;
+    return r->utf8_size < sizeof r->utf8 && r->control_size <= sizeof r->control &&
+           f->header_size <= header_needs(f) && f->mask_at < sizeof f->mask &&
+           !(f->begun && is_control(f->opcode) && f->left > sizeof r->control - r->control_size);
+}
+
 // ---- writing ------------------------------------------------------------------------------------
 
 size_t hg_ws_header(

@@ -77,6 +77,8 @@ enum hg_ws_event {
 // *got <= *used: bytes of binary messages, unmasked, moved to dst, which may be src or before it.
 enum hg_ws_event hg_ws_read(struct hg_ws_reader *r, const uint8_t *src, size_t size, uint8_t *dst,
     size_t *used, size_t *got);
+// Whether a reader that was stored as its bytes can go on without leaving its own buffers.
+bool hg_ws_reader_is_sound(const struct hg_ws_reader *r);
 
 // The header of a final frame; mask NULL: of a server. Returns its size.
 size_t hg_ws_header(

@@ -1,4 +1,5 @@
 // manage.c - helio message, kick, drain, tickets: administration of a daemon, join tickets.
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,13 +18,18 @@ static enum hg_status call(struct hg_cli *cli, enum hgp_type type, const void *m
     return status;
 }
 
-static enum hg_status parse_number(const char *text, uint64_t *out, struct hg_error *err)
+// All of them are looked at before the first one has an effect.
+static enum hg_status check_numbers(
+    const struct hg_cli_options *o, uint32_t first, struct hg_error *err)
 {
-    char *end;
-    unsigned long long value = strtoull(text, &end, 10);
-    *out = value;
-    if (text[0] < '0' || text[0] > '9' || *end || !value)
-        return hg_error_set(err, HG_E_INVAL, text, NULL, "is no number of a session or ticket");
+    for (uint32_t i = first; i < o->arg_count; i++) {
+        const char *text = o->args[i];
+        char *end;
+        errno = 0;
+        const unsigned long long value = strtoull(text, &end, 10);
+        if (text[0] < '0' || text[0] > '9' || *end || !value || errno)
+            return hg_error_set(err, HG_E_INVAL, text, NULL, "is no number of a session or ticket");
+    }
     return HG_OK;
 }
 
@@ -46,11 +52,10 @@ static enum hg_status do_kick(struct hg_cli *cli, struct hg_error *err)
     struct hgp_kick m = {.reason = hgp_str_make(o->reason ? o->reason : ""),
         .has_block_s = o->has_block,
         .block_s = o->block};
-    enum hg_status status = HG_OK;
+    enum hg_status status = check_numbers(o, 0, err);
     for (uint32_t i = 0; i < o->arg_count && !status; i++) {
-        status = parse_number(o->args[i], &m.session, err);
-        if (!status)
-            status = call(cli, HGP_T_kick, &m, HGP_T_ok, NULL, err);
+        m.session = strtoull(o->args[i], NULL, 10);
+        status = call(cli, HGP_T_kick, &m, HGP_T_ok, NULL, err);
     }
     return status;
 }
@@ -152,10 +157,10 @@ static enum hg_status revoke_tickets(struct hg_cli *cli, struct hg_error *err)
             err, HG_E_INVAL, "tickets", NULL, "revoke takes the numbers of tickets, or all");
     if (strcmp(o->args[1], "all") == 0)
         return call(cli, HGP_T_join_revoke, &m, HGP_T_ok, NULL, err);
+    status = check_numbers(o, 1, err);
     for (uint32_t i = 1; i < o->arg_count && !status; i++) {
-        status = parse_number(o->args[i], &m.ticket, err);
-        if (!status)
-            status = call(cli, HGP_T_join_revoke, &m, HGP_T_ok, NULL, err);
+        m.ticket = strtoull(o->args[i], NULL, 10);
+        status = call(cli, HGP_T_join_revoke, &m, HGP_T_ok, NULL, err);
     }
     return status;
 }

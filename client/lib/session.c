@@ -189,6 +189,8 @@ static bool handle_own(
                 "the private worker hangs: it has been in one step of rendering for %u s",
                 (unsigned)(message->body.pulse.busy_ns / HG_CLIENT_SECOND_NS));
         return true;
+    case HGP_T_busy: // for brokers; comes before pulses
+        return true;
     case HGP_T_ping:
         *status = hg_client_enqueue(h, HGP_T_pong, message->pub.request,
             &(struct hgp_pong){.nonce = message->body.ping.nonce}, &err);

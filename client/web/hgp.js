@@ -1111,6 +1111,22 @@ export const messages = {
             { name: "time_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
         ],
     },
+    // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got
+    key_frame: {
+        type: 0x0318, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "failed", kind: "u8", least: 0, most: 255, since: 1, optional: true },
+        ],
+    },
+    // of a view with codecs: frames in motion have this encoding from now on; comes after view_set or key_frame was answered, and before the first such frame
+    view_codec: {
+        type: 0x0319, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "encoding", kind: "enum", values: "encoding", since: 1 },
+        ],
+    },
     // clipping planes of a view, in place of those it had. They clip what its camera sees in both modes, what it picks and queries; shadows, reflections and light by way of surfaces are those of the whole scene
     view_clip: {
         type: 0x0320, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
@@ -1139,22 +1155,6 @@ export const messages = {
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "asset", kind: "u32", least: 1, most: 4294967295, since: 1 },
             { name: "variant", kind: "str", max: 256, since: 1, optional: true },
-        ],
-    },
-    // the subscription's next frame is to depend on none before it: the client has lost one, or cannot decode what it got
-    key_frame: {
-        type: 0x0318, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
-        fields: [
-            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
-            { name: "failed", kind: "u8", least: 0, most: 255, since: 1, optional: true },
-        ],
-    },
-    // of a view with codecs: frames in motion have this encoding from now on; comes after view_set or key_frame was answered, and before the first such frame
-    view_codec: {
-        type: 0x0319, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
-        fields: [
-            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
-            { name: "encoding", kind: "enum", values: "encoding", since: 1 },
         ],
     },
     // what is under a pixel of the newest frame?

@@ -53,9 +53,13 @@ enum hg_status hg_blend_sort(struct hg_pass *pass, const struct hg_blend_lists *
 {
     const struct {
         uint64_t reports;
-        uint32_t first_x, first_y, report, reserved;
-    } push = {lists->reports.address, (uint32_t)pass->area.offset.x, (uint32_t)pass->area.offset.y,
-        report, 0};
+        uint32_t first_x, first_y, report, end_x, end_y, reserved;
+    } push = {.reports = lists->reports.address,
+        .first_x = (uint32_t)pass->area.offset.x,
+        .first_y = (uint32_t)pass->area.offset.y,
+        .report = report,
+        .end_x = (uint32_t)pass->area.offset.x + pass->area.extent.width,
+        .end_y = (uint32_t)pass->area.offset.y + pass->area.extent.height};
     struct hg_gpu_rendering rendering = {
         .depth = {.image = depth, .clear = true}, .area = pass->area};
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &pass->bindings, err);

@@ -14,8 +14,8 @@ void hg_session_admin_watch(
     struct hg_session *session, uint32_t request, const struct hgp_sessions_watch *m);
 // Every 50 ms: statistics that are due.
 void hg_session_admin_tick(struct hg_session_table *table);
-// A drain is set, and the deadline has come or no session is left: its sessions end, once. True: the
-// daemon is to end as well.
+// A drain is set, and the deadline has come or no session is left: its sessions end, once. True:
+// the daemon is to end as well.
 bool hg_session_admin_drained(struct hg_session_table *table);
 
 #endif

@@ -346,6 +346,13 @@ static bool take_block(struct hg_reader *r, void *out, size_t size)
     return bytes && !r->failed;
 }
 
+static bool is_output_sound(const struct output *out)
+{
+    return !out->close && out->header_size <= sizeof out->header &&
+           out->header_sent <= out->header_size && out->control_size <= sizeof out->control &&
+           out->control_sent <= out->control_size && out->pong_size <= sizeof out->pong;
+}
+
 enum hg_status hg_ws_transport_load(struct hg_transport *t, const struct hg_transport *below,
     const struct hg_options *options, struct hg_reader *r)
 {
@@ -355,12 +362,8 @@ enum hg_status hg_ws_transport_load(struct hg_transport *t, const struct hg_tran
     bool good = take_block(r, &ws->in, sizeof ws->in) && take_block(r, &ws->out, sizeof ws->out);
     uint32_t size = hg_read_u32(r);
     const uint8_t *early = hg_read_bytes(r, size);
-    good = good && !r->failed && !ws->in.ended && !ws->out.close &&
-           ws->out.header_sent <= ws->out.header_size &&
-           ws->out.header_size <= HG_WS_HEADER_BYTES &&
-           ws->out.control_sent <= ws->out.control_size &&
-           ws->out.control_size <= CONTROL_FRAME_BYTES &&
-           ws->in.frame.header_size <= HG_WS_HEADER_BYTES;
+    good = good && !r->failed && ws->in.masked && !ws->in.ended && hg_ws_reader_is_sound(&ws->in) &&
+           is_output_sound(&ws->out);
     ws->in.limit = options->max_message_bytes + HGP_HEADER_BYTES;
     ws->in.reason = NULL;
     if (!good || !keep_early(ws, early, size)) {

@@ -13,6 +13,7 @@ layout(push_constant, scalar) uniform hg_push
     hg_blend_reports reports;
     uvec2 first; // pixel of the area
     uint report;
+    uvec2 end; // of the area; first: all of the frame
 } push;
 
 #define NODE(i) hg_frame.blend.nodes.v[i]
@@ -88,7 +89,12 @@ void drop_equals(uint head)
 
 void main()
 {
+    // Helper invocations beyond the area would follow old lists, and links that they wrote in vain: for
+    // ever. (gl_HelperInvocation is not for llvmpipe of Mesa 22.)
     uvec2 pixel = uvec2(gl_FragCoord.xy);
+    uvec2 end = push.end == push.first ? uvec2(hg_frame.width, hg_frame.height) : push.end;
+    if (any(lessThan(pixel, push.first)) || any(greaterThanEqual(pixel, end)))
+        return;
     uint place = pixel.y * hg_frame.width + pixel.x, count, kept;
     bool too_deep = cut(hg_frame.blend.heads.v[place], HG_BLEND_MAX_SORTED, count);
     uint head = sort(hg_frame.blend.heads.v[place], count);

@@ -11,7 +11,8 @@ import puppeteer from "puppeteer-core";
 export const source = process.env.HELIO_SOURCE_DIR ?? fileURLToPath(new URL("../..", import.meta.url));
 export const build = process.env.HELIO_BUILD_DIR ?? join(source, "build");
 export const models = join(build, "tests/models");
-export const WAIT_MS = 300000; // for conditions; it passes only where something is wrong
+// For conditions; it passes only where something is wrong.
+export const WAIT_MS = Number(process.env.HELIO_TEST_WAIT_MS ?? 300000);
 
 const run = promisify(execFile);
 const chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
@@ -47,7 +48,7 @@ export class Daemon {
             "--port-file", ports, "--tokens", join(this.folder, "tokens"), "--asset-root", models,
             "--state-dir", join(this.folder, "state"), "--cache-dir", join(this.folder, "cache"),
             "--isolation", "shared", "--sandbox", "best-effort", "--no-seed-shaders", "--hang-timeout", "3600",
-            "--log", "warn"], { stdio: ["ignore", "inherit", "inherit"] });
+            "--start-timeout", "600", "--worker-timeout", "600", "--log", "warn"], { stdio: ["ignore", "inherit", "inherit"] });
         this.ended = new Promise((done) => this.process.on("exit", done));
         await until(() => existsSync(ports) && readFileSync(ports, "utf8").trim(), "the daemon listens");
         this.port = Number(readFileSync(ports, "utf8").trim().split(/\D+/)[0]);

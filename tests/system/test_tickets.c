@@ -23,6 +23,12 @@ static void take(struct peer *p, struct ticket *out)
     snprintf(out->secret, sizeof out->secret, "%.*s", (int)m->secret.size, m->secret.data);
 }
 
+// The text of the JSON answer, which has no terminator, contains `part`.
+static bool says(const struct peer *p, const char *part)
+{
+    return memmem(p->m.json.text.data, p->m.json.text.size, part, strlen(part)) != NULL;
+}
+
 static void make(struct peer *p, const struct hgp_join_make *m, struct ticket *out)
 {
     peer_call(p, HGP_T_join_make, m, HGP_T_join_ticket);
@@ -157,11 +163,11 @@ static void revoked_ends_its_sessions(void **state)
     peer_refused(&other, HGP_T_join_revoke, &(struct hgp_join_revoke){.ticket = ticket.number},
         HG_E_NOTFOUND); // not its own
     peer_call(&other, HGP_T_join_query, &(struct hgp_join_query){0}, HGP_T_json);
-    assert_memory_equal(other.m.json.text.data, "{\"tickets\":[]}", other.m.json.text.size);
+    assert_true(says(&other, "{\"tickets\":[]}"));
     peer_call(&issuer, HGP_T_join_query, &(struct hgp_join_query){0}, HGP_T_json);
-    assert_non_null(strstr(issuer.m.json.text.data, "\"used\":1"));
-    assert_non_null(strstr(issuer.m.json.text.data, "\"sessions\":1"));
-    assert_null(strstr(issuer.m.json.text.data, ticket.secret));
+    assert_true(says(&issuer, "\"used\":1"));
+    assert_true(says(&issuer, "\"sessions\":1"));
+    assert_false(says(&issuer, ticket.secret));
     peer_call(
         &issuer, HGP_T_join_revoke, &(struct hgp_join_revoke){.ticket = ticket.number}, HGP_T_ok);
     peer_end(&guest);

@@ -107,7 +107,7 @@ def main(root):
     root = pathlib.Path(root)
     found = []
     for room in ROOMS:
-        for path in sorted((root / room).rglob("*")):
+        for path in sorted(p for p in (root / room).rglob("*") if "node_modules" not in p.parts):
             if path.suffix in SOURCES and path.is_file():
                 found += check(root, path, str(path.relative_to(root)))
     print("\n".join(found) if found else "all within limits")

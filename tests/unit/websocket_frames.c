@@ -230,6 +230,34 @@ static void masks(void **state)
         }
 }
 
+// A reader that stands within a ping goes on from its bytes; no size in them is believed.
+static void stored_readers(void **state)
+{
+    (void)state;
+    struct hg_writer in = {0}, data = {0};
+    struct hg_ws_reader r = {.masked = true}, bad;
+    put_frame(&in, 0x89, "ping", 4);
+    in.size--;
+    assert_int_equal(run(&r, &in, 1, &data, NULL), HG_WS_MORE);
+    assert_true(hg_ws_reader_is_sound(&r));
+    assert_true(r.frame.begun && r.control_size == 3);
+    bad = r;
+    bad.frame.left = sizeof r.control;
+    assert_false(hg_ws_reader_is_sound(&bad));
+    bad = r;
+    bad.control_size = sizeof r.control + 1;
+    assert_false(hg_ws_reader_is_sound(&bad));
+    bad = r;
+    bad.utf8_size = sizeof r.utf8;
+    assert_false(hg_ws_reader_is_sound(&bad));
+    bad = r;
+    bad.frame.mask_at = sizeof r.frame.mask;
+    assert_false(hg_ws_reader_is_sound(&bad));
+    bad = (struct hg_ws_reader){.masked = true, .frame.header_size = 3};
+    assert_false(hg_ws_reader_is_sound(&bad));
+    hg_writer_finish(&in);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -238,6 +266,7 @@ int main(void)
         cmocka_unit_test(each_rule_is_kept),
         cmocka_unit_test(a_server_does_not_mask),
         cmocka_unit_test(closes),
+        cmocka_unit_test(stored_readers),
         cmocka_unit_test(keys),
         cmocka_unit_test(masks),
     };

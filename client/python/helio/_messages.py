@@ -419,6 +419,12 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "clock": (0x0315, "S2C", [
         ("time_ns", "U64", "", False),
     ]),
+    "key_frame": (0x0318, "C2S", [
+        ("view", "U32", "", False), ("failed", "U8", "", True),
+    ]),
+    "view_codec": (0x0319, "S2C", [
+        ("view", "U32", "", False), ("encoding", "ENUM", "encoding", False),
+    ]),
     "view_clip": (0x0320, "C2S", [
         ("view", "U32", "", False), ("planes", "LIST", "clip_plane", False), ("caps", "ENUM", "cap_style", True),
         ("cap_color", "VEC3", "", True), ("hatch_px", "F32", "", True),
@@ -429,12 +435,6 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     ]),
     "view_variant": (0x0322, "C2S", [
         ("view", "U32", "", False), ("asset", "U32", "", False), ("variant", "STR", "", True),
-    ]),
-    "key_frame": (0x0318, "C2S", [
-        ("view", "U32", "", False), ("failed", "U8", "", True),
-    ]),
-    "view_codec": (0x0319, "S2C", [
-        ("view", "U32", "", False), ("encoding", "ENUM", "encoding", False),
     ]),
     "pick": (0x0401, "C2S", [
         ("view", "U32", "", False), ("x", "U32", "", False), ("y", "U32", "", False),

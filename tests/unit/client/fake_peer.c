@@ -1,4 +1,5 @@
-// fake_peer - stands in for a worker (--fd 3) or a daemon (--listen PATH) in tests of the client.
+// fake_peer - stands in for a worker (--fd 3) or a daemon (--listen PATH, or --inherit 3: a socket
+// that listens already) in tests of the client.
 //
 // Answers every message plausibly. The environment variable FAKE holds words that make it
 // misbehave:
@@ -13,7 +14,9 @@
 //   dribble=1           send one byte at a time
 //   have=1              claim to have every uploaded content
 //   stray=1             send unrelated messages between the answers
+//   alive=N             (worker) send N signs of life, pings and reports of work before each answer
 //   warnings=N          warn N times when an asset is loaded
+//   tickets=1           one join ticket is listed
 //   quiet=1             do not warn when an asset is loaded
 //   large=1             send frames of 8 KiB
 //   lost=N              warn with the N-th frame
@@ -31,6 +34,9 @@
 #include <unistd.h>
 
 #include "protocol/hgp.h"
+
+// Arguments of %.*s.
+#define TEXT(s) (int)(s).size, (s).size ? (s).data : ""
 
 static int peer_fd;
 static bool is_worker;
@@ -216,6 +222,28 @@ static void send_compared(const struct hgp_header *h, const struct hgp_compare *
     answer(h, HGP_T_compared, &out);
 }
 
+static void log_management(FILE *out, uint16_t type, const union hgp_any *m)
+{
+    if (type == HGP_T_message_send)
+        fprintf(out, " '%.*s' session=%u scene='%.*s'", TEXT(m->message_send.text),
+            (unsigned)(m->message_send.has_session ? m->message_send.session : 0),
+            TEXT(m->message_send.scene));
+    if (type == HGP_T_kick)
+        fprintf(out, " %llu reason='%.*s' block=%u", (unsigned long long)m->kick.session,
+            TEXT(m->kick.reason), m->kick.has_block_s ? m->kick.block_s : 0);
+    if (type == HGP_T_drain_set)
+        fprintf(out, " ms=%u reason='%.*s' stay=%d cancel=%d", m->drain_set.deadline_ms,
+            TEXT(m->drain_set.reason), m->drain_set.has_stay && m->drain_set.stay,
+            m->drain_set.has_cancel && m->drain_set.cancel);
+    if (type == HGP_T_join_make)
+        fprintf(out, " scene='%.*s' role=%s uses=%u valid=%u label='%.*s'",
+            TEXT(m->join_make.scene), hgp_enum_name("role", m->join_make.role),
+            m->join_make.has_uses ? m->join_make.uses : 0,
+            m->join_make.has_valid_s ? m->join_make.valid_s : 0, TEXT(m->join_make.label));
+    if (type == HGP_T_join_revoke)
+        fprintf(out, " %llu", (unsigned long long)m->join_revoke.ticket);
+}
+
 static void log_message(const char *name, uint16_t type, const union hgp_any *m)
 {
     const char *path = word("log");
@@ -275,6 +303,7 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
     if (type == HGP_T_view_set)
         fprintf(out, " size=%ux%u samples=%u", m->view_set.width, m->view_set.height,
             m->view_set.samples);
+    log_management(out, type, m);
     fprintf(out, "\n");
     fclose(out);
 }
@@ -304,6 +333,22 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
         break;
     case HGP_T_sessions_query:
         answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(sessions)});
+        break;
+    case HGP_T_join_query:
+        answer(h, HGP_T_json,
+            &(struct hgp_json){
+                .text = hgp_str_make(word("tickets") ? "{\"tickets\":[{\"ticket\":4,\"label\":"
+                                                       "\"ann\",\"used\":1}]}"
+                                                     : "{\"tickets\":[]}")});
+        break;
+    case HGP_T_join_make:
+        answer(h, HGP_T_join_ticket,
+            &(struct hgp_join_ticket){.ticket = 4,
+                .secret = hgp_str_make("hj-secret"),
+                .scene = m->join_make.scene,
+                .role = m->join_make.role,
+                .uses = m->join_make.has_uses ? m->join_make.uses : 1,
+                .valid_s = m->join_make.has_valid_s ? m->join_make.valid_s : 3600});
         break;
     case HGP_T_bake:
         answer(h, HGP_T_json,
@@ -427,6 +472,17 @@ static void send_stray(uint32_t channel)
     answer(&nobody, HGP_T_ping, &(struct hgp_ping){.nonce = 5});
 }
 
+// As the broker of a worker that works for long gets them.
+static void send_signs_of_life(uint32_t channel, int count)
+{
+    const struct hgp_header worker = {0}, session = {.channel = channel};
+    for (int i = 0; i < count; i++) {
+        answer(&worker, HGP_T_busy, &(struct hgp_busy){.channel = channel, .view = 1});
+        answer(&worker, HGP_T_pulse, &(struct hgp_pulse){.busy_ns = 1000000});
+        answer(&session, HGP_T_ping, &(struct hgp_ping){.nonce = 5});
+    }
+}
+
 static bool serve_one(void)
 {
     uint8_t bytes[HGP_HEADER_BYTES];
@@ -446,6 +502,8 @@ static bool serve_one(void)
     log_message(name, h.type, &m);
     if (word("stray") && h.type != HGP_T_hello && h.type != HGP_T_pong)
         send_stray(h.channel);
+    if (word("alive") && h.request)
+        send_signs_of_life(h.channel, atoi(word("alive")));
     if (!misbehave(&h, name))
         respond(&h, &m);
     hg_arena_finish(&arena);
@@ -493,6 +551,17 @@ static void serve(int fd)
     _exit(0);
 }
 
+static int listen_on(const char *path)
+{
+    struct sockaddr_un sa = {.sun_family = AF_UNIX};
+    snprintf(sa.sun_path, sizeof sa.sun_path, "%s", path);
+    int listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    unlink(path);
+    if (listener < 0 || bind(listener, (struct sockaddr *)&sa, sizeof sa) || listen(listener, 16))
+        return -1;
+    return listener;
+}
+
 int main(int argc, char **argv)
 {
     if (argc < 3)
@@ -501,11 +570,8 @@ int main(int argc, char **argv)
         is_worker = true;
         serve(atoi(argv[2]));
     }
-    struct sockaddr_un sa = {.sun_family = AF_UNIX};
-    snprintf(sa.sun_path, sizeof sa.sun_path, "%s", argv[2]);
-    int listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    unlink(argv[2]);
-    if (listener < 0 || bind(listener, (struct sockaddr *)&sa, sizeof sa) || listen(listener, 16))
+    int listener = strcmp(argv[1], "--inherit") == 0 ? atoi(argv[2]) : listen_on(argv[2]);
+    if (listener < 0)
         return 1;
     signal(SIGCHLD, SIG_IGN);
     puts("ready");

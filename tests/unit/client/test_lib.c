@@ -241,6 +241,23 @@ static void test_worker(void **state)
     assert_true(kill(info.worker_pid, 0) && errno == ESRCH);
 }
 
+// A program that never takes messages may work with a worker for as long as it likes.
+static void test_signs_of_life(void **state)
+{
+    (void)state;
+    setenv("FAKE", "alive=100", 1);
+    struct helio *c = connect_good(&(struct helio_options){0});
+    struct helio_message *m;
+    struct hg_error err = {0};
+    uint64_t rtt;
+    for (int i = 0; i < 4; i++) // more of them than the queue holds
+        if (helio_ping(c, &rtt, &err))
+            fail_msg("%s: %s", err.what, err.reason);
+    assert_int_equal(helio_next(c, &m, &err), HG_E_AGAIN);
+    helio_destroy(c);
+    unsetenv("FAKE");
+}
+
 static void test_tokens(void **state)
 {
     (void)state;
@@ -465,6 +482,7 @@ int main(void)
         cmocka_unit_test(test_non_blocking),
         cmocka_unit_test(test_back_pressure),
         cmocka_unit_test(test_worker),
+        cmocka_unit_test(test_signs_of_life),
         cmocka_unit_test(test_tokens),
         cmocka_unit_test(test_interrupt_and_timeout),
         cmocka_unit_test(test_every_prefix),

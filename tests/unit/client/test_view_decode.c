@@ -17,7 +17,7 @@ enum { WIDTH = 24, HEIGHT = 16, BYTES = WIDTH * HEIGHT * 4 };
 static void paint(uint8_t pixels[BYTES])
 {
     for (int i = 0; i < BYTES; i++)
-        pixels[i] = i % 4 == 3 ? 255 : (uint8_t)(i / 4 % WIDTH * 8);
+        pixels[i] = (uint8_t)(i % 4 == 3 ? 255 : i / 4 % WIDTH * 8);
 }
 
 static struct hgp_frame frame_of(enum hgp_encoding encoding, const void *data, size_t size)
