@@ -32,7 +32,7 @@ class HelioError(Exception):
 
 class Error(ctypes.Structure):
     _fields_ = [("status", c_int), ("what", c_char * 256), ("where", c_char * 128),
-                ("reason", c_char * 256)]
+                ("reason", c_char * 256), ("limit", c_char * 32), ("retry_after_ms", c_uint32)]
 
 
 class Str(ctypes.Structure):
@@ -157,13 +157,14 @@ def _decode_value(kind: str, of: str, value: Any) -> Any:
 class Options(ctypes.Structure):
     _fields_ = [("url", c_char_p), ("token", c_char_p), ("client", c_char_p),
                 ("timeout_ns", c_uint64), ("max_receive_bytes", c_uint32), ("worker", c_char_p),
-                ("worker_args", POINTER(c_char_p)), ("reconnect_ns", c_uint64)]
+                ("worker_args", POINTER(c_char_p)), ("reconnect_ns", c_uint64), ("tls_ca", c_char_p),
+                ("tls_pin", c_char_p), ("tls_cert", c_char_p), ("tls_key", c_char_p), ("tls_insecure", c_bool)]
 
 
 class Info(ctypes.Structure):
     _fields_ = [("state", c_int), ("role", c_int), ("version", c_uint16), ("session", c_uint64),
                 ("max_message_bytes", c_uint32), ("server", c_char_p), ("device", c_char_p),
-                ("worker_pid", c_int), ("draining", c_bool), ("reconnects", c_uint32)]
+                ("worker_pid", c_int), ("draining", c_bool), ("scene", c_char_p), ("reconnects", c_uint32)]
 
 
 class Message(ctypes.Structure):
@@ -178,12 +179,15 @@ class File(ctypes.Structure):
 TICK = ctypes.CFUNCTYPE(None, c_void_p)
 PROGRESS = ctypes.CFUNCTYPE(None, c_void_p, POINTER(structs["progress"]))
 NOTICE = ctypes.CFUNCTYPE(None, c_void_p, POINTER(structs["notice"]))
+TOLD = ctypes.CFUNCTYPE(None, c_void_p, POINTER(structs["message"]))
+IDLE = ctypes.CFUNCTYPE(None, c_void_p, POINTER(structs["idle_warning"]))
 SENT = ctypes.CFUNCTYPE(None, c_void_p, POINTER(c_uint8), c_size_t)
 RECEIVED = ctypes.CFUNCTYPE(None, c_void_p, POINTER(Message))
 
 
 class Handlers(ctypes.Structure):
-    _fields_ = [("user", c_void_p), ("tick", TICK), ("progress", PROGRESS), ("notice", NOTICE)]
+    _fields_ = [("user", c_void_p), ("tick", TICK), ("progress", PROGRESS), ("notice", NOTICE),
+                ("message", TOLD), ("idle", IDLE)]
 
 
 class Tap(ctypes.Structure):
