@@ -1,7 +1,10 @@
 #include "server/broker/session_look.h"
 
+#include <string.h>
+
 #include "base/alloc.h"
 #include "base/log.h"
+#include "server/broker/session_record.h"
 #include "server/broker/session_view.h"
 
 // What a message of a view's look says, as far as the broker needs it.
@@ -73,6 +76,23 @@ static bool is_replaced(
     return packet->header.type == HGP_T_view_clip || !decode(old, &was) || was.asset == look->asset;
 }
 
+static enum hg_status add(
+    struct hg_session_looks *l, struct hg_packet *packet, const struct look *look)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < l->count; i++) {
+        if (is_replaced(l->items[i], packet, look))
+            hg_packet_unref(l->items[i]);
+        else
+            l->items[kept++] = l->items[i];
+    }
+    l->count = kept;
+    enum hg_status status = hg_grow(&l->items, &l->capacity, l->count + 1, sizeof *l->items);
+    if (!status)
+        l->items[l->count++] = hg_packet_ref(packet);
+    return status;
+}
+
 void hg_session_look_note(struct hg_session *s, struct hg_packet *packet)
 {
     struct look look;
@@ -81,19 +101,35 @@ void hg_session_look_note(struct hg_session *s, struct hg_packet *packet)
     struct hg_session_view *view = hg_session_view_find(s, look.view);
     if (!view)
         return;
-    struct hg_session_looks *l = &view->looks;
-    uint32_t kept = 0;
-    for (uint32_t i = 0; i < l->count; i++) {
-        if (is_replaced(l->items[i], packet, &look))
-            hg_packet_unref(l->items[i]);
-        else
-            l->items[kept++] = l->items[i];
-    }
-    l->count = kept;
-    if (hg_grow(&l->items, &l->capacity, l->count + 1, sizeof *l->items))
+    if (add(&view->looks, packet, &look))
         hg_warn(SESSION, "no memory to remember how a view shows the scene");
     else
-        l->items[l->count++] = hg_packet_ref(packet);
+        hg_session_record_look(s, view, packet);
+}
+
+static bool is_look(uint16_t type)
+{
+    return type == HGP_T_view_clip || type == HGP_T_view_overrides || type == HGP_T_view_variant;
+}
+
+enum hg_status hg_session_look_take(struct hg_session *s, const struct hg_state_look *m)
+{
+    struct look look;
+    struct hg_session_view *view = hg_session_view_find(s, m->view);
+    if (!is_look(m->type))
+        return HG_E_FORMAT;
+    if (!view) // of a quota that is smaller now
+        return HG_OK;
+    struct hg_packet *packet =
+        hg_packet_create(&(struct hgp_header){.type = m->type, .length = m->payload.size});
+    if (!packet)
+        return HG_E_NOMEM;
+    if (m->payload.size)
+        memcpy(packet->payload, m->payload.data, m->payload.size);
+    const bool known = decode(packet, &look) && look.view == m->view;
+    enum hg_status status = known ? add(&view->looks, packet, &look) : HG_E_FORMAT;
+    hg_packet_unref(packet);
+    return status;
 }
 
 void hg_session_look_restore(struct hg_session *s, const struct hg_session_view *view)

@@ -13,8 +13,11 @@
 // HG_SESSION_LOOK_BYTES.
 enum hg_status hg_session_look_check(struct hg_session *session, const struct hg_packet *packet,
     const union hgp_any *message, struct hg_error *err) HG_MUST_CHECK;
-// The worker accepted one of these: it takes the place of those that it replaces.
+// The worker accepted one of these: it takes the place of those that it replaces, and is recorded.
 void hg_session_look_note(struct hg_session *session, struct hg_packet *packet);
+// One that was recorded, after its view. HG_E_FORMAT, HG_E_NOMEM.
+enum hg_status hg_session_look_take(
+    struct hg_session *session, const struct hg_state_look *record) HG_MUST_CHECK;
 // Sends them to a worker that does not have them.
 void hg_session_look_restore(struct hg_session *session, const struct hg_session_view *view);
 

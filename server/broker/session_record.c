@@ -87,6 +87,13 @@ void hg_session_record_view(struct hg_session *s, struct hg_session_view *view)
                                                 .camera = payload_of(view->camera)}));
 }
 
+void hg_session_record_look(
+    struct hg_session *s, const struct hg_session_view *view, struct hg_packet *packet)
+{
+    if (view->accepted)
+        hold(s, hg_state_put_look(log_of(s), s->number, view->number, packet));
+}
+
 void hg_session_record_view_end(struct hg_session *s, const struct hg_session_view *view)
 {
     if (view->accepted)
@@ -104,6 +111,9 @@ void hg_session_record_cameras(struct hg_session_table *table)
 void hg_session_record_all(struct hg_session *s)
 {
     hg_session_record(s);
-    for (struct hg_session_view *it = s->views; it; it = it->next)
+    for (struct hg_session_view *it = s->views; it; it = it->next) {
         hg_session_record_view(s, it);
+        for (uint32_t i = 0; i < it->looks.count; i++)
+            hg_session_record_look(s, it, it->looks.items[i]);
+    }
 }

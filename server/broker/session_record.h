@@ -13,6 +13,9 @@ void hg_session_record_take_share(
     struct hg_session *session, const struct hg_state_session *record);
 void hg_session_record_end(struct hg_session *session);
 void hg_session_record_view(struct hg_session *session, struct hg_session_view *view);
+// A message of its look that was accepted.
+void hg_session_record_look(
+    struct hg_session *session, const struct hg_session_view *view, struct hg_packet *packet);
 void hg_session_record_view_end(struct hg_session *session, const struct hg_session_view *view);
 // Once in a while: cameras that have moved.
 void hg_session_record_cameras(struct hg_session_table *table);

@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "server/broker/session.h"
+#include "server/broker/session_look.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_view.h"
 
@@ -176,7 +177,13 @@ static enum hg_status take_annotation(
     return HG_OK;
 }
 
-// Of people in scenes.
+static enum hg_status take_look(struct hg_session_table *table, const struct hg_state_look *m)
+{
+    struct hg_session *s = hg_session_find(table, m->session);
+    return s && s->scene ? hg_session_look_take(s, m) : HG_OK; // it has left the scene since
+}
+
+// Of people in scenes and of what their views show.
 static enum hg_status take_later(
     struct hg_session_table *table, const struct hg_state_record *record)
 {
@@ -192,6 +199,8 @@ static enum hg_status take_later(
         if (tickets->last_number < record->of.ticket.number)
             tickets->last_number = record->of.ticket.number;
         return HG_OK;
+    case HG_STATE_LOOK:
+        return take_look(table, &record->of.look);
     default:
         hg_block_add(table->blocks, NULL, record->of.block.hash, record->of.block.until_s);
         return HG_OK;

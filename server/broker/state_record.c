@@ -132,6 +132,18 @@ uint64_t hg_state_put_view_end(struct hg_state_log *log, uint32_t session, uint3
     return put_numbers(log, HG_STATE_VIEW_END, (uint32_t[]){session, number}, 2);
 }
 
+uint64_t hg_state_put_look(
+    struct hg_state_log *log, uint32_t session, uint32_t view, struct hg_packet *packet)
+{
+    if (!log)
+        return 0;
+    struct hg_writer w = begin(HG_STATE_LOOK);
+    hg_write_u32(&w, session);
+    hg_write_u32(&w, view);
+    hg_write_u16(&w, packet->header.type);
+    return hg_state_log_append(log, &w, packet);
+}
+
 uint64_t hg_state_put_annotation(struct hg_state_log *log, const struct hg_state_annotation *it)
 {
     if (!log)
@@ -216,13 +228,26 @@ static void take_key(struct hg_reader *r, uint8_t key[32])
         memcpy(key, data, 32);
 }
 
+static struct hgp_bytes take_rest(struct hg_reader *r)
+{
+    size_t size = r->failed ? 0 : r->size - r->pos;
+    return (struct hgp_bytes){hg_read_bytes(r, size), (uint32_t)size};
+}
+
 static void take_edit(struct hg_reader *r, struct hg_state_edit *out)
 {
     out->scene = hg_read_u32(r);
     out->revision = hg_read_u64(r);
     out->type = hg_read_u16(r);
-    size_t size = r->failed ? 0 : r->size - r->pos;
-    out->payload = (struct hgp_bytes){hg_read_bytes(r, size), (uint32_t)size};
+    out->payload = take_rest(r);
+}
+
+static void take_look(struct hg_reader *r, struct hg_state_look *out)
+{
+    out->session = hg_read_u32(r);
+    out->view = hg_read_u32(r);
+    out->type = hg_read_u16(r);
+    out->payload = take_rest(r);
 }
 
 static void take_suspect(struct hg_reader *r, bool ends, struct hg_state_suspect *out)
@@ -326,7 +351,7 @@ static void take_ticket(struct hg_reader *r, bool ends, struct hg_state_ticket *
     out->label = take_text(r);
 }
 
-// Of people in scenes.
+// Of people in scenes and of what their views show.
 static bool take_later(struct hg_reader *r, struct hg_state_record *out)
 {
     switch (out->kind) {
@@ -341,6 +366,9 @@ static bool take_later(struct hg_reader *r, struct hg_state_record *out)
     case HG_STATE_BLOCK:
         take_key(r, out->of.block.hash);
         out->of.block.until_s = hg_read_u64(r);
+        return true;
+    case HG_STATE_LOOK:
+        take_look(r, &out->of.look);
         return true;
     default:
         return false;

@@ -25,6 +25,7 @@ enum hg_state_kind {
     HG_STATE_TICKET = 34,         // a join ticket; replaces an older record of it
     HG_STATE_TICKET_END = 35,
     HG_STATE_BLOCK = 36, // a token that is refused for a while
+    HG_STATE_LOOK = 37,  // of a view, after its record: planes, overrides or a variant, as accepted
 };
 
 struct hg_state_scene {
@@ -67,6 +68,12 @@ struct hg_state_view {
     struct hgp_bytes params, camera; // payloads of view_set and view_camera; camera may be empty
 };
 
+struct hg_state_look {
+    uint32_t session, view;
+    uint16_t type; // of the message
+    struct hgp_bytes payload;
+};
+
 struct hg_state_annotation {
     uint32_t scene, number;
     uint8_t kind;
@@ -105,6 +112,7 @@ struct hg_state_record {
         struct hg_state_annotation annotation; // ANNOTATION_END: scene and number
         struct hg_state_ticket ticket;         // TICKET_END: its number
         struct hg_state_block block;
+        struct hg_state_look look;
     } of;
 };
 
@@ -124,6 +132,8 @@ uint64_t hg_state_put_session(struct hg_state_log *log, const struct hg_state_se
 uint64_t hg_state_put_session_end(struct hg_state_log *log, uint32_t number);
 uint64_t hg_state_put_view(struct hg_state_log *log, const struct hg_state_view *view);
 uint64_t hg_state_put_view_end(struct hg_state_log *log, uint32_t session, uint32_t number);
+uint64_t hg_state_put_look(
+    struct hg_state_log *log, uint32_t session, uint32_t view, struct hg_packet *packet);
 uint64_t hg_state_put_annotation(struct hg_state_log *log, const struct hg_state_annotation *it);
 uint64_t hg_state_put_annotation_end(struct hg_state_log *log, uint32_t scene, uint32_t number);
 uint64_t hg_state_put_ticket(struct hg_state_log *log, const struct hg_state_ticket *ticket);

@@ -42,7 +42,7 @@ struct view {
     uint32_t number, credit;
     struct hg_packet *params, *camera;
     uint64_t frames, sent_ns;
-    struct hg_packet *looks[64]; // view_clip, view_overrides: those that count
+    struct hg_packet *looks[64]; // view_clip, view_overrides, view_variant: those that count
     uint32_t look_count;
 };
 
@@ -361,6 +361,7 @@ static void view_message(struct channel *c, struct hg_packet *packet, const unio
         break;
     case HGP_T_view_clip:
     case HGP_T_view_overrides:
+    case HGP_T_view_variant:
         take_look(view, packet, m);
         break;
     default:
@@ -465,6 +466,7 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
     case HGP_T_view_camera:
     case HGP_T_view_clip:
     case HGP_T_view_overrides:
+    case HGP_T_view_variant:
     case HGP_T_subscribe:
     case HGP_T_credit:
     case HGP_T_delivered:

@@ -122,6 +122,25 @@ static void kicked_stay_out(void **state)
     daemon_finish(&d);
 }
 
+// What /readyz answers begins and ends with.
+static void ready_is(struct daemon *d, const char *begin, const char *end)
+{
+    static const char request[] =
+        "GET /readyz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+    char text[2048];
+    size_t size = 0;
+    struct peer p;
+    peer_connect(&p, d, false);
+    peer_raw(&p, request, sizeof request - 1);
+    for (ssize_t n; size + 1 < sizeof text; size += (size_t)n)
+        if ((n = read(p.fd, text + size, sizeof text - 1 - size)) <= 0)
+            break;
+    text[size] = 0;
+    peer_close(&p);
+    if (strncmp(text, begin, strlen(begin)) != 0 || !strstr(text, end))
+        fail_msg("not '%s', '%s': %s", begin, end, text);
+}
+
 static void drains_when_told(void **state)
 {
     (void)state;
@@ -131,7 +150,9 @@ static void drains_when_told(void **state)
     begin(&d, &admin, &bert);
     struct hgp_drain_set m = {.deadline_ms = 3600000, .reason = hgp_str_make("new disks")};
     peer_refused(&bert, HGP_T_drain_set, &m, HG_E_PERM);
+    ready_is(&d, "HTTP/1.1 200", "");
     peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    ready_is(&d, "HTTP/1.1 503", "draining");
     await(&bert, HGP_T_drain);
     assert_memory_equal(bert.m.drain.reason.data, "new disks", 9);
     peer_refused(&bert, HGP_T_view_set, &(struct hgp_view_set){.view = 1}, HG_E_STATE);
@@ -141,6 +162,7 @@ static void drains_when_told(void **state)
     m = (struct hgp_drain_set){.has_cancel = true, .cancel = true};
     peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
     await(&bert, HGP_T_drain_cancelled);
+    ready_is(&d, "HTTP/1.1 200", "");
     peer_view(&bert, 1, 16, 16);
     // Stays: others end, administrators go on.
     m = (struct hgp_drain_set){.deadline_ms = 50, .has_stay = true, .stay = true};

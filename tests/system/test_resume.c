@@ -61,10 +61,39 @@ static void take_shown(struct peer *p, uint64_t *number, uint8_t digest[32])
     memcpy(digest, p->m.frame.data.data, 32);
 }
 
+static void override_node(struct peer *p, uint64_t node, bool clear)
+{
+    struct hgp_node_override it = {.node = node, .set = 1, .hidden = true};
+    peer_call(p, HGP_T_view_overrides,
+        &(struct hgp_view_overrides){
+            .view = 1, .overrides = {&it, 1}, .has_clear = clear, .clear = clear},
+        HGP_T_ok);
+}
+
+// Also messages that newer ones replace.
+static void set_look(struct peer *p)
+{
+    struct hgp_clip_plane planes[] = {{.normal = {1, 0, 0}}, {.normal = {0, 1, 0}, .distance = 2}};
+    peer_call(
+        p, HGP_T_view_clip, &(struct hgp_view_clip){.view = 1, .planes = {planes, 1}}, HGP_T_ok);
+    override_node(p, p->first_id + 1, false);
+    override_node(p, p->first_id + 2, true);
+    override_node(p, p->first_id + 3, false);
+    peer_call(
+        p, HGP_T_view_clip, &(struct hgp_view_clip){.view = 1, .planes = {planes, 2}}, HGP_T_ok);
+    peer_call(p, HGP_T_view_variant,
+        &(struct hgp_view_variant){.view = 1,
+            .asset = (uint32_t)p->first_id + 4,
+            .has_variant = true,
+            .variant = hgp_str_make("red")},
+        HGP_T_ok);
+}
+
 static void begin(struct daemon *d, struct peer *p, struct ticket *ticket)
 {
     peer_open_scene(p, d, "");
     built_scene_make(p);
+    set_look(p);
     keep(p, ticket);
     peer_call(p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 1}, HGP_T_ok);
 }

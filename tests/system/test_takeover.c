@@ -201,6 +201,8 @@ static void what_is_known_goes_along(void **state)
     struct daemon d;
     struct client c;
     struct hgp_frame_request request = {.view = 1};
+    struct hgp_clip_plane plane = {.normal = {1, 0, 0}, .distance = 3};
+    struct hgp_view_clip clip = {.view = 1, .planes = {&plane, 1}};
     uint8_t before[32];
     daemon_init_tokens(&d);
     daemon_option(&d, "restart-delay", "0.01");
@@ -210,6 +212,7 @@ static void what_is_known_goes_along(void **state)
     while (c.answered < c.sent)
         take(&c);
     peer_call(&c.peer, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1}, HGP_T_ok);
+    peer_call(&c.peer, HGP_T_view_clip, &clip, HGP_T_ok);
     peer_call(&c.peer, HGP_T_frame_request, &request, HGP_T_frame);
     memcpy(before, c.peer.m.frame.data.data, 32);
     pid_t worker = daemon_worker(&d, 0);
