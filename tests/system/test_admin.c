@@ -122,23 +122,33 @@ static void kicked_stay_out(void **state)
     daemon_finish(&d);
 }
 
-// What /readyz answers begins and ends with.
-static void ready_is(struct daemon *d, const char *begin, const char *end)
+// One answer of /readyz to `text`.
+static void ask_ready(struct daemon *d, char *text, size_t capacity)
 {
     static const char request[] =
         "GET /readyz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
-    char text[2048];
     size_t size = 0;
     struct peer p;
     peer_connect(&p, d, false);
     peer_raw(&p, request, sizeof request - 1);
-    for (ssize_t n; size + 1 < sizeof text; size += (size_t)n)
-        if ((n = read(p.fd, text + size, sizeof text - 1 - size)) <= 0)
+    for (ssize_t n; size + 1 < capacity; size += (size_t)n)
+        if ((n = read(p.fd, text + size, capacity - 1 - size)) <= 0)
             break;
     text[size] = 0;
     peer_close(&p);
-    if (strncmp(text, begin, strlen(begin)) != 0 || !strstr(text, end))
-        fail_msg("not '%s', '%s': %s", begin, end, text);
+}
+
+// What /readyz answers begins and ends with, as soon as workers have started.
+static void ready_is(struct daemon *d, const char *begin, const char *end)
+{
+    char text[2048] = "";
+    for (int tries = 0; tries < 300; tries++) {
+        ask_ready(d, text, sizeof text);
+        if (strncmp(text, begin, strlen(begin)) == 0 && strstr(text, end))
+            return;
+        usleep(100000);
+    }
+    fail_msg("not '%s', '%s': %s", begin, end, text);
 }
 
 static void drains_when_told(void **state)
