@@ -25,6 +25,7 @@
 #include "server/broker/session.h"
 #include "server/broker/session_admin.h"
 #include "server/broker/session_end.h"
+#include "server/broker/session_sync.h"
 #include "server/broker/session_park.h"
 #include "server/broker/session_record.h"
 #include "server/broker/session_request.h"
@@ -191,7 +192,9 @@ static void state_ready(struct hg_source *source, uint32_t events)
 {
     struct hg_broker *b = source->owner;
     (void)events;
-    if (hg_state_log_poll(b->state))
+    const bool reached = hg_state_log_poll(b->state);
+    hg_session_sync_end(&b->sessions);
+    if (reached)
         hg_conn_release(&b->conns);
 }
 
@@ -361,7 +364,8 @@ static void begin_drain(struct hg_broker *b)
 
 static bool has_work(const struct hg_conn *conn)
 {
-    return conn->out.head || (conn->session && conn->session->load.count);
+    const struct hg_session *s = conn->session;
+    return conn->out.head || (s && (s->load.count || hg_session_sync_waits(s->table, s)));
 }
 
 static void drain_step(struct hg_broker *b)
@@ -468,7 +472,7 @@ static void tick(struct hg_broker *b)
         hg_session_record_cameras(&b->sessions);
         hg_session_check_parked(&b->sessions);
         if (b->state)
-            hg_state_log_sync_file(b->state, hg_audit_dup(&b->audit));
+            hg_state_log_sync_file(b->state, hg_audit_dup(&b->audit), NULL);
     }
     for (struct hg_session *it = b->sessions.first; it; it = it->next)
         hg_session_upload_check_times(it, now_ns);
@@ -606,6 +610,7 @@ static void stop(struct hg_broker *b)
         hg_shared_scene_drop(&b->sessions.scenes, b->sessions.scenes.first);
     hg_loop_remove(&b->loop, &b->state_news);
     hg_state_log_close(b->state);
+    hg_session_sync_finish(&b->sessions);
     hg_listeners_destroy(&b->loop, &b->listeners);
     hg_peer_table_finish(&b->conns.slots.peers);
     hg_worker_pool_finish(&b->pool);

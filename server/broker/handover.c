@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "server/broker/session.h"
 #include "server/broker/session_request.h"
+#include "server/broker/session_sync.h"
 #include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 #include "server/broker/state.h"
@@ -42,6 +43,8 @@ static bool is_link_quiet(const struct hg_link *link)
 bool hg_handover_is_quiet(const struct hg_handover *h)
 {
     const struct hg_session_table *table = h->sessions;
+    if (hg_session_sync_waits(table, NULL))
+        return false;
     for (const struct hg_session *it = table->first; it; it = it->next)
         if (it->load.count || has_uploads(it) || it->bytes.verified ||
             (!it->conn && !it->resume.parked_ns) || (it->scene && !it->attached))

@@ -169,6 +169,11 @@ struct hg_session_drain {
 };
 
 // All sessions and their scenes.
+// Uploads whose content is on its way to the disk (session_sync.h), oldest first.
+struct hg_session_syncs {
+    struct hg_session_sync *first, **last;
+};
+
 struct hg_session_table {
     const struct hg_loop *loop;
     const struct hg_options *options;
@@ -189,6 +194,7 @@ struct hg_session_table {
     bool ended;    // one without a client may have nothing left to wait for
     bool draining; // nothing new is begun
     bool records_all; // the log is for an exec: sessions without a ticket belong into it, too
+    struct hg_session_syncs syncs;
 };
 
 #endif

@@ -3,9 +3,11 @@
 #include "server/broker/upload.h"
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/sha256.h"
 #include "server/broker/session_audit.h"
+#include "server/broker/session_sync.h"
 
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
@@ -71,19 +73,24 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
 }
 
 // With a state log the content is on the disk before its answer is sent: edits name it.
-static enum hg_status commit(struct hg_session *s, struct hg_upload *upload, struct hg_error *err)
+static enum hg_status commit(struct hg_session *s, uint32_t request, const struct hgp_upload *m,
+    struct hg_upload *upload, struct hg_error *err)
 {
-    struct hg_state_log *log = s->table->scenes.log;
-    int fd = log ? hg_upload_dup(upload) : -1;
+    struct hg_session_table *table = s->table;
+    int fd = table->scenes.log ? hg_upload_dup(upload) : -1;
     enum hg_status status = hg_upload_commit(upload, err);
-    hg_state_log_sync_file(log, fd);
-    if (log && !status)
-        hg_state_log_sync_file(log, hg_upload_store_open_folder(s->table->store));
+    if (!table->scenes.log)
+        return status;
+    if (status && fd >= 0)
+        close(fd);
+    if (!status && (status = hg_session_sync_begin(s, request, m->hash, fd, err)) != HG_OK)
+        hg_upload_store_forget(table->store, m->hash);
     return status;
 }
 
-static enum hg_status take_piece(
-    struct hg_session *s, const struct hgp_upload *m, bool *done, struct hg_error *err)
+// *done: it is complete; with a state log its answer waits (session_sync.h).
+static enum hg_status take_piece(struct hg_session *s, uint32_t request, const struct hgp_upload *m,
+    bool *done, struct hg_error *err)
 {
     struct hg_upload **slot = find_slot(s, m->hash);
     enum hg_status status = slot ? HG_OK : begin(s, m, &slot, err);
@@ -102,7 +109,7 @@ static enum hg_status take_piece(
     if (*done || status)
         *slot = NULL;
     if (*done)
-        status = commit(s, upload, err);
+        status = commit(s, request, m, upload, err);
     else if (status)
         hg_upload_abort(upload);
     return status;
@@ -136,22 +143,24 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
     struct hg_error err = {0};
     bool done = false;
     enum hg_status status = HG_OK;
-    bool running = find_slot(s, m->hash) != NULL;
+    bool running = find_slot(s, m->hash) != NULL, waits = false;
     if (!running && follows_failure(s, m)) {
         if (request)
             hg_conn_fail(s->conn, request, &s->failed.err);
         return;
     }
     // Another session has sent it meanwhile: nothing is stored twice.
-    if (!running && hg_session_upload_has(s, m->hash))
+    if (!running && hg_session_upload_has(s, m->hash)) {
         done = m->offset + m->data.size >= m->total;
-    else
-        status = take_piece(s, m, &done, &err);
+    } else {
+        status = take_piece(s, request, m, &done, &err);
+        waits = s->table->scenes.log != NULL;
+    }
     if (status || done)
         tell_audit(s, m, status);
     if (status)
         refuse(s, request, m, &err);
-    else if (done && request) {
+    else if (done && request && !waits) {
         hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
     }
@@ -189,6 +198,7 @@ void hg_session_upload_check_times(struct hg_session *s, uint64_t now_ns)
 
 void hg_session_upload_abort_all(struct hg_session *s)
 {
+    hg_session_sync_unask(s);
     for (size_t i = 0; i < HG_SESSION_UPLOADS; i++) {
         hg_upload_abort(s->uploads[i]);
         s->uploads[i] = NULL;

@@ -27,6 +27,8 @@ struct item {
     size_t head_size;
     uint8_t prefix[HG_STATE_PREFIX_BYTES];
     int fd; // -1: a record
+    struct hg_state_sync *sync; // of the loop; NULL: only logged
+    enum hg_status status;      // of the sync
     struct snapshot *snapshot;
     bool waits; // counted in backlog_bytes
 };
@@ -285,7 +287,8 @@ static void step_rewrite(struct hg_state_log *log)
 
 static void sync_item(struct item *item)
 {
-    if (fsync(item->fd) != 0)
+    item->status = fsync(item->fd) == 0 ? HG_OK : hg_status_from_errno(errno);
+    if (item->status)
         hg_fault(JOURNAL, HG_E_IO, "cannot sync a file: %s", strerror(errno));
     close(item->fd);
     item->fd = -1;
@@ -447,14 +450,19 @@ uint64_t hg_state_log_append(
     return log->position;
 }
 
-void hg_state_log_sync_file(struct hg_state_log *log, int fd)
+void hg_state_log_sync_file(struct hg_state_log *log, int fd, struct hg_state_sync *sync)
 {
     struct item *item = log && fd >= 0 ? hg_calloc(1, sizeof *item) : NULL;
     if (item) {
         item->fd = fd;
+        item->sync = sync;
+        if (sync)
+            sync->left++;
         push(log, item);
     } else if (fd >= 0) {
         close(fd);
+        if (sync)
+            sync->status = HG_E_NOMEM;
     }
 }
 
@@ -483,6 +491,15 @@ int hg_state_log_fd(const struct hg_state_log *log)
     return log->event_fd;
 }
 
+static void end_sync(const struct item *item)
+{
+    if (!item->sync)
+        return;
+    item->sync->left--;
+    if (item->status && !item->sync->status)
+        item->sync->status = item->status;
+}
+
 bool hg_state_log_poll(struct hg_state_log *log)
 {
     struct shared *s = &log->shared;
@@ -503,8 +520,10 @@ bool hg_state_log_poll(struct hg_state_log *log)
     log->base_bytes = s->base_bytes;
     pthread_mutex_unlock(&s->lock);
     log->rewriting &= !rewritten;
-    for (struct item *it = done.first; it; it = it->next)
+    for (struct item *it = done.first; it; it = it->next) {
         log->backlog_bytes -= it->waits ? item_bytes(it) : 0;
+        end_sync(it);
+    }
     destroy_list(&done);
     log->reached = log->status ? log->reached : reached;
     if (log->status && log->options.go_on)

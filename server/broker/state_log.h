@@ -39,9 +39,15 @@ void hg_state_log_close(struct hg_state_log *log);
 // NULL log takes nothing and returns 0.
 uint64_t hg_state_log_append(
     struct hg_state_log *log, struct hg_writer *head, struct hg_packet *packet);
+// What became of files that are synced. hg_state_log_poll writes it.
+struct hg_state_sync {
+    uint32_t left;         // that are under way: the log has this address
+    enum hg_status status; // the first error
+};
+
 // A file (or folder) is synced before what is appended from now on is durable. Takes over the
-// descriptor, which may be -1.
-void hg_state_log_sync_file(struct hg_state_log *log, int fd);
+// descriptor, which may be -1. `sync` may be NULL: errors are logged only.
+void hg_state_log_sync_file(struct hg_state_log *log, int fd, struct hg_state_sync *sync);
 uint64_t hg_state_log_position(const struct hg_state_log *log); // of the newest; accepts NULL
 // Everything up to this position is durable. The address is valid as long as the log.
 const uint64_t *hg_state_log_reached(const struct hg_state_log *log);

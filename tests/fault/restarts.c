@@ -440,6 +440,48 @@ static void uploads_and_audit_survive(void **state)
     daemon_finish(&d);
 }
 
+static void start_with_bad_disk(struct daemon *d)
+{
+    char library[512], options[600], usual[512], flag[TEST_FOLDER_MAX + 16];
+    const char *build = getenv("HELIO_BUILD_DIR"), *asan = getenv("ASAN_OPTIONS");
+    assert_non_null(build);
+    snprintf(library, sizeof library, "%s/tests/libbad_sync.so", build);
+    snprintf(flag, sizeof flag, "%s/bad", d->folder);
+    snprintf(usual, sizeof usual, "%s", asan ? asan : "");
+    snprintf(options, sizeof options, "%s:verify_asan_link_order=0", usual);
+    setenv("ASAN_OPTIONS", options, 1);
+    setenv("LD_PRELOAD", library, 1);
+    setenv("HELIO_SYNC_FAILS", flag, 1);
+    daemon_start(d);
+    unsetenv("LD_PRELOAD");
+    setenv("ASAN_OPTIONS", usual, 1);
+}
+
+// What cannot be synced is refused and not kept; sent again, it is taken once the disk takes it.
+static void contents_that_cannot_be_synced(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    char flag[TEST_FOLDER_MAX + 16];
+    struct hgp_upload upload = {.total = 7, .data = {(const uint8_t *)"content", 7}};
+    init(&d);
+    start_with_bad_disk(&d);
+    peer_open(&p, &d);
+    assert_int_equal(hg_sha256("content", 7, upload.hash), HG_OK);
+    daemon_write(&d, "bad", "");
+    for (int i = 0; i < 2; i++) {
+        peer_refused(&p, HGP_T_upload, &upload, HG_E_IO);
+        assert_false(peer_has_upload(&p, upload.hash));
+    }
+    snprintf(flag, sizeof flag, "%s/bad", d.folder);
+    assert_int_equal(unlink(flag), 0);
+    peer_call(&p, HGP_T_upload, &upload, HGP_T_ok);
+    assert_true(peer_has_upload(&p, upload.hash));
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 1)
@@ -453,6 +495,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(full_disk_goes_on),
         cmocka_unit_test(quarantine_survives),
         cmocka_unit_test(uploads_and_audit_survive),
+        cmocka_unit_test(contents_that_cannot_be_synced),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

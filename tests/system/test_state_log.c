@@ -131,7 +131,7 @@ static void durable_records_are_read_again(void **state)
     put(&r, "one", NULL);
     put(&r, "two", packet);
     hg_packet_unref(packet); // the log has its own reference
-    hg_state_log_sync_file(r.log, open(r.folder, O_RDONLY | O_DIRECTORY));
+    hg_state_log_sync_file(r.log, open(r.folder, O_RDONLY | O_DIRECTORY), NULL);
     await(&r, put(&r, "three", NULL));
     // A copy of the file as a kill at this moment would leave it.
     uint8_t *data;
@@ -142,6 +142,29 @@ static void durable_records_are_read_again(void **state)
     hg_free(data);
     open_log(&r);
     assert_string_equal(r.read.text, "one\ntwo-payload\nthree\n");
+    finish(&r);
+}
+
+// Those who ask learn it; the log goes on.
+static void files_that_cannot_be_synced(void **state)
+{
+    (void)state;
+    struct rig r;
+    struct hg_state_sync bad = {0}, good = {0};
+    int ends[2];
+    init(&r);
+    open_log(&r);
+    assert_int_equal(pipe(ends), 0); // fsync of a pipe fails
+    hg_state_log_sync_file(r.log, ends[0], &bad);
+    hg_state_log_sync_file(r.log, open(r.folder, O_RDONLY | O_DIRECTORY), &bad);
+    hg_state_log_sync_file(r.log, open(r.folder, O_RDONLY | O_DIRECTORY), &good);
+    assert_int_equal(bad.left, 2);
+    await(&r, put(&r, "one", NULL));
+    assert_int_equal(bad.left, 0);
+    assert_int_equal(bad.status, HG_E_IO);
+    assert_int_equal(good.left, 0);
+    assert_int_equal(good.status, HG_OK);
+    close(ends[1]);
     finish(&r);
 }
 
@@ -364,6 +387,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(checksum_is_crc32c),
         cmocka_unit_test(durable_records_are_read_again),
+        cmocka_unit_test(files_that_cannot_be_synced),
         cmocka_unit_test(torn_tails_are_cut_off),
         cmocka_unit_test(damage_ends_the_log),
         cmocka_unit_test(others_are_refused),
