@@ -33,6 +33,7 @@
 //   scene                                        scenes by name
 //   session_state                                what is kept of sessions
 //   session_audit session_record session_allow
+//   session_sync                                 answers that wait for the disk
 //   session_view session_upload
 //   session_look                                 how views show the scene
 //   trial

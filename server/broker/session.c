@@ -376,14 +376,6 @@ struct hg_session *hg_session_create(
     return s;
 }
 
-struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_t number)
-{
-    for (struct hg_session *it = table->first; it; it = it->next)
-        if (it->number == number)
-            return it;
-    return NULL;
-}
-
 void hg_session_destroy(struct hg_session *s)
 {
     hg_session_record_end(s);

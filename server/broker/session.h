@@ -8,7 +8,6 @@
 // Without a client and a scene. NULL: no memory.
 struct hg_session *hg_session_create(
     struct hg_session_table *table, uint32_t number, enum hgp_role role, struct hgp_str name);
-struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_t number);
 // A decoded message in its right state, direction and role. Does not take the packet.
 void hg_session_message(
     struct hg_session *session, struct hg_packet *packet, const union hgp_any *message);

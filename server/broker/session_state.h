@@ -197,4 +197,13 @@ struct hg_session_table {
     struct hg_session_syncs syncs;
 };
 
+// The session of a number; NULL: there is none.
+static inline struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_t number)
+{
+    for (struct hg_session *it = table->first; it; it = it->next)
+        if (it->number == number)
+            return it;
+    return NULL;
+}
+
 #endif

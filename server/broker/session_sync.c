@@ -5,7 +5,6 @@
 
 #include "base/alloc.h"
 #include "base/sha256.h"
-#include "server/broker/session.h"
 #include "server/broker/session_audit.h"
 
 struct hg_session_sync {
