@@ -184,7 +184,7 @@ static enum hg_status open_scene(
         record->scene.first_id, r->cli.scene.first_id);
 }
 
-// Of the session itself, or made anew here.
+// Messages of the session itself, and those that the replay sends on its own.
 static bool is_left_out(enum hgp_type type)
 {
     return type == HGP_T_scene_open || type == HGP_T_scene_close || type == HGP_T_credit ||

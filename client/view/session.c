@@ -255,7 +255,7 @@ static enum hg_status pick(
     return HG_OK;
 }
 
-// Renders nothing anew where the view is settled: the file holds the pixels that are shown.
+// A settled view is not rendered again: the file holds the pixels that are shown.
 static enum hg_status shoot(
     struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
 {

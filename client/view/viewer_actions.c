@@ -22,7 +22,7 @@ static void set_view(struct hg_viewer *v, const struct hgp_view_set *view)
     ask(v, &request);
 }
 
-// Edits change the scene for all who look at it; a session that may only look is told so.
+// Edits change the scene for all its viewers; a session with role view gets an error.
 static bool may_edit(struct hg_viewer *v)
 {
     if (!v->status.may_edit)

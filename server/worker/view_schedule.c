@@ -133,9 +133,10 @@ static bool may_wait(const struct session *session, const struct view_slot *view
 static bool is_due(struct view_slot *view, uint64_t *wait_ns)
 {
     const uint64_t now = hg_clock_now_ns(), due = hg_rate_begin_ns(view);
-    if (now<due && * wait_ns> due - now)
-        *wait_ns = due - now;
-    return now >= due;
+    const uint64_t left = due > now ? due - now : 0;
+    if (left && left < *wait_ns)
+        *wait_ns = left;
+    return !left;
 }
 
 // Must the view work now? One that only waits for its frame to be due says until when; one whose
