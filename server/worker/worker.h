@@ -26,6 +26,7 @@
 //   scene_slot
 //   session
 //   view_slot
+//   view_memory                             memory for views, by session
 //   view_codec                              negotiation of codecs
 //   request                                 a decoded message, and who is answered
 //   view_fit                                cameras that show the scene; that of a view without one
