@@ -11,7 +11,8 @@ import puppeteer from "puppeteer-core";
 export const source = process.env.HELIO_SOURCE_DIR ?? fileURLToPath(new URL("../..", import.meta.url));
 export const build = process.env.HELIO_BUILD_DIR ?? join(source, "build");
 export const models = join(build, "tests/models");
-export const WAIT_MS = 300000; // for conditions; it passes only where something is wrong
+// For conditions; it passes only where something is wrong.
+export const WAIT_MS = Number(process.env.HELIO_TEST_WAIT_MS ?? 300000);
 
 const run = promisify(execFile);
 const chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
@@ -47,7 +48,7 @@ export class Daemon {
             "--port-file", ports, "--tokens", join(this.folder, "tokens"), "--asset-root", models,
             "--state-dir", join(this.folder, "state"), "--cache-dir", join(this.folder, "cache"),
             "--isolation", "shared", "--sandbox", "best-effort", "--no-seed-shaders", "--hang-timeout", "3600",
-            "--log", "warn"], { stdio: ["ignore", "inherit", "inherit"] });
+            "--start-timeout", "600", "--worker-timeout", "600", "--log", "warn"], { stdio: ["ignore", "inherit", "inherit"] });
         this.ended = new Promise((done) => this.process.on("exit", done));
         await until(() => existsSync(ports) && readFileSync(ports, "utf8").trim(), "the daemon listens");
         this.port = Number(readFileSync(ports, "utf8").trim().split(/\D+/)[0]);
@@ -164,6 +165,39 @@ export const filePixels = (page, file) => page.evaluate(async (base64) => {
         text += String.fromCharCode(...data.subarray(i, i + 8192));
     return btoa(text);
 }, file.toString("base64")).then((text) => Buffer.from(text, "base64"));
+
+// Where a picture is flat, squares of it hold nearly one colour: the greatest difference of the means of
+// such squares between it and another picture, per channel in 1/255, and how many squares are flat.
+export function flatDifference(exact, other, width, height) {
+    assert.equal(exact.length, other.length, "pictures of different sizes");
+    const SIDE = 16, EVEN = 6;
+    let worst = 0, count = 0;
+    for (let top = 0; top + SIDE <= height; top += SIDE)
+        for (let left = 0; left + SIDE <= width; left += SIDE) {
+            const squares = [exact, other].map((p) => squareOf(p, width, left, top, SIDE));
+            if (squares[0].some((c) => c.most - c.least > EVEN))
+                continue;
+            count++;
+            squares[0].forEach((c, i) => {
+                worst = Math.max(worst, Math.abs(c.mean - squares[1][i].mean));
+            });
+        }
+    return { worst, count };
+}
+
+// [{ mean, least, most }] of R, G and B.
+function squareOf(pixels, width, left, top, side) {
+    const channels = [0, 1, 2].map(() => ({ mean: 0, least: 255, most: 0 }));
+    for (let y = top; y < top + side; y++)
+        for (let x = left; x < left + side; x++)
+            channels.forEach((c, i) => {
+                const v = pixels[(y * width + x) * 4 + i];
+                c.mean += v / (side * side);
+                c.least = Math.min(c.least, v);
+                c.most = Math.max(c.most, v);
+            });
+    return channels;
+}
 
 // Of the RGB of two pictures, in dB; equal ones have 999.
 export function psnr(a, b) {
