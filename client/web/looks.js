@@ -20,6 +20,7 @@ export class Looks {
         this.cuts = AXES.map(() => ({ isOn: false, share: 0.5, isFlipped: false }));
         this.caps = "MATERIAL";
         this.box = null; // of the scene: { min, max }
+        this.timer = 0; // planes are about to be sent
         view.addEventListener("started", () => this.onStarted());
     }
 
@@ -81,13 +82,20 @@ export class Looks {
     }
 
     // A change of a cut; the planes stay where they are in metres when the scene grows.
-    async change(axis, changes) {
-        const cut = Object.assign(this.cuts[axis], changes);
-        if (cut.isOn && !this.box)
-            await this.measure();
+    change(axis, changes) {
+        Object.assign(this.cuts[axis], changes);
         this.update();
         clearTimeout(this.timer);
-        this.timer = setTimeout(() => this.sendClip(), LATER_MS);
+        const timer = setTimeout(async () => {
+            if (!this.box)
+                await this.measure();
+            if (this.timer !== timer)
+                return; // changed meanwhile
+            this.update();
+            this.sendClip();
+            this.timer = 0;
+        }, LATER_MS);
+        this.timer = timer;
     }
 
     async measure() {

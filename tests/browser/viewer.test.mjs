@@ -184,23 +184,28 @@ test("is usable by keyboard alone", async () => {
     await page.waitForSelector("dialog", { hidden: true });
 });
 
-// Does something, and waits for the exact picture that comes of it.
-async function settleAfter(action) {
-    const { frame } = await picture(page);
+// Does something, and waits for the exact picture that comes of it: the server says which it is.
+async function settleAfter(action, isDone = () => true) {
     await action();
-    await waitFor(page, (before) => {
-        const { exact, frame: now } = document.querySelector("#picture").dataset;
-        return exact === "true" && now !== before;
-    }, frame);
+    await waitFor(page, isDone);
+    await waitFor(page, async () => {
+        const { hash } = await window.helio.connection.call("frame_request",
+            { view: 1, settled: true, encoding: "PNG8" });
+        const stated = [...hash].map((b) => b.toString(16).padStart(2, "0")).join("");
+        const shown = document.querySelector("#picture").dataset;
+        return shown.exact === "true" && shown.hash === stated;
+    });
     return shownPixels(page);
 }
 
 test("outlines what is selected", async () => {
     await page.focus("#picture");
-    const before = await shownPixels(page);
-    const outlined = await settleAfter(() => page.keyboard.press("Enter"));
+    const before = await settleAfter(() => {}, () => window.helio.looks.selected === null);
+    const outlined = await settleAfter(() => page.keyboard.press("Enter"),
+        () => window.helio.looks.selected !== null);
     assert.ok(psnr(before, outlined) < 60, "the selection is not seen");
-    const after = await settleAfter(() => page.keyboard.press("Escape"));
+    const after = await settleAfter(() => page.keyboard.press("Escape"),
+        () => window.helio.looks.selected === null);
     assert.ok(psnr(before, after) > 55, "the selection is still seen");
 });
 
@@ -218,11 +223,12 @@ test("clipping planes cut what this view shows", async () => {
             .find((l) => l.textContent === text);
         document.getElementById(found.htmlFor).click();
     }, label);
-    await settleAfter(() => flip("Cut along X"));
+    const isSent = () => !window.helio.looks.timer;
+    await settleAfter(() => flip("Cut along X"), isSent);
     assert.deepEqual((await hits()).slice(1, 3), [true, false]);
-    await settleAfter(() => flip("Other side of X"));
+    await settleAfter(() => flip("Other side of X"), isSent);
     assert.deepEqual((await hits()).slice(1, 3), [false, true]);
-    const after = await settleAfter(() => flip("Cut along X"));
+    const after = await settleAfter(() => flip("Cut along X"), isSent);
     assert.ok(psnr(before, after) > 55, "something is still cut");
     await evaluate(() => window.helio.panels.set("view", false));
 });
