@@ -3,11 +3,13 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/image/png.h"
 
 static const uint64_t band_bytes = 16 << 20; // of one answer of rows
 
 struct hg_input {
-    struct hg_oiio_input *here; // NULL: in a process
+    struct hg_oiio_input *here; // one of three
+    struct hg_png_input *png;
     struct hg_isolated *process;
     struct hg_oiio_header header, part; // of the first part; of the one looked at last
     // To open it again:
@@ -106,7 +108,11 @@ enum hg_status hg_input_open(FILE *file, const struct hg_image_bytes *bytes, con
     in->format = format;
     in->large = large;
     enum hg_status status;
-    if (is_isolated(format))
+    if (strcmp(format, "png") == 0) {
+        status = hg_png_open(file, bytes, large, &in->png, err);
+        if (!status)
+            in->header = in->part = *hg_png_get_header(in->png);
+    } else if (is_isolated(format))
         status = open_process(in, err);
     else if (!(status = hg_oiio_open(file, bytes, format, large, &in->here, err)))
         in->header = in->part = *hg_oiio_get_header(in->here);
@@ -122,6 +128,7 @@ void hg_input_close(struct hg_input *in)
     if (!in)
         return;
     hg_oiio_close(in->here);
+    hg_png_close(in->png);
     if (in->process)
         hg_isolate_get()->close(in->process);
     hg_free(in->name);
@@ -146,6 +153,10 @@ enum hg_status hg_input_part_header(
     struct hg_isolate_result result;
     struct hg_writer args = {0};
     *out = (struct hg_oiio_header){0};
+    if (in->png) {
+        *out = in->part = in->header;
+        return part == 0 ? HG_OK : HG_E_NOTFOUND;
+    }
     if (in->here) {
         const enum hg_status status = hg_oiio_part_header(in->here, part, out, err);
         in->part = *out;
@@ -165,6 +176,8 @@ bool hg_input_mip_size(struct hg_input *in, uint32_t mip, uint32_t size_px[2])
 {
     struct hg_isolate_result result;
     struct hg_writer args = {0};
+    if (in->png)
+        return false;
     if (in->here)
         return hg_oiio_mip_size(in->here, mip, size_px);
     hg_write_u32(&args, mip);
@@ -182,6 +195,10 @@ enum hg_status hg_input_read_text(
 {
     struct hg_isolate_result result;
     struct hg_writer args = {0};
+    if (in->png) {
+        hg_png_read_text(in->png, key, text, size_bytes);
+        return HG_OK;
+    }
     if (in->here)
         return hg_oiio_read_text(in->here, key, text, size_bytes, err);
     hg_write_bytes(&args, key, strlen(key));
@@ -215,6 +232,8 @@ static enum hg_status read_area(
 enum hg_status hg_input_read_rows(struct hg_input *in, int part, uint32_t y, uint32_t count,
     const struct hg_oiio_target *to, struct hg_error *err)
 {
+    if (in->png)
+        return hg_png_read_rows(in->png, y, count, to, err);
     if (in->here)
         return hg_oiio_read_rows(in->here, part, y, count, to, err);
     struct hg_input_area area = {.kind = HG_INPUT_ROWS,
