@@ -1,23 +1,20 @@
-// png_read.c - see png.h. libpng reports errors by longjmp: what may do so is called by functions
-// without state of their own, below `guarded`.
+// png_read.c - PNG by libpng: see rows.h. libpng reports errors by longjmp: what may do so is
+// called by functions without state of their own, below `guarded`.
 #include <png.h>
 #include <setjmp.h>
 #include <string.h>
 
 #include "base/alloc.h"
-#include "base/checked.h"
-#include "renderer/image/png.h"
+#include "renderer/image/rows.h"
 
-static const uint64_t max_whole_bytes = UINT64_C(2) << 30;
-
-struct hg_png_input {
+struct png_input {
+    struct hg_rows_input base;
     FILE *file; // borrowed; NULL: bytes
     struct hg_image_bytes bytes;
     char *name; // owned
     size_t at;  // in bytes
     png_structp png;
     png_infop info;
-    struct hg_oiio_header header;
     uint32_t next_row;
     uint8_t *row;   // one, as stored
     uint8_t *whole; // all rows of an interlaced picture, once they are asked for
@@ -30,7 +27,7 @@ struct hg_png_input {
 
 static _Noreturn void on_error(png_structp png, png_const_charp text)
 {
-    struct hg_png_input *in = png_get_error_ptr(png);
+    struct png_input *in = png_get_error_ptr(png);
     snprintf(in->reason, sizeof in->reason, "libpng: %s", text);
     png_longjmp(png, 1);
 }
@@ -43,7 +40,7 @@ static void on_warning(png_structp png, png_const_charp text)
 
 static void on_read(png_structp png, png_bytep data, size_t size)
 {
-    struct hg_png_input *in = png_get_io_ptr(png);
+    struct png_input *in = png_get_io_ptr(png);
     if (in->file) {
         if (fread(data, 1, size, in->file) != size)
             png_error(png, "the file ends too early");
@@ -55,10 +52,10 @@ static void on_read(png_structp png, png_bytep data, size_t size)
     }
 }
 
-typedef void png_work(struct hg_png_input *in, void *argument);
+typedef void png_work(struct png_input *in, void *argument);
 
 static enum hg_status guarded(
-    struct hg_png_input *in, png_work *work, void *argument, struct hg_error *err)
+    struct png_input *in, png_work *work, void *argument, struct hg_error *err)
 {
     in->failed = true;
     if (setjmp(png_jmpbuf(in->png)))
@@ -70,7 +67,7 @@ static enum hg_status guarded(
 
 // ---- opening -----------------------------------------------------------------------------------
 
-static void read_header(struct hg_png_input *in, void *unused)
+static void read_header(struct png_input *in, void *unused)
 {
     (void)unused;
     png_structp png = in->png;
@@ -91,9 +88,9 @@ static void read_header(struct hg_png_input *in, void *unused)
     png_read_update_info(png, in->info);
 }
 
-static void describe(struct hg_png_input *in)
+static void describe(struct png_input *in)
 {
-    struct hg_oiio_header *h = &in->header;
+    struct hg_oiio_header *h = &in->base.header;
     const int channels = png_get_channels(in->png, in->info);
     h->width = (int)png_get_image_width(in->png, in->info);
     h->height = (int)png_get_image_height(in->png, in->info);
@@ -106,7 +103,7 @@ static void describe(struct hg_png_input *in)
     h->image_bytes = h->row_bytes * (uint64_t)h->height;
 }
 
-static void end_decoder(struct hg_png_input *in)
+static void end_decoder(struct png_input *in)
 {
     if (in->png)
         png_destroy_read_struct(&in->png, &in->info, NULL);
@@ -115,7 +112,7 @@ static void end_decoder(struct hg_png_input *in)
 }
 
 // From the first byte on.
-static enum hg_status begin(struct hg_png_input *in, struct hg_error *err)
+static enum hg_status begin(struct png_input *in, struct hg_error *err)
 {
     end_decoder(in);
     in->at = 0;
@@ -131,140 +128,35 @@ static enum hg_status begin(struct hg_png_input *in, struct hg_error *err)
     return guarded(in, read_header, NULL, err);
 }
 
-static enum hg_status begin_first(struct hg_png_input *in, bool large, struct hg_error *err)
+static enum hg_status begin_first(struct png_input *in, bool large, struct hg_error *err)
 {
     const enum hg_status status = begin(in, err);
     if (status)
         return status;
     describe(in);
-    if (!large && in->header.image_bytes > max_whole_bytes)
-        return hg_error_set(err, HG_E_LIMIT, in->name, "size", "%dx%d px is more than allowed",
-            in->header.width, in->header.height);
-    return HG_OK;
-}
-
-enum hg_status hg_png_open(FILE *file, const struct hg_image_bytes *bytes, bool large,
-    struct hg_png_input **out, struct hg_error *err)
-{
-    *out = NULL;
-    struct hg_png_input *in = hg_calloc(1, sizeof *in);
-    if (!in || !(in->name = hg_strdup(bytes->name))) {
-        hg_free(in);
-        return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory to decode or encode");
-    }
-    in->file = file;
-    in->bytes = *bytes;
-    const enum hg_status status = begin_first(in, large, err);
-    if (status)
-        hg_png_close(in);
-    else
-        *out = in;
-    return status;
-}
-
-void hg_png_close(struct hg_png_input *in)
-{
-    if (!in)
-        return;
-    end_decoder(in);
-    hg_free(in->row);
-    hg_free(in->whole);
-    hg_free(in->name);
-    hg_free(in);
-}
-
-const struct hg_oiio_header *hg_png_get_header(const struct hg_png_input *in)
-{
-    return &in->header;
-}
-
-void hg_png_read_text(const struct hg_png_input *in, const char *key, char *text, size_t size_bytes)
-{
-    png_textp texts = NULL;
-    const int count = in->png ? png_get_text(in->png, in->info, &texts, NULL) : 0;
-    snprintf(text, size_bytes, "%s", "");
-    for (int i = 0; i < count; i++)
-        if (strcmp(texts[i].key, key) == 0 && texts[i].text)
-            snprintf(text, size_bytes, "%s", texts[i].text);
+    return large ? HG_OK : hg_rows_check_size(&in->base.header, in->name, err);
 }
 
 // ---- pixels ------------------------------------------------------------------------------------
 
-static void convert_8(const uint8_t *src, const struct hg_oiio_target *to, void *dst, size_t count)
-{
-    uint8_t *u8 = dst;
-    uint16_t *u16 = dst;
-    float *f32 = dst;
-    for (size_t i = 0; i < count; i++) {
-        if (to->type == HG_OIIO_U16)
-            u16[i] = (uint16_t)(src[i] * 257);
-        else if (to->type == HG_OIIO_F32)
-            f32[i] = (float)src[i] * (1.0f / 255.0f);
-        else
-            u8[i] = src[i];
-    }
-}
-
-static void convert_16(
-    const uint16_t *src, const struct hg_oiio_target *to, void *dst, size_t count)
-{
-    uint8_t *u8 = dst;
-    uint16_t *u16 = dst;
-    float *f32 = dst;
-    for (size_t i = 0; i < count; i++) {
-        if (to->type == HG_OIIO_U8)
-            u8[i] = (uint8_t)((float)src[i] * (1.0f / 65535.0f * 255.0f) + 0.5f);
-        else if (to->type == HG_OIIO_F32)
-            f32[i] = (float)src[i] * (1.0f / 65535.0f);
-        else
-            u16[i] = src[i];
-    }
-}
-
-static size_t target_bytes(const struct hg_oiio_header *h, const struct hg_oiio_target *to)
-{
-    const size_t native = h->is_16bit ? 2 : 1;
-    const size_t one = to->type == HG_OIIO_F32   ? 4
-                       : to->type == HG_OIIO_U16 ? 2
-                       : to->type == HG_OIIO_U8  ? 1
-                                                 : native;
-    return one * (size_t)to->channels;
-}
-
-// A stored row to the first channels of the target.
-static void convert_row(const struct hg_oiio_header *h, const uint8_t *row,
-    const struct hg_oiio_target *to, uint8_t *dst)
-{
-    const size_t pixels = (size_t)h->width, bytes = target_bytes(h, to);
-    const bool all = to->channels == h->channels;
-    const size_t runs = all ? 1 : pixels;
-    const size_t count = all ? pixels * (size_t)h->channels : (size_t)to->channels;
-    for (size_t i = 0; i < runs; i++, row += h->pixel_bytes, dst += bytes) {
-        if (h->is_16bit)
-            convert_16((const uint16_t *)(const void *)row, to, dst, count);
-        else
-            convert_8(row, to, dst, count);
-    }
-}
-
-static void read_row(struct hg_png_input *in, void *row)
+static void read_row(struct png_input *in, void *row)
 {
     png_read_row(in->png, row, NULL);
 }
 
-static void read_whole(struct hg_png_input *in, void *unused)
+static void read_whole(struct png_input *in, void *unused)
 {
     (void)unused;
     for (int pass = 0; pass < PNG_INTERLACE_ADAM7_PASSES; pass++)
-        for (int y = 0; y < in->header.height; y++)
-            png_read_row(in->png, in->whole + (size_t)y * in->header.row_bytes, NULL);
+        for (int y = 0; y < in->base.header.height; y++)
+            png_read_row(in->png, in->whole + (size_t)y * in->base.header.row_bytes, NULL);
 }
 
 // The row y as stored, in in->row or in->whole.
 static enum hg_status decode_row(
-    struct hg_png_input *in, uint32_t y, const uint8_t **row, struct hg_error *err)
+    struct png_input *in, uint32_t y, const uint8_t **row, struct hg_error *err)
 {
-    const size_t row_bytes = (size_t)in->header.row_bytes;
+    const size_t row_bytes = (size_t)in->base.header.row_bytes;
     enum hg_status status = HG_OK;
     if (in->interlaced) {
         *row = in->whole + (size_t)y * row_bytes;
@@ -278,15 +170,15 @@ static enum hg_status decode_row(
     return status;
 }
 
-static enum hg_status prepare(struct hg_png_input *in, struct hg_error *err)
+static enum hg_status prepare(struct png_input *in, struct hg_error *err)
 {
     if (in->interlaced ? in->whole != NULL : in->row != NULL)
         return HG_OK;
-    const uint64_t bytes = in->interlaced ? in->header.image_bytes : in->header.row_bytes;
-    if (bytes > max_whole_bytes)
-        return hg_error_set(err, HG_E_LIMIT, in->name, "size",
-            "an interlaced picture of %dx%d px is more than allowed", in->header.width,
-            in->header.height);
+    const uint64_t bytes = in->interlaced ? in->base.header.image_bytes : in->base.header.row_bytes;
+    enum hg_status status =
+        in->interlaced ? hg_rows_check_size(&in->base.header, in->name, err) : HG_OK;
+    if (status)
+        return status;
     uint8_t *memory = hg_calloc((size_t)bytes, 1);
     if (!memory)
         return hg_error_set(err, HG_E_NOMEM, in->name, NULL, "no memory to decode or encode");
@@ -295,7 +187,7 @@ static enum hg_status prepare(struct hg_png_input *in, struct hg_error *err)
         return HG_OK;
     }
     in->whole = memory;
-    const enum hg_status status = guarded(in, read_whole, NULL, err);
+    status = guarded(in, read_whole, NULL, err);
     if (status) {
         hg_free(in->whole);
         in->whole = NULL;
@@ -303,14 +195,12 @@ static enum hg_status prepare(struct hg_png_input *in, struct hg_error *err)
     return status;
 }
 
-enum hg_status hg_png_read_rows(struct hg_png_input *in, uint32_t y, uint32_t count,
+static enum hg_status read_rows(struct hg_rows_input *base, uint32_t y, uint32_t count,
     const struct hg_oiio_target *to, struct hg_error *err)
 {
-    const struct hg_oiio_header *h = &in->header;
-    const size_t stride = target_bytes(h, to) * (size_t)h->width;
+    struct png_input *in = (struct png_input *)base;
+    const size_t stride = hg_rows_pixel_bytes(&base->header, to) * (size_t)base->header.width;
     uint8_t *dst = to->pixels;
-    if (y > (uint32_t)h->height || count > (uint32_t)h->height - y || to->channels > h->channels)
-        return hg_error_set(err, HG_E_INVAL, in->name, NULL, "no such rows");
     if (in->failed)
         return hg_error_set(err, HG_E_FORMAT, in->name, NULL, "%s", in->reason);
     enum hg_status status = prepare(in, err);
@@ -318,7 +208,55 @@ enum hg_status hg_png_read_rows(struct hg_png_input *in, uint32_t y, uint32_t co
         const uint8_t *row;
         status = decode_row(in, y + i, &row, err);
         if (!status)
-            convert_row(h, row, to, dst);
+            hg_rows_convert(&base->header, row, to, dst);
     }
+    return status;
+}
+
+static void read_text(
+    const struct hg_rows_input *base, const char *key, char *text, size_t size_bytes)
+{
+    const struct png_input *in = (const struct png_input *)base;
+    png_textp texts = NULL;
+    const int count = in->png ? png_get_text(in->png, in->info, &texts, NULL) : 0;
+    snprintf(text, size_bytes, "%s", "");
+    for (int i = 0; i < count; i++)
+        if (strcmp(texts[i].key, key) == 0 && texts[i].text)
+            snprintf(text, size_bytes, "%s", texts[i].text);
+}
+
+static void close_input(struct hg_rows_input *base)
+{
+    struct png_input *in = (struct png_input *)base;
+    end_decoder(in);
+    hg_free(in->row);
+    hg_free(in->whole);
+    hg_free(in->name);
+    hg_free(in);
+}
+
+static const char *get_name(const struct hg_rows_input *base)
+{
+    return ((const struct png_input *)base)->name;
+}
+
+enum hg_status hg_png_open(FILE *file, const struct hg_image_bytes *bytes, bool large,
+    struct hg_rows_input **out, struct hg_error *err)
+{
+    static const struct hg_rows_functions functions = {read_rows, read_text, close_input, get_name};
+    *out = NULL;
+    struct png_input *in = hg_calloc(1, sizeof *in);
+    if (!in || !(in->name = hg_strdup(bytes->name))) {
+        hg_free(in);
+        return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory to decode or encode");
+    }
+    in->base.functions = &functions;
+    in->file = file;
+    in->bytes = *bytes;
+    const enum hg_status status = begin_first(in, large, err);
+    if (status)
+        close_input(&in->base);
+    else
+        *out = &in->base;
     return status;
 }
