@@ -81,8 +81,9 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     *view =
         (struct hg_view_state){.context = context, .formats = 1, .unlit.wait = HG_VIEW_UNLIT_AFTER};
     view->history.wanted = context->overrides.keeps_history;
-    const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_scene_gpu_ref(context, scene, &view->scene_gpu, err);
+    const struct hg_lighting_params lighting = {
+        .store = context->store, .shared = status == HG_OK ? view->scene_gpu->light : NULL};
     if (status == HG_OK)
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
     if (status == HG_OK)
@@ -674,6 +675,8 @@ enum hg_status hg_view_state_step(
         hg_view_stats_add_device(&view->stats, view->context->gpu);
     if (status == HG_OK && moves)
         note_quality(view);
+    if (hg_view_state_settled(view))
+        hg_lighting_rest(view->lighting);
     if (status != HG_OK) { // the accumulation may be incomplete
         restart(view);
         view->accumulation.key = (struct hg_view_key){0};
