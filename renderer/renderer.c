@@ -108,6 +108,11 @@ enum hg_status hg_renderer_device_json(struct hg_renderer *renderer, char **text
     return hg_gpu_device_json(renderer->gpu, text);
 }
 
+bool hg_renderer_shares_memory(const struct hg_renderer *renderer)
+{
+    return renderer != NULL && hg_gpu_get_caps(renderer->gpu)->is_cpu;
+}
+
 struct hg_jobs *hg_renderer_jobs(struct hg_renderer *renderer)
 {
     return renderer->jobs;

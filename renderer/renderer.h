@@ -47,6 +47,8 @@ void hg_renderer_destroy(struct hg_renderer *renderer); // views first; accepts 
 void hg_renderer_linger(struct hg_renderer *renderer, uint64_t most_ns); // accepts NULL
 // One JSON object: device, driver, features, fallbacks in use (heliod --device-info).
 enum hg_status hg_renderer_device_json(struct hg_renderer *renderer, char **text) HG_MUST_CHECK;
+// Whether what it keeps on the device is memory of this process; false for NULL.
+bool hg_renderer_shares_memory(const struct hg_renderer *renderer);
 struct hg_jobs *hg_renderer_jobs(struct hg_renderer *renderer);
 // Compiles what common frames need. progress may be NULL.
 enum hg_status hg_renderer_warm_up(struct hg_renderer *renderer,

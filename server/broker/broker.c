@@ -128,8 +128,8 @@ static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
     char *folder = join(b->options.cache_dir, "uploads");
     if (!folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
-    if (!status)
-        status = hg_homes_recover(b->options.cache_dir, b->takeover.inherited_fd >= 0, err);
+    if (!status && b->takeover.inherited_fd < 0)
+        status = hg_homes_recover(b->options.cache_dir, err);
     if (!status)
         status = hg_upload_store_create(folder, b->options.upload_store_bytes, &b->store, err);
     hg_free(folder);

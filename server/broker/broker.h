@@ -23,6 +23,7 @@
 //   slots                                        who gets a connection
 //   cgroup privileges call_filter                control groups; the daemon's user, its calls
 //   worker_share                                 what of the machine a worker gets
+//   disk_watch                                   what workers have on the disk
 //   worker_home                                  the folders of a worker
 //   worker_process confine                       its arguments; what its process may do
 //   launcher                                     the process that starts them

@@ -177,15 +177,19 @@ static void destroy(struct hg_conn *conn)
 
 static void turn_away(struct hg_conn *conn, const char *reason)
 {
+    struct hg_conn_table *table = conn->table;
     struct hg_error err = {0};
     if (hg_transport_refuse(&conn->transport, reason)) {
         close_transport(conn);
         hg_conn_update(conn);
-        return;
+    } else {
+        hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
+        hg_conn_close(conn, &err, "too many connections");
+        if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
+            hg_conn_kill(conn, "too many connections");
     }
-    hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
-    hg_conn_close(conn, &err, "too many connections");
-    if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
+    if (conn->state != HG_CONN_DEAD &&
+        !hg_slots_refuse(&table->slots, &conn->slot, table->loop->now_ns))
         hg_conn_kill(conn, "too many connections");
 }
 

@@ -23,8 +23,23 @@ void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot)
     slot->opening = false;
 }
 
+bool hg_slots_refuse(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns)
+{
+    if (slots->refused >= HG_SLOTS_REFUSED)
+        return false;
+    hg_slots_leave(slots, slot, now_ns);
+    slots->refused++;
+    slot->refused = true;
+    return true;
+}
+
 void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns)
 {
+    if (slot->refused) {
+        slots->refused--;
+        slot->refused = false;
+        return;
+    }
     hg_slots_opened(slots, slot);
     slots->count--;
     hg_peer_table_leave(&slots->peers, slot->source, now_ns);

@@ -8,12 +8,15 @@
 #include "server/broker/peer_table.h"
 #include "server/broker/transport.h"
 
+enum { HG_SLOTS_REFUSED = 64 };
+
 // Zero-initialised but for the options = no connections.
 struct hg_slots {
     const struct hg_options *options;
     struct hg_peer_table peers;
     uint32_t count;
     uint32_t opening; // of these, those whose session is not open
+    uint32_t refused; // besides, those that are still being told so
     uint64_t random;  // state of the early drop
 };
 
@@ -22,6 +25,7 @@ struct hg_slot {
     struct hg_peer_entry *source, *network; // NULL: not counted
     bool own;                               // of the daemon's own user on this machine
     bool opening;
+    bool refused; // it has none any more
 };
 
 // Counts a connection. HG_E_NOMEM; hg_slots_leave takes it back in any case.
@@ -30,6 +34,9 @@ enum hg_status hg_slots_take(
 // Why a counted connection may not stay; NULL: it may.
 const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot);
 void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot); // its session is open
+// It is told that it may not stay: for as long as that takes it keeps no slot of others, and raises
+// no probability of an early drop. False: so many are told at this moment that it is not.
+bool hg_slots_refuse(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns);
 void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns);
 // Of `most` slots so many are kept for the privileged: at most a quarter.
 uint32_t hg_slots_kept(uint32_t most, uint32_t reserved);

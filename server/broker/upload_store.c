@@ -369,11 +369,11 @@ static enum hg_status index_link(struct hg_upload_store *store, struct hg_upload
     return is_owned_by(content, owner) ? HG_OK : add_owner(content, owner);
 }
 
-static enum hg_status index_owner(struct hg_upload_store *store, int above, const uint8_t key[32])
+static enum hg_status index_owner(
+    struct hg_upload_store *store, int above, struct hg_upload_owner *owner)
 {
     char folder[PATH_MAX];
-    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
-    DIR *dir = owner ? opendir(owner_folder(store, owner, folder, sizeof folder)) : NULL;
+    DIR *dir = opendir(owner_folder(store, owner, folder, sizeof folder));
     enum hg_status status = dir ? HG_OK : HG_E_NOMEM;
     for (struct dirent *it; !status && (it = readdir(dir));)
         status = index_link(store, owner, above, dirfd(dir), it->d_name);
@@ -388,8 +388,10 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
     uint8_t hash[32];
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
-    if (hg_sha256_parse(name, KEY_DIGITS / 2, hash))
-        return index_owner(store, dirfd(dir), hash);
+    if (hg_sha256_parse(name, KEY_DIGITS / 2, hash)) {
+        struct hg_upload_owner *owner = hg_upload_store_owner(store, hash);
+        return owner ? index_owner(store, dirfd(dir), owner) : HG_E_NOMEM;
+    }
     if (!hg_sha256_parse(name, 32, hash) ||
         fstatat(dirfd(dir), name, &st, AT_SYMLINK_NOFOLLOW) != 0 || !S_ISREG(st.st_mode))
         return HG_OK;
@@ -415,6 +417,24 @@ static enum hg_status index_folder(struct hg_upload_store *store, struct hg_erro
     if (status)
         hg_error_set(err, status, store->folder, NULL, "cannot index the uploads");
     return status;
+}
+
+enum hg_status hg_upload_owner_find(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const char *folder, struct hg_error *err)
+{
+    DIR *above = opendir(store->folder);
+    char *moved = hg_strdup(folder);
+    enum hg_status status = above && moved ? HG_OK : HG_E_NOMEM;
+    if (!status) {
+        hg_free(owner->moved);
+        owner->moved = moved;
+        moved = NULL;
+        status = index_owner(store, dirfd(above), owner);
+    }
+    hg_free(moved);
+    if (above)
+        closedir(above);
+    return status ? hg_error_set(err, status, folder, NULL, "cannot index the uploads") : HG_OK;
 }
 
 enum hg_status hg_upload_store_create(

@@ -35,6 +35,9 @@ struct hg_upload_owner *hg_upload_store_owner(
 // worker may read it; NULL: back. HG_E_NOMEM, HG_E_PERM, HG_E_IO.
 enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upload_owner *owner,
     const char *folder, struct hg_error *err) HG_MUST_CHECK;
+// What the owner has sent is in that folder already. HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_upload_owner_find(struct hg_upload_store *store, struct hg_upload_owner *owner,
+    const char *folder, struct hg_error *err) HG_MUST_CHECK;
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner);
 // Above it what the owner sent and used longest ago goes, and what is in use is refused.
 void hg_upload_owner_set_quota(struct hg_upload_owner *owner, const struct hg_upload_usage *quota);

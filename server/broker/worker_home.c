@@ -27,91 +27,11 @@ static bool join(char *out, size_t size, const char *folder, const char *name)
     return (size_t)snprintf(out, size, "%s/%s", folder, name) < size;
 }
 
-// ---- trees --------------------------------------------------------------------------------------
-
-// Whatever a worker has made there: links are links, and depth has an end.
-static void empty(int parent, const char *name, int depth)
-{
-    const int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    DIR *dir = fd < 0 ? NULL : fdopendir(fd);
-    if (fd >= 0 && !dir)
-        close(fd);
-    for (struct dirent *it; dir && (it = readdir(dir));) {
-        if (strcmp(it->d_name, ".") == 0 || strcmp(it->d_name, "..") == 0)
-            continue;
-        if (unlinkat(fd, it->d_name, 0) == 0 || depth == DEPTH_MAX)
-            continue;
-        empty(fd, it->d_name, depth + 1);
-        unlinkat(fd, it->d_name, AT_REMOVEDIR);
-    }
-    if (dir)
-        closedir(dir);
-}
-
-static void remove_tree(const char *path)
-{
-    empty(AT_FDCWD, path, 0);
-    if (rmdir(path) != 0 && errno != ENOENT)
-        hg_warn(WORKER, "%s cannot be removed: %s", path, strerror(errno));
-}
+// ---- folders -----------------------------------------------------------------------------------
 
 static enum hg_status make_folder(const char *path, struct hg_error *err)
 {
     return mkdir(path, 0700) == 0 || errno == EEXIST ? HG_OK : fail(err, path, "make the folder");
-}
-
-// Of the files in a folder of baked data, which has none below; *used_s: the last use of one.
-static uint64_t count_bytes(const char *folder, int64_t *used_s)
-{
-    uint64_t bytes = 0;
-    struct stat st;
-    DIR *dir = opendir(folder);
-    *used_s = 0;
-    for (struct dirent *it; dir && (it = readdir(dir));)
-        if (fstatat(dirfd(dir), it->d_name, &st, AT_SYMLINK_NOFOLLOW) == 0 && S_ISREG(st.st_mode)) {
-            bytes += (uint64_t)st.st_blocks * 512;
-            *used_s = st.st_mtime > *used_s ? st.st_mtime : *used_s;
-        }
-    if (dir)
-        closedir(dir);
-    return bytes;
-}
-
-// ---- tenants at rest ----------------------------------------------------------------------------
-
-// The folder of baked data that was used longest ago, and the bytes of all.
-static uint64_t find_oldest(const char *tenants, char *oldest, size_t size)
-{
-    uint64_t sum = 0;
-    int64_t least_s = INT64_MAX, used_s;
-    char path[HG_HOME_PATH];
-    DIR *dir = opendir(tenants);
-    oldest[0] = 0;
-    for (struct dirent *it; dir && (it = readdir(dir));) {
-        if (it->d_name[0] == '.' ||
-            (size_t)snprintf(path, sizeof path, "%s/%s/store", tenants, it->d_name) >= sizeof path)
-            continue;
-        const uint64_t bytes = count_bytes(path, &used_s);
-        sum += bytes;
-        if (!bytes || used_s >= least_s)
-            continue;
-        least_s = used_s;
-        snprintf(oldest, size, "%s/%s", tenants, it->d_name);
-    }
-    if (dir)
-        closedir(dir);
-    return sum;
-}
-
-static void make_room(const struct hg_homes *homes)
-{
-    char tenants[HG_HOME_PATH], oldest[HG_HOME_PATH + NAME_BYTES];
-    if (!homes->rest_bytes || !join(tenants, sizeof tenants, homes->cache_dir, "tenants"))
-        return;
-    while (find_oldest(tenants, oldest, sizeof oldest) > homes->rest_bytes && oldest[0]) {
-        hg_info(WORKER, "%s goes: tenants without a worker keep too much (cache-limit)", oldest);
-        remove_tree(oldest);
-    }
 }
 
 // ---- homes --------------------------------------------------------------------------------------
@@ -145,16 +65,6 @@ static enum hg_status make_below(
     return status;
 }
 
-// The old one is first given another name, so that the new one is new even where removing fails.
-static void discard(const char *folder)
-{
-    char old[HG_HOME_PATH + 8];
-    snprintf(old, sizeof old, "%s.old", folder);
-    remove_tree(old);
-    if (rename(folder, old) == 0)
-        remove_tree(old);
-}
-
 enum hg_status hg_home_make(struct hg_home *home, struct hg_error *err)
 {
     static const char *const above[] = {"workers", "tenants", "seed", "seed/shaders"};
@@ -164,8 +74,9 @@ enum hg_status hg_home_make(struct hg_home *home, struct hg_error *err)
     enum hg_status status = home_folder(home, folder, err);
     if (!status)
         status = make_below(home->homes->cache_dir, above, sizeof above / sizeof *above, err);
-    if (!status && !home->key[0])
-        discard(folder);
+    if (!status && !home->key[0] &&
+        !hg_disk_discard(home->homes->watch, home->homes->cache_dir, folder))
+        status = hg_error_set(err, HG_E_IO, folder, NULL, "cannot remove what is there");
     if (!status)
         status = make_folder(folder, err);
     if (!status)
@@ -183,14 +94,16 @@ static enum hg_status make_key(struct hg_home *home, const char *tenant, uint8_t
     return HG_OK;
 }
 
-// Moves a folder in place of another one, which goes. What is not there leaves an empty one.
-static enum hg_status move_folder(const char *from, const char *to, struct hg_error *err)
+// Moves a folder in place of another one, which goes. What is not there leaves the other one.
+static enum hg_status move_folder(
+    const struct hg_homes *homes, const char *from, const char *to, struct hg_error *err)
 {
     struct stat st;
     if (lstat(from, &st) != 0 && errno == ENOENT)
         return HG_OK;
-    empty(AT_FDCWD, to, 0);
-    return rename(from, to) == 0 ? HG_OK : fail(err, from, "give the worker the tenant's folder");
+    return hg_disk_discard(homes->watch, homes->cache_dir, to) && rename(from, to) == 0
+               ? HG_OK
+               : fail(err, from, "move a tenant's folder");
 }
 
 enum hg_status hg_home_give(struct hg_home *home, const char *tenant, struct hg_error *err)
@@ -211,7 +124,7 @@ enum hg_status hg_home_give(struct hg_home *home, const char *tenant, struct hg_
     if (!status && (length >= HG_HOME_PATH || !join(store, sizeof store, folder, "cache/store")))
         status = HG_E_LIMIT;
     if (!status)
-        status = move_folder(path, store, err);
+        status = move_folder(home->homes, path, store, err);
     if (!status && join(path, sizeof path, folder, "given/uploads")) {
         struct hg_upload_owner *owner = hg_upload_store_owner(home->homes->store, digest);
         status = owner ? hg_upload_owner_move(home->homes->store, owner, path, err) : HG_E_NOMEM;
@@ -220,17 +133,17 @@ enum hg_status hg_home_give(struct hg_home *home, const char *tenant, struct hg_
 }
 
 // Baked data of a home go to its tenant; what that has there already is older, and goes.
-static void return_store(const char *cache_dir, const char *folder, const char *key)
+static void return_store(const struct hg_homes *homes, const char *folder, const char *key)
 {
     char from[HG_HOME_PATH], to[HG_HOME_PATH];
     struct hg_error err = {0};
     const bool fits =
         join(from, sizeof from, folder, "cache/store") &&
-        (size_t)snprintf(to, sizeof to, "%s/tenants/%s", cache_dir, key) < sizeof to - 8;
+        (size_t)snprintf(to, sizeof to, "%s/tenants/%s", homes->cache_dir, key) < sizeof to - 8;
     if (!fits || make_folder(to, &err))
         return;
     strcat(to, "/store");
-    if (move_folder(from, to, &err))
+    if (move_folder(homes, from, to, &err))
         hg_warn(WORKER, "%s: %s; it is baked again", err.what, err.reason);
 }
 
@@ -242,15 +155,21 @@ void hg_home_leave(struct hg_home *home)
     if (!home->homes || home_folder(home, folder, &err))
         return;
     if (home->key[0]) {
-        return_store(home->homes->cache_dir, folder, home->key);
+        return_store(home->homes, folder, home->key);
         hg_sha256_parse(home->key, (HG_HOME_KEY - 1) / 2, digest);
         struct hg_upload_owner *owner = hg_upload_store_owner(home->homes->store, digest);
         if (owner && hg_upload_owner_move(home->homes->store, owner, NULL, &err))
             hg_warn(WORKER, "%s: %s", err.what, err.reason);
-        make_room(home->homes);
     }
     home->key[0] = 0;
-    discard(folder);
+    (void)hg_disk_discard(home->homes->watch, home->homes->cache_dir, folder);
+}
+
+void hg_home_empty(struct hg_home *home)
+{
+    char folder[HG_HOME_PATH];
+    if (home->homes && hg_home_path(home, "cache", folder, sizeof folder))
+        (void)hg_disk_discard(home->homes->watch, home->homes->cache_dir, folder);
 }
 
 // ---- after the end of a daemon ------------------------------------------------------------------
@@ -264,7 +183,7 @@ static void return_uploads(const char *cache_dir, const char *folder, const char
         hg_warn(WORKER, "%s: %s; contents are sent again", from, strerror(errno));
 }
 
-static void recover(const char *cache_dir, const char *folder, bool in_use)
+static void recover(const struct hg_homes *homes, const char *folder)
 {
     char path[HG_HOME_PATH];
     uint8_t *key, digest[32];
@@ -273,18 +192,17 @@ static void recover(const char *cache_dir, const char *folder, bool in_use)
         return;
     if (hg_file_read(path, HG_HOME_KEY, &key, &size, NULL) == HG_OK) {
         if (hg_sha256_parse((const char *)key, (HG_HOME_KEY - 1) / 2, digest)) {
-            return_uploads(cache_dir, folder, (const char *)key);
-            if (!in_use)
-                return_store(cache_dir, folder, (const char *)key);
+            return_uploads(homes->cache_dir, folder, (const char *)key);
+            return_store(homes, folder, (const char *)key);
         }
         hg_free(key);
     }
-    if (!in_use)
-        remove_tree(folder);
+    (void)hg_disk_discard(NULL, homes->cache_dir, folder);
 }
 
-enum hg_status hg_homes_recover(const char *cache_dir, bool in_use, struct hg_error *err)
+enum hg_status hg_homes_recover(const char *cache_dir, struct hg_error *err)
 {
+    const struct hg_homes homes = {.cache_dir = cache_dir};
     char workers[HG_HOME_PATH], path[HG_HOME_PATH + NAME_BYTES];
     if (!join(workers, sizeof workers - NAME_BYTES, cache_dir, "workers"))
         return hg_error_set(err, HG_E_LIMIT, "--cache-dir", NULL, "the name is too long");
@@ -293,7 +211,19 @@ enum hg_status hg_homes_recover(const char *cache_dir, bool in_use, struct hg_er
         return errno == ENOENT ? HG_OK : fail(err, workers, "open the folder");
     for (struct dirent *it; (it = readdir(dir));)
         if (it->d_name[0] != '.' && join(path, sizeof path, workers, it->d_name))
-            recover(cache_dir, path, in_use);
+            recover(&homes, path);
     closedir(dir);
     return HG_OK;
+}
+
+enum hg_status hg_home_resume(struct hg_home *home, const char *tenant, struct hg_error *err)
+{
+    char uploads[HG_HOME_PATH];
+    uint8_t digest[32];
+    if (make_key(home, tenant, digest) ||
+        !hg_home_path(home, "given/uploads", uploads, sizeof uploads))
+        return hg_error_set(err, HG_E_NOMEM, tenant, NULL, "no memory");
+    struct hg_upload_owner *owner = hg_upload_store_owner(home->homes->store, digest);
+    return owner ? hg_upload_owner_find(home->homes->store, owner, uploads, err)
+                 : hg_error_set(err, HG_E_NOMEM, tenant, NULL, "no memory");
 }

@@ -7,6 +7,7 @@
 //         owner               whose it is, for a later run of the daemon
 //   CACHE/tenants/KEY/store   baked data of a tenant that has no worker
 //   CACHE/uploads/KEY/        contents of a tenant that has no worker (upload_store.h)
+//   CACHE/discarded/          what is removed (disk_watch.h)
 //   CACHE/seed/shaders        compiled before any tenant's file was read; workers copy it
 //
 // KEY is the hash of the tenant's name. A spare has a home before it has a tenant: giving it to one
@@ -17,6 +18,7 @@
 
 #include <stdbool.h>
 
+#include "server/broker/disk_watch.h"
 #include "server/broker/upload_store.h"
 
 enum { HG_HOME_KEY = 33, HG_HOME_PATH = 4096 };
@@ -24,7 +26,7 @@ enum { HG_HOME_KEY = 33, HG_HOME_PATH = 4096 };
 struct hg_homes {
     const char *cache_dir; // of the daemon
     struct hg_upload_store *store;
-    uint64_t rest_bytes; // of baked data of tenants without a worker, together; 0 = no limit
+    struct hg_disk_watch *watch; // NULL: what is discarded is there until the next run
 };
 
 struct hg_home {
@@ -34,11 +36,8 @@ struct hg_home {
 };
 
 // What an earlier run left in homes goes back to its tenants; homes are removed. Before the store
-// is made, which looks at uploads.
-// `in_use`: their workers are still there and are taken over; then only uploads go back, for as
-// long as the store looks at them.
-enum hg_status hg_homes_recover(
-    const char *cache_dir, bool in_use, struct hg_error *err) HG_MUST_CHECK;
+// is made, which looks at uploads. Not where workers are taken over: they are in their homes.
+enum hg_status hg_homes_recover(const char *cache_dir, struct hg_error *err) HG_MUST_CHECK;
 
 // Before a worker starts. A home without a tenant is made anew: nothing of the process before it is
 // left. HG_E_PERM, HG_E_NOSPACE, HG_E_IO, HG_E_LIMIT (a name is too long).
@@ -47,6 +46,13 @@ enum hg_status hg_home_make(struct hg_home *home, struct hg_error *err) HG_MUST_
 // the worker has to do without (it bakes again).
 enum hg_status hg_home_give(
     struct hg_home *home, const char *tenant, struct hg_error *err) HG_MUST_CHECK;
+// The worker of that tenant is taken over, and goes on with what it has. HG_E_NOMEM, HG_E_IO: what
+// the tenant has sent is not known any more.
+enum hg_status hg_home_resume(
+    struct hg_home *home, const char *tenant, struct hg_error *err) HG_MUST_CHECK;
+// Nothing is left of what the worker, which is gone, has written; the tenant's next one is made a
+// folder anew.
+void hg_home_empty(struct hg_home *home);
 // The worker is gone: what is the tenant's goes back, the rest is removed.
 void hg_home_leave(struct hg_home *home);
 

@@ -9,6 +9,7 @@
 #include "base/log.h"
 
 static const uint64_t seed_delay_ns = 2000000000; // spares first
+static const uint64_t count_interval_ns = 2000000000;
 
 enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
     struct hg_upload_store *store, const struct hg_machine *machine, uint32_t least)
@@ -23,8 +24,7 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
         return HG_E_NOMEM;
     pool->count = count;
     pool->machine = machine;
-    pool->homes = (struct hg_homes){
-        .cache_dir = o->cache_dir, .store = store, .rest_bytes = o->cache_limit_bytes / 2};
+    pool->homes = (struct hg_homes){.cache_dir = o->cache_dir, .store = store};
     for (uint32_t i = 0; i < count; i++) {
         pool->links[i] = *like;
         pool->links[i].whose.home =
@@ -37,8 +37,23 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
     return HG_OK;
 }
 
+// Twice what a worker that keeps its limits may have, and its compiled shaders.
+static void start_watch(struct hg_worker_pool *pool)
+{
+    const struct hg_options *o = pool->links[0].options;
+    const uint64_t share = pool->is_shared ? 0 : hg_worker_cache_share(o);
+    const struct hg_disk_limits limits = {
+        .named_bytes = share ? 2 * share + 2 * HG_WORKER_SHADER_BYTES : 0,
+        .named_files = HG_WORKER_FILES,
+        .rest_bytes = o->cache_limit_bytes / 2,
+        .interval_ns = count_interval_ns};
+    if (hg_disk_watch_start(o->cache_dir, pool->count, &limits, &pool->homes.watch))
+        hg_warn(WORKER, "no memory to watch what workers have on the disk");
+}
+
 void hg_worker_pool_start(struct hg_worker_pool *pool)
 {
+    start_watch(pool);
     for (uint32_t i = 0; i < pool->count; i++)
         if (pool->links[i].whose.wanted && pool->links[i].state == HG_LINK_DOWN)
             hg_link_start(&pool->links[i]);
@@ -56,6 +71,7 @@ void hg_worker_pool_finish(struct hg_worker_pool *pool)
             hg_cgroup_remove(&pool->machine->group, i);
         hg_home_leave(&pool->links[i].whose.home);
     }
+    hg_disk_watch_stop(pool->homes.watch);
     hg_free(pool->links);
     *pool = (struct hg_worker_pool){0};
 }
@@ -146,7 +162,7 @@ void hg_worker_pool_take_homes(struct hg_worker_pool *pool)
     for (uint32_t i = 0; i < pool->count && !pool->is_shared; i++) {
         struct hg_link_owner *whose = &pool->links[i].whose;
         struct hg_error err = {0};
-        if (whose->tenant[0] && hg_home_give(&whose->home, whose->tenant, &err))
+        if (whose->tenant[0] && hg_home_resume(&whose->home, whose->tenant, &err))
             hg_warn(WORKER, "%s goes on without its uploads: %s: %s", whose->tenant, err.what,
                 err.reason);
     }
@@ -269,12 +285,39 @@ static void share_out(struct hg_worker_pool *pool)
     }
 }
 
+// What a worker that does not keep its limits has written goes with it.
+static void check_disk(struct hg_worker_pool *pool, uint32_t place)
+{
+    struct hg_link *link = &pool->links[place];
+    struct hg_disk_watch *watch = pool->is_shared ? NULL : pool->homes.watch;
+    if (!watch)
+        return;
+    hg_disk_watch_set(watch, place, link->pid, link->whose.tenant[0] != 0);
+    switch (link->pid ? hg_disk_watch_fault(watch, place, link->pid) : HG_DISK_FINE) {
+    case HG_DISK_FINE:
+        return;
+    case HG_DISK_NAMED:
+        hg_link_fail(link, "its folder is far above what cache-limit allows it");
+        hg_home_empty(&link->whose.home);
+        return;
+    case HG_DISK_UNNAMED: // that would be arrays of an honest one
+        link->no_spill = true;
+        hg_link_fail(link, "its files without a name are more than its part of the disk; large "
+                           "arrays stay in memory from now on");
+        return;
+    case HG_DISK_HIDDEN:
+        hg_link_fail(link, "it prevents that its open files are counted");
+        return;
+    }
+}
+
 void hg_worker_pool_check_times(struct hg_worker_pool *pool)
 {
     for (uint32_t i = 0; i < pool->count; i++) {
         struct hg_link *link = &pool->links[i];
         if (!link->whose.wanted)
             continue;
+        check_disk(pool, i);
         hg_link_check_time(link);
         check_idle(link);
         link->feed.pump |= link->trial.session != NULL; // its patience may be over

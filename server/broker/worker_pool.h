@@ -29,7 +29,7 @@ struct hg_worker_pool {
 // HG_E_NOMEM. No process is started.
 enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_link *like,
     struct hg_upload_store *store, const struct hg_machine *machine, uint32_t least) HG_MUST_CHECK;
-// Workers that were taken over get back what of their homes was lent (hg_homes_recover).
+// Workers that were taken over are in their homes.
 void hg_worker_pool_take_homes(struct hg_worker_pool *pool);
 void hg_worker_pool_start(struct hg_worker_pool *pool);
 void hg_worker_pool_finish(struct hg_worker_pool *pool); // accepts a zeroed one

@@ -54,9 +54,7 @@ static void add_text(struct hg_worker_arguments *a, const char *flag, const char
     add(a, text);
 }
 
-// What a tenant's baked data may take: those that have workers share half of it, the rest is for
-// those that have none.
-static uint64_t share_of_cache(const struct hg_options *o)
+uint64_t hg_worker_cache_share(const struct hg_options *o)
 {
     const uint64_t share = o->cache_limit_bytes / 2 / o->max_workers, least = 1 << 20;
     return !o->cache_limit_bytes || share > least ? share : least;
@@ -88,7 +86,7 @@ static bool add_folders(struct hg_worker_arguments *a, const struct hg_worker_st
     add_text(a, "--cache-dir", a->cache_dir);
     add_text(a, "--upload-dir", a->upload_dir);
     add_text(a, "--shader-seed", a->seed);
-    add_mib(a, "--cache-limit", share_of_cache(o));
+    add_mib(a, "--cache-limit", hg_worker_cache_share(o));
     return true;
 }
 
@@ -108,13 +106,16 @@ static bool is_for_worker(const char *variable)
 }
 
 // Where the environment names a folder for compiled shaders it is that of everybody: workers that
-// have a home use their own.
+// have a home use their own, which has a limit.
 static void choose_environment(char **out, size_t capacity, bool own_shaders)
 {
+    static char limit[] = "MESA_SHADER_CACHE_MAX_SIZE=256M"; // HG_WORKER_SHADER_BYTES
     size_t count = 0;
-    for (char **it = environ; *it && count + 1 < capacity; it++)
+    for (char **it = environ; *it && count + 2 < capacity; it++)
         if (is_for_worker(*it) && !(own_shaders && strncmp(*it, "MESA_SHADER_CACHE_DIR=", 22) == 0))
             out[count++] = *it;
+    if (own_shaders) // where it is set already that counts, which is before it
+        out[count++] = limit;
     out[count] = NULL;
 }
 

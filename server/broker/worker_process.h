@@ -20,7 +20,12 @@ struct hg_worker_start {
 // Path of the worker's program; false when there is none.
 bool hg_worker_process_find(const struct hg_options *options, char *path, size_t size);
 
-enum { HG_WORKER_ARGUMENTS = 1024 };
+enum { HG_WORKER_ARGUMENTS = 1024, HG_WORKER_FILES = 1000000 };
+#define HG_WORKER_SHADER_BYTES (UINT64_C(256) << 20) // Mesa's cache of one worker
+
+// What a tenant's baked data may take: those that have workers share half of it, the rest is for
+// those that have none. 0 = no limit.
+uint64_t hg_worker_cache_share(const struct hg_options *options);
 
 // What its program is started with.
 struct hg_worker_arguments {

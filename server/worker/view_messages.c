@@ -7,6 +7,7 @@
 #include "server/worker/frame_planes.h"
 #include "server/worker/view_codec.h"
 #include "server/worker/view_fit.h"
+#include "server/worker/view_memory.h"
 #include "server/worker/view_params.h"
 #include "server/worker/view_rate.h"
 
@@ -83,7 +84,10 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
         status = next_params(r, view, &params, err);
     if (status)
         return status;
-    if (is_new)
+    status = hg_render_state_need_renderer(r->s, err);
+    if (!status)
+        status = hg_view_memory_check(r->s, r->session, view, &params, err);
+    if (!status && is_new)
         status = hg_view_slot_create(r->s, r->session, m->view, &view, err);
     if (status)
         return status;

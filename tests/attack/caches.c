@@ -1,5 +1,7 @@
 // caches.c - what a worker may write is read by workers of its tenant only; compiled shaders, which
 // are code, by no other worker at all.
+#include <errno.h>
+#include <fcntl.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -227,6 +229,51 @@ static void a_confined_spare_sees_its_tenant_s_files(void **state)
     daemon_finish(&d);
 }
 
+// As a worker does that was taken over: what it fills the disk with goes, and it as well. The same
+// with a daemon that found the worker there when it took over.
+static void a_folder_without_limit_goes_with_its_worker(void **state)
+{
+    (void)state;
+    const off_t large = (off_t)520 << 20;
+    struct daemon d;
+    struct peer anna, bert;
+    char cache[512], path[600];
+    tenant_rig_init(&d);
+    daemon_option(&d, "cache-limit", "16"); // 1 MiB for each of 8
+    daemon_start(&d);
+    tenant_enter(&anna, &d, "anna-token-1", "hall");
+    tenant_enter(&bert, &d, "bert-token-1", "hall");
+    pid_t pid = tenant_await_worker(&d, "anna", 0);
+    const pid_t other = tenant_await_worker(&d, "bert", 0);
+    for (int i = 0; i < 2; i++) {
+        flag_of(pid, "--cache-dir", cache, sizeof cache);
+        snprintf(path, sizeof path, "%s/junk", cache);
+        const int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+        assert_true(fd >= 0);
+        assert_int_equal(posix_fallocate(fd, 0, large), 0);
+        close(fd);
+        daemon_wait_log(&d, "far above what cache-limit allows");
+        pid = tenant_await_worker(&d, "anna", pid);
+        flag_of(pid, "--cache-dir", cache, sizeof cache);
+        assert_false(has(cache, "junk"));
+        assert_true(has(cache, "store") && has(cache, "shaders"));
+        peer_call(&anna, HGP_T_node_set, &(struct hgp_node_set){.node = anna.first_id}, HGP_T_ok);
+        peer_call(&bert, HGP_T_node_set, &(struct hgp_node_set){.node = bert.first_id}, HGP_T_ok);
+        assert_int_equal(tenant_await_worker(&d, "bert", 0), other);
+        if (i == 0) {
+            daemon_signal(&d, SIGUSR2);
+            daemon_wait_log(&d, "took over");
+        }
+    }
+    snprintf(path, sizeof path, "%s/cache/discarded", d.folder);
+    daemon_signal(&d, SIGTERM);
+    daemon_wait(&d);
+    assert_int_not_equal(rmdir(path) == 0 || errno == ENOENT, 0); // all of it was removed
+    peer_close(&anna);
+    peer_close(&bert);
+    daemon_finish(&d);
+}
+
 // Where shaders cannot be compiled in advance tenants are served all the same.
 static void shaders_are_compiled_by_nobody_s_worker(void **state)
 {
@@ -256,6 +303,7 @@ int main(void)
         cmocka_unit_test(homes_are_taken_over),
         cmocka_unit_test(uploads_are_shown_to_their_tenant),
         cmocka_unit_test(a_confined_spare_sees_its_tenant_s_files),
+        cmocka_unit_test(a_folder_without_limit_goes_with_its_worker),
         cmocka_unit_test(shaders_are_compiled_by_nobody_s_worker),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -167,13 +167,15 @@ static void be_served(struct peer *p)
 
 static void begin_daemon(struct daemon *d, uint64_t hostile, uint64_t held)
 {
-    char count[32];
+    char count[32], twice[32];
     daemon_init_tokens(d);
     daemon_write(d, "tokens",
         "honest-token-1 edit honest\nhostile-token-1 edit hostile\nadmin-token-1 admin\n");
     snprintf(count, sizeof count, "%llu", (unsigned long long)(hostile + held + 256));
     static const char *const limits[] = {"max-connections", "max-per-address", "max-per-network",
-        "max-handshakes", "max-sessions", "max-sessions-per-token"};
+        "max-sessions", "max-sessions-per-token"};
+    snprintf(twice, sizeof twice, "%llu", 2 * (unsigned long long)(hostile + held + 256));
+    daemon_option(d, "max-handshakes", twice); // from half of it on some are dropped
     for (size_t i = 0; i < sizeof limits / sizeof *limits; i++)
         daemon_option(d, limits[i], count);
     daemon_option(d, "isolation", "tenant");

@@ -87,7 +87,7 @@ static void scenes_survive_a_drain(void **state)
     struct daemon d;
     struct peer p, left;
     init(&d);
-    daemon_option(&d, "resume-timeout", "1");
+    daemon_option(&d, "resume-timeout", "3");
     daemon_start(&d);
     peer_open_scene(&p, &d, "kept");
     peer_call(&p, HGP_T_node_set, &(struct hgp_node_set){.node = p.first_id}, HGP_T_ok);

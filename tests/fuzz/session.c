@@ -107,6 +107,9 @@ static void check_daemon(struct daemon *d)
     struct peer p;
     assert_int_equal(kill(d->pid, 0), 0);
     open_patiently(&p, d);
+    // One of the bad ones may have set a drain: none is begun beside it.
+    peer_call(
+        &p, HGP_T_drain_set, &(struct hgp_drain_set){.has_cancel = true, .cancel = true}, HGP_T_ok);
     peer_scene(&p, "");
     peer_call(&p, HGP_T_view_set, &(struct hgp_view_set){.view = 1}, HGP_T_ok);
     peer_call(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 7}, HGP_T_pong);

@@ -112,8 +112,88 @@ static void add_queries(session_message_fn *add)
     add(HGP_T_ping, &(struct hgp_ping){.nonce = 1});
 }
 
+// Who is in a scene, its shared camera, annotations.
+static void add_people(session_message_fn *add)
+{
+    add(HGP_T_scene_open, &(struct hgp_scene_open){.name = hgp_str_make("shared")});
+    for (int on = 1; on >= 0; on--)
+        add(HGP_T_scene_watch, &(struct hgp_scene_watch){.has_participants = true,
+                                   .participants = on,
+                                   .has_cursors = true,
+                                   .cursors = on,
+                                   .has_camera = true,
+                                   .camera = on,
+                                   .has_annotations = true,
+                                   .annotations = on,
+                                   .has_edits = true,
+                                   .edits = on});
+    add(HGP_T_participant_set, &(struct hgp_participant_set){.has_label = true,
+                                   .label = hgp_str_make("who is this"),
+                                   .has_color = true,
+                                   .color = 0x00ff80});
+    add(HGP_T_cursor_set, &(struct hgp_cursor_set){.shown = true, .position = {1, 2, 3}});
+    add(HGP_T_cursor_set, &(struct hgp_cursor_set){.shown = false});
+    add(HGP_T_camera_request, &(struct hgp_camera_request){0});
+    add(HGP_T_camera_take, &(struct hgp_camera_take){0});
+    add(HGP_T_camera_lock, &(struct hgp_camera_lock){.locked = true});
+    add(HGP_T_camera_lock, &(struct hgp_camera_lock){.locked = false});
+    add(HGP_T_camera_follow, &(struct hgp_camera_follow){.view = 1, .follow = true});
+    add(HGP_T_camera_follow, &(struct hgp_camera_follow){.view = 1, .follow = false});
+    add(HGP_T_camera_give, &(struct hgp_camera_give){0});
+    add(HGP_T_annotation_set, &(struct hgp_annotation_set){.has_position = true,
+                                  .position = {0, 1, 0},
+                                  .has_text = true,
+                                  .text = hgp_str_make("a note")});
+    for (uint64_t i = 1; i <= 2; i++) {
+        add(HGP_T_camera_give, &(struct hgp_camera_give){.has_session = true, .session = i});
+        add(HGP_T_annotation_set,
+            &(struct hgp_annotation_set){.annotation = i, .has_color = true, .color = 0xff});
+        add(HGP_T_annotation_remove, &(struct hgp_annotation_remove){.annotation = i});
+    }
+    add(HGP_T_annotations_query, &(struct hgp_annotations_query){0});
+}
+
+static void add_tickets(session_message_fn *add)
+{
+    add(HGP_T_join_make, &(struct hgp_join_make){0}); // of the open scene, if that has a name
+    for (enum hgp_role role = HGP_role_VIEW; role <= HGP_role_EDIT; role++)
+        add(HGP_T_join_make, &(struct hgp_join_make){.has_scene = true,
+                                 .scene = hgp_str_make("shared"),
+                                 .has_role = true,
+                                 .role = role,
+                                 .has_uses = true,
+                                 .uses = 2,
+                                 .has_valid_s = true,
+                                 .valid_s = 1,
+                                 .has_label = true,
+                                 .label = hgp_str_make("guest")});
+    add(HGP_T_join_query, &(struct hgp_join_query){0});
+    for (uint64_t i = 0; i < 3; i++)
+        add(HGP_T_join_revoke, &(struct hgp_join_revoke){.ticket = i});
+    add(HGP_T_keep, &(struct hgp_keep){0});
+}
+
+// A daemon that drains and stays serves administrators; session_stream.h says why no other drain.
+static void add_drain(session_message_fn *add)
+{
+    for (uint32_t i = 0; i < 2; i++)
+        add(HGP_T_drain_set, &(struct hgp_drain_set){.deadline_ms = i * 1000,
+                                 .reason = hgp_str_make("for a while"),
+                                 .has_stay = true,
+                                 .stay = true});
+    for (int i = 0; i < 3; i++)
+        add(HGP_T_drain_set, &(struct hgp_drain_set){.has_cancel = true, .cancel = true});
+    add(HGP_T_message_send, &(struct hgp_message_send){.text = hgp_str_make("to all")});
+    add(HGP_T_sessions_watch, &(struct hgp_sessions_watch){.interval_ms = 100});
+    add(HGP_T_sessions_watch, &(struct hgp_sessions_watch){0});
+    add(HGP_T_kick, &(struct hgp_kick){.session = 1});
+}
+
 void session_messages(session_message_fn *add)
 {
+    add_people(add);
+    add_tickets(add);
+    add_drain(add);
     add_meshes(add);
     add_surfaces(add);
     add_assets(add);

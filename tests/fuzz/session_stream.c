@@ -87,6 +87,19 @@ void session_stream_free(void)
     message_count = 0;
 }
 
+static bool is_drain(const uint8_t *message)
+{
+    struct hgp_header h;
+    return hgp_header_decode(message, HGP_HEADER_BYTES, UINT32_MAX, &h) == HG_OK &&
+           h.type == HGP_T_drain_set;
+}
+
+// Whether a message became one that drains the daemon: a bit makes one of others.
+static bool drains(const uint8_t *data, size_t size, const struct fuzz_piece *in)
+{
+    return size >= HGP_HEADER_BYTES && is_drain(data) && !is_drain(in->data);
+}
+
 // One message of the corpus: as it is, with a damaged payload of the right length, or with damage
 // anywhere, header included.
 void session_stream_put(struct hg_writer *w, struct fuzz_random *random)
@@ -96,6 +109,8 @@ void session_stream_put(struct hg_writer *w, struct fuzz_random *random)
     const struct fuzz_piece *other = &messages[fuzz_below(random, message_count)];
     size_t size = in->size, kind = fuzz_below(random, 12);
     memcpy(buffer, in->data, size);
+    if (is_drain(in->data) || (kind == 0 && is_drain(other->data)))
+        kind = 11; // damage could take away that the daemon stays
     if (kind == 0)
         size = fuzz_mutate(random, buffer, size, sizeof buffer, other);
     if (kind > 0 && kind < 4 && size > HGP_HEADER_BYTES) {
@@ -106,5 +121,6 @@ void session_stream_put(struct hg_writer *w, struct fuzz_random *random)
         for (size_t i = 0; i < 4; i++)
             buffer[i] = (uint8_t)(length >> (8 * i));
     }
-    hg_write_bytes(w, buffer, size);
+    if (!drains(buffer, size, in))
+        hg_write_bytes(w, buffer, size);
 }

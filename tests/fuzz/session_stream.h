@@ -9,7 +9,8 @@
 void session_stream_load(void);
 void session_stream_free(void);
 // Appends one message: as it is, with a damaged payload of the right length, or with damage
-// anywhere, header included.
+// anywhere, header included. None ends the daemon: drain_set is sent undamaged only, with which the
+// daemon stays.
 void session_stream_put(struct hg_writer *w, struct fuzz_random *random);
 
 #endif

@@ -573,14 +573,14 @@ def sessions_survive_a_takeover(d):
     is_served(d)
 
 
-def with_tls(heliod, worker, plain, *cases):
+def with_tls(heliod, worker, plain, *cases, options=None, tokens=""):
     with tempfile.TemporaryDirectory(prefix="helio-pki-") as pki:
         make_certificates(pki)
         for suffix in (".pem", ".key"):
             shutil.copy(os.path.join(pki, "localhost" + suffix), os.path.join(pki, "server" + suffix))
-        d = Daemon(heliod, worker, *plain, *MANY, "--listen", "tls:127.0.0.1:0", "--tls-cert", os.path.join(pki, "server.pem"),
+        d = Daemon(heliod, worker, *plain, *(options or MANY), "--listen", "tls:127.0.0.1:0", "--tls-cert", os.path.join(pki, "server.pem"),
                    "--tls-key", os.path.join(pki, "server.key"), "--tls-client-ca", os.path.join(pki, "ca.pem"),
-                   tokens="subject:carla admin carla-tenant\n")
+                   tokens="subject:carla admin carla-tenant\n" + tokens)
         try:
             for case in cases:
                 case(d, pki)

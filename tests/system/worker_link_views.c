@@ -320,6 +320,48 @@ static void test_next_place_of_nodes(void **state)
 
 // Pictures in motion are made of several where there is light by way of surfaces, unless a message
 // says otherwise: a view's size in motion is told only of such.
+static bool is_on_host(struct rig *rig)
+{
+    link_expect(
+        rig, link_ask(rig, 1, HGP_T_stats_query, &(struct hgp_stats_query){.view = 1}), HGP_T_json);
+    const struct hgp_str *text = &rig->message.json.text;
+    return memmem(text->data, text->size, "\"type\":\"cpu\"", 12) != NULL;
+}
+
+// The worker has 4 GiB, of which views get 3: at 480 bytes 6.7 million pixels, half of them for
+// sessions with more than 0.4.
+static void test_sessions_share_memory_for_views(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_view_set
+        large = {.view = 1, .has_width = true, .width = 1500, .has_height = true, .height = 2000},
+        small = {.view = 1, .has_width = true, .width = 600, .has_height = true, .height = 600};
+    struct hgp_view_set second = large;
+    second.view = 2;
+    for (uint32_t channel = 1; channel <= 2; channel++)
+        link_attach(rig, channel, "a");
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &large), HGP_T_ok);
+    if (!is_on_host(rig)) {
+        print_message("the device has memory of its own\n");
+        return;
+    }
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_view_set, &second), HG_E_LIMIT, "width");
+    link_expect_error(rig, link_ask(rig, 2, HGP_T_view_set, &large), HG_E_LIMIT, "width");
+    link_expect(rig, link_ask(rig, 2, HGP_T_view_set, &small), HGP_T_ok);
+    link_expect_error(rig, link_ask(rig, 2, HGP_T_view_set, &large), HG_E_LIMIT, "width");
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &small), HGP_T_ok);
+    link_expect(rig, link_ask(rig, 2, HGP_T_view_set, &large), HGP_T_ok);
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_view_set, &large), HG_E_LIMIT, "width");
+    link_expect(
+        rig, link_ask(rig, 2, HGP_T_view_close, &(struct hgp_view_close){.view = 1}), HGP_T_ok);
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &large), HGP_T_ok);
+}
+
+static int start_with_4_gib(void **state)
+{
+    return link_start_with(state, (const char *[]){"--memory-limit", "4096", NULL});
+}
+
 static void test_pictures_in_motion(void **state)
 {
     static const struct {
@@ -373,6 +415,8 @@ int main(void)
         TEST(test_files_tell_their_seed),
         TEST(test_jobs_of_names),
         TEST(test_pictures_in_motion),
+        cmocka_unit_test_setup_teardown(
+            test_sessions_share_memory_for_views, start_with_4_gib, link_stop),
     };
     return cmocka_run_group_tests_name("worker_link_views", tests, NULL, NULL);
 }
