@@ -59,6 +59,7 @@ struct hg_culling_view {
     // What the host can draw it draws (hg_culling_draw_cpu): the whole picture without its jitter.
     // NULL: the device draws all. Of the first set that has some.
     const struct hg_culling_lens *host;
+    bool host_parts; // not clusters of baked parts alone, but meshlets of others, too
     // [draws] as the view shows them (geometry/view_tables.h): none that are hidden, and the others
     // by these flags. NULL: as the scene has them.
     const struct hg_gpu_draw *shown;
