@@ -157,6 +157,7 @@ void hg_culling_copy_cpu(const struct hg_culling *visible, struct hg_gpu_cmd *cm
 struct hg_culling_stats {
     uint32_t draws, late, hidden; // of the first set; draws: instances; hidden: by the newest test
     uint64_t triangles;           // drawn of the first set by the newest sample
+    uint64_t hosted;              // of these by the host
     uint64_t bytes;               // of device memory
 };
 // After the batch is over.
