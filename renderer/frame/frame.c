@@ -107,6 +107,7 @@ void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples)
     hg_culling_stats(draw->culling, &drawn);
     draw->stats->draws_drawn = drawn.draws;
     draw->stats->triangles_drawn = drawn.triangles;
+    draw->stats->triangles_hosted = drawn.hosted;
     hg_graph_advance(draw->targets->graph);
     hg_frame_note_blend(draw, samples);
     if (draw->unlit->told &&

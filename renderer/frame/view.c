@@ -267,14 +267,15 @@ static bool needs_cascades(struct hg_lighting *lighting)
 // A triangle takes as long to rasterise as so many pixels (docs/internals/performance.md).
 #define TRIANGLE_PX 3.0f
 
-// Visibility is of pixels and of triangles: the share of the former.
+// Visibility is of pixels and of triangles that the device draws: the share of the former.
 static float share_of_pixels(const struct hg_view_state *view)
 {
     const VkExtent2D drawn = view->motion.temporal.drawn;
     const float pixels = drawn.width > 0
                              ? (float)drawn.width * (float)drawn.height
                              : (float)view->settings.width * (float)view->settings.height;
-    return pixels / (pixels + TRIANGLE_PX * (float)view->stats.triangles_drawn);
+    const uint64_t triangles = view->stats.triangles_drawn - view->stats.triangles_hosted;
+    return pixels / (pixels + TRIANGLE_PX * (float)triangles);
 }
 
 static struct hg_quality_levers levers_of(const struct hg_view_state *view)
