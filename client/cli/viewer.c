@@ -81,6 +81,12 @@ static enum hg_status open_scene(struct hg_viewer *v, struct hg_error *err)
         v->h, (uint32_t)v->scene.first_id, o->asset ? o->asset : "demo:", &loaded, err);
 }
 
+static enum hg_status subscribe(struct hg_viewer *v, struct hg_error *err)
+{
+    const struct hgp_subscribe ask = {.view = HG_VIEWER_VIEW, .credit_frames = CREDIT};
+    return helio_call_for(v->h, HGP_T_subscribe, &ask, HGP_T_ok, NULL, err);
+}
+
 enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
 {
     const struct helio_options options = {.url = v->options.url,
@@ -88,21 +94,24 @@ enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
         .timeout_ns = v->options.timeout_ns,
         .max_receive_bytes = 64 << 20};
     enum hg_status status = helio_connect(&options, &v->h, err);
+    if (status == HG_E_TIMEOUT)
+        return hg_error_set(err, status, v->options.url, NULL, "no session within %g s",
+            (double)v->options.timeout_ns * 1e-9);
     if (status)
         return status;
     helio_set_timeout(v->h, v->options.timeout_ns);
-    status = take_offset(v, err);
-    if (!status)
-        status = open_scene(v, err);
-    if (!status)
-        status = open_view(v, err);
-    if (!status)
-        status = hg_viewer_pose(v, err);
-    if (status)
-        return status;
-    return helio_call_for(v->h, HGP_T_subscribe,
-        &(struct hgp_subscribe){.view = HG_VIEWER_VIEW, .credit_frames = CREDIT}, HGP_T_ok, NULL,
-        err);
+    static const struct {
+        const char *asks;
+        enum hg_status (*step)(struct hg_viewer *v, struct hg_error *err);
+    } steps[] = {{"the daemon's clock", take_offset}, {"the scene", open_scene},
+        {"a view of it", open_view}, {"a first pose", hg_viewer_pose}, {"frames", subscribe}};
+    for (size_t i = 0; i < sizeof steps / sizeof *steps && !status; i++) {
+        status = steps[i].step(v, err);
+        if (status == HG_E_TIMEOUT)
+            return hg_error_set(err, status, v->options.url, NULL, "no answer within %g s about %s",
+                (double)v->options.timeout_ns * 1e-9, steps[i].asks);
+    }
+    return status;
 }
 
 void hg_viewer_close(struct hg_viewer *v)
