@@ -278,8 +278,9 @@ def library_path() -> Optional[str]:
 def check(status: int, err: Error) -> None:
     if status:
         retry_s = err.retry_after_ms / 1000 if err.retry_after_ms else None
-        raise HelioError(status, *(part.decode("utf-8", "replace") for part in
-                                   (err.what, err.where, err.reason, err.limit)), retry_s)
+        what, where, reason, limit = (part.decode("utf-8", "replace") for part in
+                                      (err.what, err.where, err.reason, err.limit))
+        raise HelioError(status, what, where, reason, limit, retry_s)
 
 
 def enum_value(of: str, value: Any) -> enum.IntEnum:
