@@ -1,7 +1,10 @@
 #include "client/cli/bench_common.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <ftw.h>
+#include <libgen.h>
+#include <limits.h>
 #include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -17,7 +20,35 @@
 extern char **environ;
 
 enum { WAIT_NS = 10000000, ARGS = 32 };
-#define START_NS 60000000000u
+#define START_NS  60000000000u
+#define STOP_NS   10000000000u // until a daemon that does not end is killed
+#define AGAIN_NS  500000000u   // signals that come close to each other may arrive as one
+#define PATIENT_S 600.0
+
+uint64_t hg_bench_wait_ns(const struct hg_cli *cli)
+{
+    const double s = cli->options->has_timeout ? cli->options->timeout : PATIENT_S;
+    return (uint64_t)(s * 1e9);
+}
+
+enum hg_status hg_bench_scene_find(
+    struct hg_bench_scene *scene, const char *name, struct hg_error *err)
+{
+    char full[PATH_MAX], folder[PATH_MAX];
+    const size_t length = strlen(name);
+    *scene = (struct hg_bench_scene){0};
+    if (length > 0 && length < sizeof scene->path && name[length - 1] == ':') {
+        memcpy(scene->path, name, length);
+        return HG_OK;
+    }
+    if (!realpath(name, full))
+        return hg_error_set(
+            err, hg_status_from_errno(errno), name, NULL, "cannot be read: %s", strerror(errno));
+    memcpy(folder, full, sizeof folder);
+    snprintf(scene->path, sizeof scene->path, "%s", full);
+    snprintf(scene->folder, sizeof scene->folder, "%s", dirname(folder));
+    return HG_OK;
+}
 
 // ---- the daemon ---------------------------------------------------------------------------------
 
@@ -55,11 +86,66 @@ static enum hg_status spawn_daemon(
     }
     while (more && *more && count < ARGS - 1)
         argv[count++] = *more++;
-    const int failed = posix_spawn(&d->pid, d->program, NULL, NULL, (char *const *)argv, environ);
+    posix_spawn_file_actions_t quiet; // who waits for our output does not wait for the daemon
+    int failed = posix_spawn_file_actions_init(&quiet);
+    if (!failed)
+        failed = posix_spawn_file_actions_addopen(&quiet, 1, "/dev/null", O_WRONLY, 0);
+    if (!failed)
+        failed = posix_spawn(&d->pid, d->program, &quiet, NULL, (char *const *)argv, environ);
+    posix_spawn_file_actions_destroy(&quiet);
     if (!failed)
         return HG_OK;
     d->pid = 0;
     return hg_error_set(err, HG_E_WORKER, d->program, NULL, "cannot start: %s", strerror(failed));
+}
+
+// The guard's process: calls only what a fork of a program with threads may call.
+static _Noreturn void watch_over(pid_t daemon, int fd)
+{
+    char byte;
+    ssize_t n;
+    signal(SIGINT, SIG_IGN);
+    signal(SIGTERM, SIG_IGN);
+    dup2(fd, 0);
+    close_range(1, ~0u, 0);
+    while ((n = read(0, &byte, 1)) < 0 && errno == EINTR)
+        ;
+    for (int i = 0; n == 0 && i < 2 && kill(daemon, SIGTERM) == 0; i++)
+        usleep(AGAIN_NS / 1000);
+    if (n == 0)
+        kill(daemon, SIGKILL);
+    _exit(0);
+}
+
+// A byte in the pipe: the daemon ended as it should. Its end without one: we did, before it.
+static enum hg_status guard(struct hg_bench_daemon *d, struct hg_error *err)
+{
+    int ends[2];
+    if (pipe2(ends, O_CLOEXEC))
+        return hg_error_set(err, hg_status_from_errno(errno), d->program, NULL,
+            "no pipe to watch over it: %s", strerror(errno));
+    d->guard_pid = fork();
+    if (d->guard_pid == 0)
+        watch_over(d->pid, ends[0]);
+    close(ends[0]);
+    d->guard_fd = ends[1];
+    if (d->guard_pid > 0)
+        return HG_OK;
+    close(ends[1]);
+    d->guard_pid = 0;
+    return hg_error_set(err, hg_status_from_errno(errno), d->program, NULL,
+        "nothing to watch over it: %s", strerror(errno));
+}
+
+static void dismiss_guard(struct hg_bench_daemon *d)
+{
+    if (!d->guard_pid)
+        return;
+    const bool told = write(d->guard_fd, "", 1) == 1;
+    close(d->guard_fd);
+    if (told)
+        waitpid(d->guard_pid, NULL, 0);
+    d->guard_pid = 0;
 }
 
 static bool has_ended(struct hg_bench_daemon *d)
@@ -91,6 +177,8 @@ enum hg_status hg_bench_daemon_start(struct hg_bench_daemon *d, const char *toke
     enum hg_status status = make_folder(d, err);
     if (!status)
         status = spawn_daemon(d, tokens, more, err);
+    if (!status)
+        status = guard(d, err);
     return status ? status : await_daemon(d, token, err);
 }
 
@@ -104,12 +192,16 @@ static int remove_one(const char *path, const struct stat *st, int kind, struct 
 
 void hg_bench_daemon_stop(struct hg_bench_daemon *d)
 {
-    if (d->pid) {
-        kill(d->pid, SIGTERM);
-        hg_clock_sleep_ns(WAIT_NS);
-        kill(d->pid, SIGTERM); // the second one does not wait for clients
-        waitpid(d->pid, NULL, 0);
+    const uint64_t until_ns = hg_clock_now_ns() + STOP_NS;
+    uint64_t next_ns = 0;
+    for (int sent = 0; d->pid && !has_ended(d); hg_clock_sleep_ns(WAIT_NS)) {
+        const uint64_t now_ns = hg_clock_now_ns();
+        if (now_ns < next_ns)
+            continue;
+        kill(d->pid, now_ns > until_ns ? SIGKILL : SIGTERM); // the second does not wait for clients
+        next_ns = now_ns + (sent++ ? AGAIN_NS : WAIT_NS);
     }
+    dismiss_guard(d);
     if (d->folder[0])
         nftw(d->folder, remove_one, 16, FTW_DEPTH | FTW_PHYS);
     *d = (struct hg_bench_daemon){0};

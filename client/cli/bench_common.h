@@ -10,10 +10,25 @@
 struct hg_bench_daemon {
     char folder[64], url[128]; // of its socket; removed at the end
     char program[4096];
-    pid_t pid; // 0: none runs
+    pid_t pid;       // 0: none runs
+    pid_t guard_pid; // ends the daemon when this process has ended in whatever way; 0: none
+    int guard_fd;    // what it waits for
 };
 
-// Starts heliod on a unix socket in a temporary folder and waits until it takes sessions.
+// How long a benchmark waits for one thing (a picture that settles, an answer): --timeout, or ten
+// minutes.
+uint64_t hg_bench_wait_ns(const struct hg_cli *cli);
+
+// A scene of a daemon of our own: "demo:", or a file, whose folder the daemon is to read.
+struct hg_bench_scene {
+    char path[4096], folder[4096]; // folder: "" of what is no file
+};
+// HG_E_NOT_FOUND: there is no such file.
+enum hg_status hg_bench_scene_find(
+    struct hg_bench_scene *scene, const char *name, struct hg_error *err) HG_MUST_CHECK;
+
+// Starts heliod on a unix socket in a temporary folder and waits until it takes sessions. It writes
+// nothing to our standard output, and ends with this process.
 // `tokens`: of its token file; NULL: it trusts its own user. `more`: further options, ended by
 // NULL. On failure hg_bench_daemon_stop is still to be called.
 enum hg_status hg_bench_daemon_start(struct hg_bench_daemon *d, const char *tokens,

@@ -11,13 +11,12 @@
 #include "client/cli/viewer.h"
 
 enum { WARM_POSES = 30, SAMPLES = HG_VIEWER_POSES };
-#define POSE_NS   60000000000u           // until a pose is shown, at most
-#define SETTLE_NS UINT64_C(600000000000) // and until all that is needed for that is there
-
 struct latency {
     struct hg_cli *cli;
     struct hg_bench_daemon daemon;
+    struct hg_bench_scene scene; // of that daemon
     struct hg_viewer viewer;
+    uint64_t wait_ns; // for one pose, or until all that is needed for them is there
     const char *url, *token, *encoding;
     uint32_t poses;
     uint32_t count; // of the samples that follow
@@ -46,16 +45,16 @@ static enum hg_status read_options(struct latency *l, const json_t *options, str
     } encodings[] = {{"jpeg", HGP_encoding_JPEG}, {"raw8", HGP_encoding_RAW_RGBA8},
         {"zstd", HGP_encoding_ZSTD_RGBA8}, {"png8", HGP_encoding_PNG8}};
     struct hg_viewer_options *o = &l->viewer.options;
-    int poses = 300, width = 1280, height = 720;
+    int poses = 300, width = 1280, height = 720, plain = 0;
     double fps = 30;
     json_error_t wrong;
     l->encoding = "jpeg";
     o->asset = "demo:";
-    o->timeout_ns = POSE_NS;
     if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT,
-            "{s?i, s?i, s?i, s?F, s?F, s?s, s?s, s?s, s?s}", "poses", &poses, "width", &width,
+            "{s?i, s?i, s?i, s?F, s?F, s?s, s?s, s?s, s?s, s?b}", "poses", &poses, "width", &width,
             "height", &height, "poses_per_s", &o->poses_per_s, "target_fps", &fps, "scene",
-            &o->asset, "url", &l->url, "token", &l->token, "encoding", &l->encoding))
+            &o->asset, "url", &l->url, "token", &l->token, "encoding", &l->encoding, "plain",
+            &plain))
         return hg_error_set(err, HG_E_INVAL, "bench latency", "options", "%s", wrong.text);
     bool known = false;
     for (size_t i = 0; i < sizeof encodings / sizeof *encodings; i++)
@@ -72,7 +71,18 @@ static enum hg_status read_options(struct latency *l, const json_t *options, str
     o->width = (uint32_t)width;
     o->height = (uint32_t)height;
     o->target_fps = (float)fps;
+    o->plain = plain;
     return HG_OK;
+}
+
+static enum hg_status not_shown(const struct latency *l, uint64_t left, struct hg_error *err)
+{
+    const struct hg_viewer *v = &l->viewer;
+    return hg_error_set(err, HG_E_TIMEOUT, "bench latency", NULL,
+        "no frame of pose %llu or a later one within %.0f s (%llu poses were still to come; "
+        "%llu frames came, the newest of pose %llu)",
+        (unsigned long long)v->shown_seq + 1, (double)l->wait_ns * 1e-9, (unsigned long long)left,
+        (unsigned long long)v->frames, (unsigned long long)v->shown_seq);
 }
 
 // Until `count` poses are shown.
@@ -80,7 +90,8 @@ static enum hg_status turn(struct latency *l, uint32_t count, struct hg_error *e
 {
     struct hg_viewer *v = &l->viewer;
     const uint64_t end = v->sample_count + count;
-    uint64_t known = v->sample_count, until_ns = hg_clock_now_ns() + POSE_NS;
+    uint64_t known = v->sample_count, until_ns = hg_clock_now_ns() + l->wait_ns;
+    v->enough = end;
     while (v->sample_count < end) {
         const uint64_t now_ns = hg_clock_now_ns();
         enum hg_status status = hg_viewer_run(v, now_ns + 20000000, true, err);
@@ -89,8 +100,8 @@ static enum hg_status turn(struct latency *l, uint32_t count, struct hg_error *e
         if (hg_cli_is_stopped())
             return hg_error_set(err, HG_E_CANCELLED, "bench latency", NULL, "interrupted");
         if (v->sample_count == known && now_ns > until_ns)
-            return hg_error_set(err, HG_E_TIMEOUT, "bench latency", NULL, "a pose is not shown");
-        until_ns = v->sample_count > known ? now_ns + POSE_NS : until_ns;
+            return not_shown(l, end - known, err);
+        until_ns = v->sample_count > known ? now_ns + l->wait_ns : until_ns;
         known = v->sample_count;
         hg_cli_progress_update(
             &l->cli->progress, "poses", (uint32_t)(count - (end > known ? end - known : 0)), count);
@@ -101,9 +112,10 @@ static enum hg_status turn(struct latency *l, uint32_t count, struct hg_error *e
 static enum hg_status measure(struct latency *l, struct hg_error *err)
 {
     struct hg_viewer *v = &l->viewer;
+    v->options.timeout_ns = l->wait_ns;
     enum hg_status status = hg_viewer_open(v, err);
     if (!status)
-        status = hg_viewer_await(v, true, SETTLE_NS, err); // pipelines, geometry, textures
+        status = hg_viewer_await(v, true, l->wait_ns, err); // pipelines, geometry, textures
     if (!status)
         status = turn(l, WARM_POSES, err);
     if (status)
@@ -137,6 +149,20 @@ static json_t *report_of(struct latency *l)
         seconds > 0 ? (double)l->bytes * 8e-6 / seconds : 0.0, "rtt_ms", (double)v->rtt_ns * 1e-6);
 }
 
+// A daemon of our own, which may read the scene. Without tenants no second process compiles shaders
+// beside what is measured.
+static enum hg_status start_daemon(struct latency *l, struct hg_error *err)
+{
+    const char *more[] = {"--isolation", "shared", "--asset-root", l->scene.folder, NULL};
+    enum hg_status status = hg_bench_scene_find(&l->scene, l->viewer.options.asset, err);
+    if (status)
+        return status;
+    l->viewer.options.asset = l->scene.path;
+    if (!*l->scene.folder)
+        more[2] = NULL;
+    return hg_bench_daemon_start(&l->daemon, NULL, NULL, more, err);
+}
+
 enum hg_status hg_cli_bench_latency(
     struct hg_cli *cli, const json_t *options, char **report, struct hg_error *err)
 {
@@ -145,9 +171,10 @@ enum hg_status hg_cli_bench_latency(
     if (!l)
         return hg_error_set(err, HG_E_NOMEM, "bench latency", NULL, "no memory");
     l->cli = cli;
+    l->wait_ns = hg_bench_wait_ns(cli);
     enum hg_status status = read_options(l, options, err);
     if (!status && !l->url)
-        status = hg_bench_daemon_start(&l->daemon, NULL, NULL, NULL, err);
+        status = start_daemon(l, err);
     l->viewer.options.url = l->url ? l->url : l->daemon.url;
     l->viewer.options.token = l->token;
     if (!status)

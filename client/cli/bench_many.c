@@ -12,8 +12,8 @@
 #include "client/cli/viewer.h"
 
 enum { MOST = 64, MOST_COUNTS = 16, TOKEN_BYTES = 32, BESIDE = 4 };
-#define OPEN_NS  UINT64_C(600000000000)
 #define PULSE_NS 1200000000u // after which the worker's memory has been told
+#define SLICE_NS 200000000u  // of waiting for one viewer, after which the others are read
 
 enum kind { MOVES, STUCK, HIDDEN, FILM };
 
@@ -27,10 +27,17 @@ struct seat {
     struct hg_error err;
 };
 
+// What is measured, each by itself: bits of many.phases.
+static const char *const phase_names[] = {"viewers", "stuck", "hidden", "film", "tenants"};
+enum { VIEWERS = 1, STUCK_ONE = 2, HIDDEN_ONE = 4, FILM_ONE = 8, TENANTS = 16, ALL = 31 };
+
 struct many {
     struct hg_cli *cli;
     struct hg_bench_daemon daemon;
+    struct hg_bench_scene scene;
     struct hg_viewer_options viewer; // of each
+    uint64_t wait_ns;                // for the first picture of a viewer, or one answer
+    uint32_t phases;
     double seconds;
     uint32_t counts[MOST_COUNTS], count_count, tenants;
     struct seat *seats; // [MOST]
@@ -53,6 +60,39 @@ static void *seat_main(void *arg)
     return NULL;
 }
 
+// Frames of those that are there are taken while another one comes: the daemon ends clients that
+// take none.
+static enum hg_status read_others(struct many *m, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i + 1 < m->seat_count && !status; i++)
+        if (m->seats[i].kind != STUCK)
+            status = hg_viewer_run(&m->seats[i].viewer, hg_clock_now_ns() + 1, false, err);
+    return status;
+}
+
+static enum hg_status await_first(struct many *m, struct seat *s, struct hg_error *err)
+{
+    const uint64_t until_ns = hg_clock_now_ns() + m->wait_ns;
+    for (;;) {
+        struct hg_error others;
+        enum hg_status status = hg_viewer_await(&s->viewer, s->kind != FILM, SLICE_NS, err);
+        if (status != HG_E_TIMEOUT)
+            return status;
+        if (hg_clock_now_ns() >= until_ns)
+            return hg_error_set(err, HG_E_TIMEOUT, "bench many", NULL,
+                "viewer %u of %u%s: no %s frame of its first pose within %.0f s (%llu frames came)",
+                m->seat_count, m->seat_count, s->kind == FILM ? ", a film" : "",
+                s->kind == FILM ? "first" : "settled", (double)m->wait_ns * 1e-9,
+                (unsigned long long)s->viewer.frames);
+        status = read_others(m, &others);
+        if (status) {
+            *err = others;
+            return status;
+        }
+    }
+}
+
 static enum hg_status add_seat(
     struct many *m, enum kind kind, uint32_t tenant, const char *scene, struct hg_error *err)
 {
@@ -64,7 +104,7 @@ static enum hg_status add_seat(
     s->viewer.options.path = kind == FILM;
     enum hg_status status = hg_viewer_open(&s->viewer, err);
     if (!status)
-        status = hg_viewer_await(&s->viewer, kind != FILM, OPEN_NS, err);
+        status = await_first(m, s, err);
     if (!status && kind == HIDDEN)
         status = hg_viewer_hide(&s->viewer, true, err);
     return status;
@@ -123,7 +163,12 @@ static json_t *rates(const struct many *m, double *mean)
         "{s:o, s:f, s:f}", "fps", fps, "total_fps", sum, "fairness", most > 0 ? least / most : 0.0);
 }
 
-// Resident memory of the workers that have a tenant, in all.
+static bool has_tenants(const struct many *m)
+{
+    return (m->phases & TENANTS) && m->tenants > 0;
+}
+
+// Resident memory of the workers in use, in all: of those that have a tenant, or of the only one.
 static enum hg_status workers_bytes(const struct many *m, uint64_t *bytes, struct hg_error *err)
 {
     struct helio *h;
@@ -140,7 +185,7 @@ static enum hg_status workers_bytes(const struct many *m, uint64_t *bytes, struc
     json_array_foreach(json_object_get(root, "workers"), i, worker)
     {
         const char *tenant = json_string_value(json_object_get(worker, "tenant"));
-        if (tenant && *tenant)
+        if ((tenant && *tenant) || !has_tenants(m))
             *bytes += (uint64_t)json_integer_value(json_object_get(worker, "rss_bytes"));
     }
     json_decref(root);
@@ -262,22 +307,42 @@ static enum hg_status read_counts(struct many *m, const json_t *list, struct hg_
     return HG_OK;
 }
 
+static enum hg_status read_phases(struct many *m, const json_t *list, struct hg_error *err)
+{
+    size_t i;
+    json_t *item;
+    m->phases = list ? 0 : ALL;
+    json_array_foreach((json_t *)list, i, item)
+    {
+        const char *name = json_string_value(item);
+        uint32_t bit = 0;
+        for (uint32_t k = 0; k < sizeof phase_names / sizeof *phase_names; k++)
+            bit |= name && strcmp(name, phase_names[k]) == 0 ? 1u << k : 0;
+        if (!bit)
+            return hg_error_set(err, HG_E_INVAL, "bench many", "phases",
+                "are of viewers, stuck, hidden, film and tenants");
+        m->phases |= bit;
+    }
+    return HG_OK;
+}
+
 static enum hg_status read_options(struct many *m, const json_t *options, struct hg_error *err)
 {
-    int width = 320, height = 180, tenants = 8;
+    int width = 320, height = 180, tenants = 8, plain = 0;
     double fps = 30;
-    json_t *counts = NULL;
+    json_t *counts = NULL, *phases = NULL;
     json_error_t wrong;
     m->seconds = 5;
     m->viewer = (struct hg_viewer_options){.asset = "demo:",
         .poses = 300,
         .poses_per_s = 60,
         .encoding = HGP_encoding_JPEG,
-        .timeout_ns = OPEN_NS};
+        .timeout_ns = m->wait_ns};
     if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT,
-            "{s?F, s?o, s?i, s?i, s?i, s?F, s?F, s?s}", "seconds", &m->seconds, "viewers", &counts,
-            "tenants", &tenants, "width", &width, "height", &height, "poses_per_s",
-            &m->viewer.poses_per_s, "target_fps", &fps, "scene", &m->viewer.asset))
+            "{s?F, s?o, s?o, s?i, s?i, s?i, s?F, s?F, s?s, s?b}", "seconds", &m->seconds, "viewers",
+            &counts, "phases", &phases, "tenants", &tenants, "width", &width, "height", &height,
+            "poses_per_s", &m->viewer.poses_per_s, "target_fps", &fps, "scene", &m->viewer.asset,
+            "plain", &plain))
         return hg_error_set(err, HG_E_INVAL, "bench many", "options", "%s", wrong.text);
     if (!(m->seconds > 0 && m->seconds <= 3600) || tenants < 0 || tenants > 32 || width < 1 ||
         height < 1 || !(fps >= 0 && fps <= 1000) ||
@@ -288,20 +353,27 @@ static enum hg_status read_options(struct many *m, const json_t *options, struct
     m->viewer.width = (uint32_t)width;
     m->viewer.height = (uint32_t)height;
     m->viewer.target_fps = (float)fps;
-    return read_counts(m, counts, err);
+    m->viewer.plain = plain;
+    enum hg_status status = read_phases(m, phases, err);
+    return status ? status : read_counts(m, counts, err);
 }
 
 static enum hg_status start_daemon(struct many *m, struct hg_error *err)
 {
     char tokens[2048], tenants[16];
+    enum hg_status status = hg_bench_scene_find(&m->scene, m->viewer.asset, err);
+    if (status)
+        return status;
+    m->viewer.asset = m->scene.path;
     size_t size = (size_t)snprintf(tokens, sizeof tokens, "many-admin-token admin admin\n");
     for (uint32_t i = 0; i < (m->tenants ? m->tenants : 1); i++)
         size += (size_t)snprintf(
             tokens + size, sizeof tokens - size, "many-token-%u edit tenant%u\n", i, i);
     snprintf(tenants, sizeof tenants, "%u", m->tenants ? m->tenants : 1);
-    const char *more[] = {"--max-sessions-per-token", "128", "--max-workers", tenants, NULL};
-    enum hg_status status =
-        hg_bench_daemon_start(&m->daemon, tokens, "many-admin-token", more, err);
+    const char *more[] = {"--max-sessions-per-token", "128", "--max-workers", tenants,
+        "--isolation", has_tenants(m) ? "tenant" : "shared",
+        *m->scene.folder ? "--asset-root" : NULL, m->scene.folder, NULL};
+    status = hg_bench_daemon_start(&m->daemon, tokens, "many-admin-token", more, err);
     m->viewer.url = m->daemon.url;
     return status;
 }
@@ -309,15 +381,15 @@ static enum hg_status start_daemon(struct many *m, struct hg_error *err)
 static enum hg_status run(struct many *m, struct hg_error *err)
 {
     enum hg_status status = start_daemon(m, err);
-    if (!status)
+    if (!status && (m->phases & VIEWERS))
         status = measure_counts(m, err);
-    if (!status)
+    if (!status && (m->phases & STUCK_ONE))
         status = measure_beside(m, STUCK, "stuck", err);
-    if (!status)
+    if (!status && (m->phases & HIDDEN_ONE))
         status = measure_beside(m, HIDDEN, "hidden", err);
-    if (!status)
+    if (!status && (m->phases & FILM_ONE))
         status = measure_beside(m, FILM, "film", err);
-    if (!status && m->tenants)
+    if (!status && has_tenants(m))
         status = measure_tenants(m, err);
     return status;
 }
@@ -336,6 +408,7 @@ enum hg_status hg_cli_bench_many(
                                 : hg_error_set(err, HG_E_NOMEM, "bench many", NULL, "no memory");
     if (!status) {
         m->cli = cli;
+        m->wait_ns = hg_bench_wait_ns(cli);
         status = read_options(m, options, err);
     }
     if (!status) {

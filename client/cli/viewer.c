@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "client/cli/cli.h"
 
 enum { CREDIT = 32, PINGS = 8, TURN_POSES = 300, WAIT_NS = 50000000 };
 
@@ -80,6 +81,12 @@ static enum hg_status open_scene(struct hg_viewer *v, struct hg_error *err)
         v->h, (uint32_t)v->scene.first_id, o->asset ? o->asset : "demo:", &loaded, err);
 }
 
+static enum hg_status subscribe(struct hg_viewer *v, struct hg_error *err)
+{
+    const struct hgp_subscribe ask = {.view = HG_VIEWER_VIEW, .credit_frames = CREDIT};
+    return helio_call_for(v->h, HGP_T_subscribe, &ask, HGP_T_ok, NULL, err);
+}
+
 enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
 {
     const struct helio_options options = {.url = v->options.url,
@@ -87,21 +94,24 @@ enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
         .timeout_ns = v->options.timeout_ns,
         .max_receive_bytes = 64 << 20};
     enum hg_status status = helio_connect(&options, &v->h, err);
+    if (status == HG_E_TIMEOUT)
+        return hg_error_set(err, status, v->options.url, NULL, "no session within %g s",
+            (double)v->options.timeout_ns * 1e-9);
     if (status)
         return status;
     helio_set_timeout(v->h, v->options.timeout_ns);
-    status = take_offset(v, err);
-    if (!status)
-        status = open_scene(v, err);
-    if (!status)
-        status = open_view(v, err);
-    if (!status)
-        status = hg_viewer_pose(v, err);
-    if (status)
-        return status;
-    return helio_call_for(v->h, HGP_T_subscribe,
-        &(struct hgp_subscribe){.view = HG_VIEWER_VIEW, .credit_frames = CREDIT}, HGP_T_ok, NULL,
-        err);
+    static const struct {
+        const char *asks;
+        enum hg_status (*step)(struct hg_viewer *v, struct hg_error *err);
+    } steps[] = {{"the daemon's clock", take_offset}, {"the scene", open_scene},
+        {"a view of it", open_view}, {"a first pose", hg_viewer_pose}, {"frames", subscribe}};
+    for (size_t i = 0; i < sizeof steps / sizeof *steps && !status; i++) {
+        status = steps[i].step(v, err);
+        if (status == HG_E_TIMEOUT)
+            return hg_error_set(err, status, v->options.url, NULL, "no answer within %g s about %s",
+                (double)v->options.timeout_ns * 1e-9, steps[i].asks);
+    }
+    return status;
 }
 
 void hg_viewer_close(struct hg_viewer *v)
@@ -200,11 +210,16 @@ static enum hg_status take_frame(
     return helio_taken(v->h, message, err);
 }
 
+static bool has_enough(const struct hg_viewer *v)
+{
+    return v->enough > 0 && v->sample_count >= v->enough;
+}
+
 static enum hg_status take_all(struct hg_viewer *v, struct hg_error *err)
 {
     struct helio_message *message;
     enum hg_status status = helio_process(v->h, err);
-    while (!status && !(status = helio_next(v->h, &message, err))) {
+    while (!status && !has_enough(v) && !(status = helio_next(v->h, &message, err))) {
         if (message->type == HGP_T_frame && !message->request)
             status = take_frame(v, message, err);
         helio_message_free(message);
@@ -228,6 +243,8 @@ enum hg_status hg_viewer_run(
     enum hg_status status = HG_OK;
     for (uint64_t now_ns; !status && (now_ns = hg_clock_now_ns()) < until_ns;) {
         status = take_all(v, err);
+        if (has_enough(v))
+            return status;
         if (!status && moves && is_pose_due(v, hg_clock_now_ns()))
             status = hg_viewer_pose(v, err);
         const bool timed = moves && v->options.poses_per_s > 0 && v->next_pose_ns < until_ns;
@@ -245,9 +262,15 @@ enum hg_status hg_viewer_await(
         enum hg_status status = take_all(v, err);
         if (status || (settled ? v->settled : v->shown_seq >= v->seq))
             return status;
+        if (hg_cli_is_stopped())
+            return hg_error_set(err, HG_E_CANCELLED, "frame", NULL, "interrupted");
         if (hg_clock_now_ns() >= until_ns)
             return hg_error_set(err, HG_E_TIMEOUT, "frame", NULL,
-                "no %s frame of the newest pose came", settled ? "settled" : "first");
+                "no %s frame of pose %llu within %.0f s (%llu frames came, the newest of pose "
+                "%llu)",
+                settled ? "settled" : "first", (unsigned long long)v->seq,
+                (double)timeout_ns * 1e-9, (unsigned long long)v->frames,
+                (unsigned long long)v->shown_seq);
         status = wait_some(v, until_ns, err);
         if (status)
             return status;

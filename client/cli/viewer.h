@@ -59,6 +59,7 @@ struct hg_viewer {
     uint64_t sent_ns[HG_VIEWER_POSES]; // by seq
     uint64_t shown_seq, stale;         // of the newest frame; frames older than one before
     uint64_t frames, bytes, sample_count;
+    uint64_t enough;  // samples after which hg_viewer_run returns at once; 0: it goes on
     bool settled;     // the newest frame is, without loss
     uint8_t hash[32]; // of its pixels
     void (*on_sample)(void *user, const struct hg_viewer_sample *sample); // NULL: none
@@ -74,7 +75,8 @@ enum hg_status hg_viewer_pose(struct hg_viewer *v, struct hg_error *err) HG_MUST
 // Takes what comes until then; with `moves` it sends poses when they are due.
 enum hg_status hg_viewer_run(
     struct hg_viewer *v, uint64_t until_ns, bool moves, struct hg_error *err) HG_MUST_CHECK;
-// Until the newest pose is shown, or settled and without loss. HG_E_TIMEOUT.
+// Until the newest pose is shown, or settled and without loss. HG_E_TIMEOUT: says what did not
+// come.
 enum hg_status hg_viewer_await(
     struct hg_viewer *v, bool settled, uint64_t timeout_ns, struct hg_error *err) HG_MUST_CHECK;
 // Whether its picture is watched (view_set.hidden).

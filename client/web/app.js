@@ -5,6 +5,7 @@ import { Controls } from "./controls.js";
 import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
 import { Inspector } from "./inspect.js";
 import { keepAccess, keepResume, takeAccess, takeResume } from "./link.js";
+import { Looks } from "./looks.js";
 import { Opening } from "./opening.js";
 import { Overlay } from "./overlay.js";
 import { ScenePanel, ViewPanel } from "./panels.js";
@@ -42,6 +43,8 @@ class App {
         this.view.params = { ...this.view.params, ...this.link.params };
         this.view.camera = this.link.camera ?? this.view.camera;
         this.view.sent = this.link.camera;
+        this.looks = new Looks(this.connection, this.view, this.scene,
+            (error) => toast(describeError(error), "error"));
         this.overlay = new Overlay($("overlay"), this.canvas);
         this.status = new Status($("status"));
         this.curtain = new Curtain($("curtain"));
@@ -61,6 +64,7 @@ class App {
             set: (changes) => this.setParams(changes),
             later: (changes) => this.later("params", changes, (c) => this.setParams(c)),
             lens: (changes) => this.setLens(changes),
+            clipping: this.looks.section(),
             resolution: (v) => this.view.setResolution(v),
             codec: (v) => this.attempt(() => this.view.setCodec(v)),
             environment: (fields) => this.setEnvironment(fields),

@@ -174,18 +174,21 @@ export function progressToast(text, onCancel = null) {
 export function ask(title, body, choices) {
     return new Promise((resolve) => {
         const titleId = newId();
-        const dialog = h("dialog", { class: "dialog", "aria-labelledby": titleId },
-            h("h2", { id: titleId, text: title }), body);
         const end = (value) => {
             dialog.close();
             dialog.remove();
             resolve(value);
         };
-        const form = h("form", { method: "dialog", class: "choices",
-            on: { submit: (e) => { e.preventDefault(); end(e.submitter?.value ?? null); } } },
-        ...choices.map(([text, value], i) => h("button", { type: "submit", value, text,
-            class: i === choices.length - 1 ? "button primary" : "button" })));
-        dialog.append(form);
+        // The last choice is what Enter in a field means: the form's only button that submits.
+        const buttons = choices.map(([text, value], i) => i === choices.length - 1
+            ? h("button", { type: "submit", value, text, class: "button primary" })
+            : h("button", { type: "button", value, text, class: "button",
+                on: { click: () => end(value) } }));
+        const form = h("form", { method: "dialog",
+            on: { submit: (e) => { e.preventDefault(); end(choices.at(-1)[1]); } } },
+        body, h("div", { class: "choices" }, ...buttons));
+        const dialog = h("dialog", { class: "dialog", "aria-labelledby": titleId },
+            h("h2", { id: titleId, text: title }), form);
         dialog.addEventListener("cancel", (e) => { e.preventDefault(); end(null); });
         document.body.append(dialog);
         dialog.showModal();

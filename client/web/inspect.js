@@ -16,7 +16,7 @@ function angle_deg(a, b) {
 }
 
 export class Inspector {
-    // app: { view, scene, overlay, people, connection, panels, scenePanel, fly, fit, setVisible,
+    // app: { view, looks, scene, overlay, people, connection, panels, scenePanel, fly, fit, setVisible,
     // attempt }
     constructor(app, card, canvas) {
         this.app = app;
@@ -92,9 +92,9 @@ export class Inspector {
     // ---- selection -----------------------------------------------------------------------------
 
     async select(id, picked = null) {
-        const { scene, panels, scenePanel, overlay } = this.app;
+        const { scene, panels, scenePanel, looks } = this.app;
         this.selection = { id, picked };
-        overlay.box = null;
+        looks.select(id);
         if (panels.isOpen("scene") && scene.nodes.has(id) && scenePanel.tree.selected !== id)
             scenePanel.tree.reveal(id);
         announce(`${scene.nameOf(id)} selected`);
@@ -102,18 +102,15 @@ export class Inspector {
         const box = await scene.bounds(id).catch(() => null);
         if (this.selection?.id !== id || !box || box.empty)
             return;
-        overlay.box = { min: box.min, max: box.max };
         this.selection.size = box.max.map((v, i) => v - box.min[i]);
-        overlay.draw();
         this.showCard();
     }
 
     clear() {
-        const { overlay, scenePanel } = this.app;
+        const { looks, scenePanel } = this.app;
         this.selection = null;
         this.note = null;
-        overlay.box = null;
-        overlay.draw();
+        looks.select(null);
         scenePanel.tree.selected = null;
         scenePanel.tree.draw();
         this.showCard();

@@ -80,6 +80,7 @@ export class Opening {
         const { app } = this;
         this.setEmpty(false);
         app.inspector.clear();
+        app.looks.reset();
         await app.view.fitFirst();
         app.updateView();
         const notes = warnings.length ? ` ${warnings.length} notes: see the scene panel.` : "";

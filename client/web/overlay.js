@@ -1,10 +1,7 @@
-// overlay.js - what is drawn over the picture: the box of what is selected, measured distances,
-// notes. Places follow the camera of the picture that is shown, not the one that was sent last.
+// overlay.js - what is drawn over the picture: measured distances, notes. Places follow the camera of the picture that is shown, not the one that was sent last.
 import { length, project, sub } from "./camera.js";
 import { h, metresText, svg } from "./dom.js";
 
-const EDGES = [[0, 1], [1, 3], [3, 2], [2, 0], [4, 5], [5, 7], [7, 6], [6, 4], [0, 4], [1, 5],
-    [2, 6], [3, 7]];
 const NEAR = 1e-3;
 
 export class Overlay {
@@ -13,7 +10,6 @@ export class Overlay {
         this.drawing = svg("svg", { class: "drawing", "aria-hidden": "true" });
         this.labels = h("div", { class: "labels" });
         element.append(this.drawing, this.labels);
-        this.box = null; // { min, max }
         this.points = []; // of the measure, at most 2: { position, normal }
         this.notes = []; // { id, position, text, color }
         this.onNote = () => {};
@@ -28,8 +24,6 @@ export class Overlay {
             return;
         const { clientWidth, clientHeight } = this.canvas;
         this.size = [clientWidth, clientHeight];
-        if (this.box)
-            this.drawBox(this.box);
         this.drawMeasure();
         this.notes.forEach((note, i) => this.drawNote(note, i));
     }
@@ -59,12 +53,6 @@ export class Overlay {
         }
         this.drawing.append(svg("line",
             { class: type, x1: from.x, y1: from.y, x2: to.x, y2: to.y }));
-    }
-
-    drawBox({ min, max }) {
-        const corner = (i) => [0, 1, 2].map((k) => i >> k & 1 ? max[k] : min[k]);
-        for (const [a, b] of EDGES)
-            this.line(corner(a), corner(b), "box");
     }
 
     drawMeasure() {

@@ -24,13 +24,13 @@ export function panelHeader(title, onClose) {
 // ---- settings of the view ----------------------------------------------------------------------
 
 export class ViewPanel {
-    // on: { set(changes), resolution(value), environment(fields) }
+    // on: { set(changes), resolution(value), environment(fields), clipping: a section }
     constructor(element, on, onClose) {
         this.on = on;
         this.rows = {};
         this.element = element;
         element.append(panelHeader("View", onClose), this.rendering(), this.light(),
-            this.environment(), this.backgroundSection(), this.debug());
+            this.environment(), this.backgroundSection(), on.clipping, this.debug());
     }
 
     rendering() {

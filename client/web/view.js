@@ -2,7 +2,7 @@
 //
 // Events: "shown" (detail: { frame, latency_ms, decode_ms, split }), "verified" (boolean: the
 // settled pixels on the canvas have the hash that the server states), "trouble" (detail: an
-// error), "params" (settings changed).
+// error), "params" (settings changed), "started" (the server has the view, maybe anew).
 import { isSame, makeCamera } from "./camera.js";
 import { FramePainter, hexOf } from "./decode.js";
 import { enums } from "./hgp.js";
@@ -57,6 +57,7 @@ export class View extends EventTarget {
             this.sendCamera(true);
         else
             await this.fitFirst();
+        this.dispatchEvent(new Event("started"));
         this.subscribe();
     }
 
@@ -68,6 +69,7 @@ export class View extends EventTarget {
             this.sendCamera(true);
         else
             await this.readCamera();
+        this.dispatchEvent(new Event("started"));
         this.subscribe();
     }
 

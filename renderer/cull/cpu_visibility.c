@@ -8,6 +8,8 @@
 #define RUNS_PER_JOB 512
 #define PIXEL_BYTES  12 // two words of ids, one of depth
 
+_Static_assert(HG_MESHLET_TRIANGLES <= HG_RASTER_MOST_TRIANGLES, "a meshlet is a run");
+
 void hg_cpu_visibility_finish(struct hg_gpu *gpu, struct hg_cpu_visibility *h)
 {
     hg_gpu_buffer_destroy(gpu, &h->pixels);
@@ -66,9 +68,14 @@ static bool may_take(const struct taking *t, const struct hg_run *run)
     const struct hg_geometry *g = t->g;
     const uint32_t others = HG_DRAW_MASK | HG_DRAW_BLEND | HG_DRAW_LINES | HG_DRAW_POINTS;
     const struct hg_draw_entry *d = &g->draws[run->draw];
-    return run->chunk != HG_LOD_NONE && (hg_select_flags(g, t->looks, run->draw) & others) == 0 &&
-           !d->deformed && d->part->clusters->chunks[run->chunk].host_indices == NULL &&
-           run->extent[0] >= 0.0f && run->count <= HG_RASTER_MOST_TRIANGLES;
+    if ((hg_select_flags(g, t->looks, run->draw) & others) != 0 || d->deformed ||
+        !(run->extent[0] >= 0.0f))
+        return false;
+    if (run->chunk == HG_LOD_NONE)
+        return t->looks->host_parts && d->part->numbered_indices != NULL &&
+               d->part->buffer.mapped != NULL;
+    return d->part->clusters->chunks[run->chunk].host_indices == NULL &&
+           run->count <= HG_RASTER_MOST_TRIANGLES;
 }
 
 static void look_at_runs(void *user, size_t job)
@@ -95,28 +102,64 @@ static const float *positions_of(const struct hg_chunk_state *chunk)
                                          (chunk->part.positions - chunk->part.indices));
 }
 
-static void add(
-    struct hg_cpu_visibility *h, const struct hg_cpu_visibility_set *set, const struct hg_run *run)
+// What all runs of a draw have in common.
+static struct hg_raster_run of_draw(
+    const struct hg_cpu_visibility_set *set, const struct hg_run *run)
 {
     const struct hg_geometry *g = set->geometry;
     const struct hg_cpu_visibility_history *history = &set->history;
-    const struct hg_draw_entry *d = &g->draws[run->draw];
-    const struct hg_chunk_state *chunk = &d->part->clusters->chunks[run->chunk];
-    h->sources[h->count] =
-        (struct hg_cpu_visibility_source){d->part->clusters, run->chunk, run->bit};
-    h->marks[h->count] = 0;
-    h->runs[h->count++] = (struct hg_raster_run){.positions = positions_of(chunk),
-        .indices = chunk->indices + (size_t)run->first * 3,
-        .world = world_of(g, run->draw),
-        .center = {run->center[0], run->center[1], run->center[2]},
-        .extent = {run->extent[0], run->extent[1], run->extent[2]},
-        .count = run->count,
+    return (struct hg_raster_run){.world = world_of(g, run->draw),
         .draw = run->draw,
-        .number = (run->chunk << HG_LOD_SHIFT) + run->first,
         .both_sides = (hg_select_flags(g, set->view, run->draw) & HG_DRAW_DOUBLE_SIDED) != 0,
-        .mirrored = (d->gpu.flags & HG_DRAW_MIRRORED) != 0,
+        .mirrored = (g->draws[run->draw].gpu.flags & HG_DRAW_MIRRORED) != 0,
         .late = history->words != NULL && run->bit < history->bits &&
                 (history->words[run->bit / 32] >> run->bit % 32 & 1u) == 0};
+}
+
+static void push(struct hg_cpu_visibility *h, const struct hg_raster_run *run,
+    const struct hg_cpu_visibility_source *source)
+{
+    h->sources[h->count] = *source;
+    h->marks[h->count] = 0;
+    h->runs[h->count++] = *run;
+}
+
+static void add_cluster(
+    struct hg_cpu_visibility *h, const struct hg_cpu_visibility_set *set, const struct hg_run *run)
+{
+    struct hg_cluster_mesh *mesh = set->geometry->draws[run->draw].part->clusters;
+    const struct hg_chunk_state *chunk = &mesh->chunks[run->chunk];
+    struct hg_raster_run to = of_draw(set, run);
+    to.positions = positions_of(chunk);
+    to.indices = chunk->indices + (size_t)run->first * 3;
+    to.count = run->count;
+    to.number = (run->chunk << HG_LOD_SHIFT) + run->first;
+    memcpy(to.center, run->center, sizeof to.center);
+    memcpy(to.extent, run->extent, sizeof to.extent);
+    push(h, &to, &(struct hg_cpu_visibility_source){mesh, run->chunk, run->bit});
+}
+
+// Meshlets of a run, which are neighbours of one group, as the numbered list of the part has them.
+static void add_meshlets(
+    struct hg_cpu_visibility *h, const struct hg_cpu_visibility_set *set, const struct hg_run *run)
+{
+    const struct hg_draw_entry *d = &set->geometry->draws[run->draw];
+    const struct hg_meshlet_list *list = &d->part->meshlets;
+    const uint32_t first = (run->bit - d->first_bit) * HG_MESHLET_GROUP;
+    struct hg_raster_run to = of_draw(set, run);
+    to.positions = (const float *)(const void *)((const uint8_t *)d->part->buffer.mapped +
+                                                 d->part->numbered_at.positions);
+    for (uint32_t i = first; i < list->count && i < first + HG_MESHLET_GROUP; i++) {
+        const struct hg_meshlet *m = &list->items[i];
+        if (m->first < run->first || m->first >= run->first + run->count)
+            continue;
+        to.indices = d->part->numbered_indices + (size_t)m->first * 3;
+        to.count = m->count;
+        to.number = m->first;
+        memcpy(to.center, m->center, sizeof to.center);
+        memcpy(to.extent, m->extent, sizeof to.extent);
+        push(h, &to, &(struct hg_cpu_visibility_source){NULL, HG_LOD_NONE, run->bit});
+    }
 }
 
 static struct hg_raster_view view_of(const struct hg_culling_lens *lens, const float eye[3])
@@ -150,10 +193,10 @@ enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h,
     const struct hg_culling_view *view = set->view;
     struct taking t = {.hosted = h, .g = set->geometry, .looks = view, .runs = runs};
     if (view->host->width > HG_RASTER_MOST_SIDE || view->host->height > HG_RASTER_MOST_SIDE ||
-        runs->count > HG_RASTER_MOST_RUNS || h->count > 0)
+        runs->count > HG_RASTER_MOST_RUNS / HG_MESHLET_GROUP || h->count > 0)
         return HG_OK;
     t.view = view_of(view->host, view->eye);
-    const enum hg_status status = reserve(h, runs->count);
+    const enum hg_status status = reserve(h, (size_t)runs->count * HG_MESHLET_GROUP);
     if (status != HG_OK)
         return status;
     memcpy(h->eye, view->eye, sizeof h->eye);
@@ -166,10 +209,13 @@ enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h,
             look_at_runs(&t, i);
     uint32_t left = 0;
     for (uint32_t i = 0; i < runs->count; i++) {
-        if (h->takes[i] != 0)
-            add(h, set, &runs->items[i]);
+        const struct hg_run *run = &runs->items[i];
+        if (h->takes[i] == 0)
+            runs->items[left++] = *run;
+        else if (run->chunk != HG_LOD_NONE)
+            add_cluster(h, set, run);
         else
-            runs->items[left++] = runs->items[i];
+            add_meshlets(h, set, run);
     }
     runs->count = left;
     return HG_OK;
@@ -178,8 +224,8 @@ enum hg_status hg_cpu_visibility_take(struct hg_cpu_visibility *h,
 void hg_cpu_visibility_use(const struct hg_cpu_visibility *h, const struct hg_geometry *g)
 {
     for (uint32_t i = 0; i < h->count; i++)
-        if (i == 0 || h->sources[i].mesh != h->sources[i - 1].mesh ||
-            h->sources[i].chunk != h->sources[i - 1].chunk)
+        if (h->sources[i].mesh != NULL && (i == 0 || h->sources[i].mesh != h->sources[i - 1].mesh ||
+                                              h->sources[i].chunk != h->sources[i - 1].chunk))
             hg_cluster_pool_use(g->pool, h->sources[i].mesh, h->sources[i].chunk);
 }
 

@@ -4,7 +4,8 @@
 // It takes opaque clusters of baked parts whose box lies where no triangle is cut. That depends on
 // the scene, the view without its jitter and the cluster alone, never on time or on what else is
 // drawn, so that a picture has the same bytes however it comes about. All else stays with the
-// device, which draws over what is there; at the same depth what the host drew is seen.
+// device, which draws over what is there; at the same depth what the host drew is seen. For
+// pictures in motion (hg_culling_view.host_parts) it takes meshlets of other parts as well.
 #ifndef HG_RENDERER_CULL_CPU_VISIBILITY_H
 #define HG_RENDERER_CULL_CPU_VISIBILITY_H
 
@@ -12,7 +13,7 @@
 #include "renderer/cull/select.h"
 
 struct hg_cpu_visibility_source {
-    struct hg_cluster_mesh *mesh;
+    struct hg_cluster_mesh *mesh; // NULL: a meshlet of a part without clusters
     uint32_t chunk, bit;
 };
 

@@ -328,7 +328,8 @@ void hg_culling_stats(const struct hg_culling *v, struct hg_culling_stats *out)
     if (v->set_count == 0)
         return;
     const struct hg_culling_set *set = &v->sets[0];
-    out->triangles = set->triangles + (set->hosted ? hg_cpu_visibility_triangles(&v->hosted) : 0);
+    out->hosted = set->hosted ? hg_cpu_visibility_triangles(&v->hosted) : 0;
+    out->triangles = set->triangles + out->hosted;
     out->late = set->late_count;
     for (uint32_t i = 0; i < set->item_count; i++)
         out->draws += v->items.list[set->first_item + i].draw_count;

@@ -59,6 +59,7 @@ struct hg_culling_view {
     // What the host can draw it draws (hg_culling_draw_cpu): the whole picture without its jitter.
     // NULL: the device draws all. Of the first set that has some.
     const struct hg_culling_lens *host;
+    bool host_parts; // not clusters of baked parts alone, but meshlets of others, too
     // [draws] as the view shows them (geometry/view_tables.h): none that are hidden, and the others
     // by these flags. NULL: as the scene has them.
     const struct hg_gpu_draw *shown;
@@ -156,6 +157,7 @@ void hg_culling_copy_cpu(const struct hg_culling *visible, struct hg_gpu_cmd *cm
 struct hg_culling_stats {
     uint32_t draws, late, hidden; // of the first set; draws: instances; hidden: by the newest test
     uint64_t triangles;           // drawn of the first set by the newest sample
+    uint64_t hosted;              // of these by the host
     uint64_t bytes;               // of device memory
 };
 // After the batch is over.

@@ -88,7 +88,7 @@ struct hg_view_stage {
 
 struct hg_view_stats {
     uint64_t number; // frames with new content
-    uint64_t triangles_drawn, draws_drawn;
+    uint64_t triangles_drawn, triangles_hosted, draws_drawn; // hosted: of those by the host
     uint32_t stale_shadows;
     uint32_t missing_clusters; // missing in the newest sample
     uint64_t step_ns;          // of the newest step that drew something

@@ -23,20 +23,25 @@ static enum hg_shadow_paging paging_of(const struct hg_draw *draw)
                                                                               : HG_PAGING_OFF;
 }
 
+static bool moved_since(
+    const void *shapes, uint64_t revision, const struct hg_box **moved, uint32_t *count)
+{
+    return hg_geometry_moved_casters(shapes, revision, moved, count);
+}
+
 static enum hg_status sync_lighting(struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_lighting_view look = {.scene = draw->scene_gpu->scene,
         .camera = &draw->frame->camera,
         .width = draw->request->settings->width,
         .height = draw->request->settings->height,
+        .moved_since = moved_since,
+        .shapes = draw->scene_gpu->geometry,
         .moves = hg_draw_is(draw, HG_DRAW_MOVES),
+        .keeps = hg_draw_is(draw, HG_DRAW_FINAL) || draw->accumulation->phase == HG_VIEW_EXACT,
+        .once = draw->request->settings->mode == HG_VIEW_MODE_PATH,
         .paging = paging_of(draw),
         .shape_revision = hg_geometry_shape_revision(draw->scene_gpu->geometry)};
-    look.shape_before = hg_lighting_shape_revision(draw->lighting);
-    const struct hg_box *moved;
-    if (hg_geometry_moved_casters(
-            draw->scene_gpu->geometry, look.shape_before, &moved, &look.moved_count))
-        look.moved = moved;
     hg_geometry_origin(draw->scene_gpu->geometry, look.origin);
     look.has_bounds =
         hg_geometry_bounds(draw->scene_gpu->geometry, look.bounds_min, look.bounds_max);
@@ -102,6 +107,7 @@ void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples)
     hg_culling_stats(draw->culling, &drawn);
     draw->stats->draws_drawn = drawn.draws;
     draw->stats->triangles_drawn = drawn.triangles;
+    draw->stats->triangles_hosted = drawn.hosted;
     hg_graph_advance(draw->targets->graph);
     hg_frame_note_blend(draw, samples);
     if (draw->unlit->told &&

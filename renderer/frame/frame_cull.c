@@ -114,6 +114,8 @@ static enum hg_status select_sets(
     if (strategy->host_raster && draw->request->settings->debug == 0 &&
         !hg_look_clips(draw->request->settings->look))
         look.host = &host;
+    // A settled picture shows triangles at the border of the image as the device cuts them.
+    look.host_parts = hg_draw_is(draw, HG_DRAW_MOTION);
     struct hg_shadow_choice choice = {
         .coarse = hg_draw_is(draw, HG_DRAW_COARSE_SHADOWS), .wait = look.wait, .whole = look.whole};
     enum hg_status status = HG_OK;

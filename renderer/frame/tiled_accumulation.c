@@ -41,6 +41,7 @@ void hg_tiled_accumulation_mark_shadows(struct hg_lighting *lighting, bool stale
     for (uint32_t i = 0; i < count; i++) {
         maps[i].stale = stale;
         maps[i].partly = false;
+        maps[i].touched = true;
     }
 }
 
@@ -419,6 +420,16 @@ static enum hg_status wait_pages(const struct hg_draw *draw, bool *arrived, stru
     return status;
 }
 
+// All of the atlas is as good as it gets.
+static void keep_shadows(const struct hg_tiled_accumulation *s, struct hg_lighting *lighting)
+{
+    uint32_t count;
+    struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
+    hg_tiled_accumulation_mark_shadows(lighting, false);
+    for (uint32_t i = 0; i < count; i++)
+        maps[i].own = s->shadows.error_px > 0.0f;
+}
+
 // Shadow maps are completed before anything is shaded with them. Depth tests are independent of
 // order, so geometry that exceeds the budget is drawn in shares, each of which is loaded once, and
 // not in parts of the atlas: a single texel may be covered by more than the budget holds. Masked
@@ -454,8 +465,7 @@ static enum hg_status finish_shadows(struct hg_draw *draw, struct hg_error *err)
     else if (!demand.fits)
         split(&s->shadows.areas);
     if (!s->shadows.coarse_texels)
-        hg_tiled_accumulation_mark_shadows(
-            draw->lighting, false); // all of the atlas is as good as it gets
+        keep_shadows(s, draw->lighting);
     return HG_OK;
 }
 
@@ -608,6 +618,8 @@ enum hg_status hg_tiled_accumulation_draw(const struct hg_draw *draw, struct hg_
         return status;
     s->pages.waiting = false;
     s->pages.missing = 0;
+    if (hg_lighting_is_lost(draw->lighting))
+        s->shadows.areas.count = 0; // begun again
     if (s->shadows.coarse_texels)
         status = finish_shadows(&exact, err);
     if (status != HG_OK || s->shadows.coarse_texels || s->areas.count == 0)

@@ -81,8 +81,9 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
     *view =
         (struct hg_view_state){.context = context, .formats = 1, .unlit.wait = HG_VIEW_UNLIT_AFTER};
     view->history.wanted = context->overrides.keeps_history;
-    const struct hg_lighting_params lighting = {.store = context->store};
     enum hg_status status = hg_scene_gpu_ref(context, scene, &view->scene_gpu, err);
+    const struct hg_lighting_params lighting = {
+        .store = context->store, .shared = status == HG_OK ? view->scene_gpu->light : NULL};
     if (status == HG_OK)
         status = hg_lighting_create(context->gpu, context->jobs, &lighting, &view->lighting, err);
     if (status == HG_OK)
@@ -266,14 +267,15 @@ static bool needs_cascades(struct hg_lighting *lighting)
 // A triangle takes as long to rasterise as so many pixels (docs/internals/performance.md).
 #define TRIANGLE_PX 3.0f
 
-// Visibility is of pixels and of triangles: the share of the former.
+// Visibility is of pixels and of triangles that the device draws: the share of the former.
 static float share_of_pixels(const struct hg_view_state *view)
 {
     const VkExtent2D drawn = view->motion.temporal.drawn;
     const float pixels = drawn.width > 0
                              ? (float)drawn.width * (float)drawn.height
                              : (float)view->settings.width * (float)view->settings.height;
-    return pixels / (pixels + TRIANGLE_PX * (float)view->stats.triangles_drawn);
+    const uint64_t triangles = view->stats.triangles_drawn - view->stats.triangles_hosted;
+    return pixels / (pixels + TRIANGLE_PX * (float)triangles);
 }
 
 static struct hg_quality_levers levers_of(const struct hg_view_state *view)
@@ -674,6 +676,8 @@ enum hg_status hg_view_state_step(
         hg_view_stats_add_device(&view->stats, view->context->gpu);
     if (status == HG_OK && moves)
         note_quality(view);
+    if (hg_view_state_settled(view))
+        hg_lighting_rest(view->lighting);
     if (status != HG_OK) { // the accumulation may be incomplete
         restart(view);
         view->accumulation.key = (struct hg_view_key){0};

@@ -7,6 +7,7 @@
 #include "renderer/image/decode.h"
 #include "renderer/image/oiio.h"
 #include "renderer/image/pixels.h"
+#include "renderer/image/png.h"
 
 // ---- attributes of PNG: all of them are text ----------------------------------------------------
 
@@ -59,7 +60,8 @@ static void finish_text_attributes(struct text_attributes *t)
 static enum hg_status encode_file(
     const struct hg_oiio_encode *e, struct hg_writer *out, struct hg_error *err)
 {
-    const enum hg_status status = hg_oiio_encode_image(e, out, err);
+    const enum hg_status status = strcmp(e->format, "png") == 0 ? hg_png_encode(e, out, err)
+                                                                : hg_oiio_encode_image(e, out, err);
     if (status == HG_OK && out->failed)
         return hg_error_set(err, HG_E_NOMEM, e->name, NULL, "no room for the file");
     return status;

@@ -127,4 +127,12 @@ struct hg_image_encode {
 enum hg_status hg_image_encode(const struct hg_image *image, const struct hg_image_encode *params,
     struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
 
+// Most formats are read and written by OpenImageIO, which depends on some 250 libraries. It comes
+// with a module that is loaded when it is first needed; a process that gives up the right to open
+// files loads it before, or keeps the right to read this file and the system's libraries.
+// HG_E_UNSUPPORTED: the module cannot be loaded, and so says every call that needs it.
+enum hg_status hg_image_load_module(struct hg_error *err) HG_MUST_CHECK;
+// The same text in every call; found out in the first.
+const char *hg_image_module_path(void);
+
 #endif

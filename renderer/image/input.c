@@ -3,11 +3,13 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/image/rows.h"
 
 static const uint64_t band_bytes = 16 << 20; // of one answer of rows
 
 struct hg_input {
-    struct hg_oiio_input *here; // NULL: in a process
+    struct hg_oiio_input *here; // one of three
+    struct hg_rows_input *rows;
     struct hg_isolated *process;
     struct hg_oiio_header header, part; // of the first part; of the one looked at last
     // To open it again:
@@ -92,6 +94,22 @@ static bool is_isolated(const char *format)
     return isolated;
 }
 
+// HG_E_UNSUPPORTED, without a reason: a file that OpenImageIO reads.
+static enum hg_status open_rows(struct hg_input *in, struct hg_error *err)
+{
+    struct hg_error why = {0};
+    enum hg_status status = HG_E_UNSUPPORTED;
+    if (strcmp(in->format, "png") == 0)
+        status = hg_png_open(in->file, &in->bytes, in->large, &in->rows, &why);
+    else if (strcmp(in->format, "jpeg") == 0)
+        status = hg_jpeg_open(in->file, &in->bytes, in->large, &in->rows, &why);
+    if (!status)
+        in->header = in->part = in->rows->header;
+    else if (status != HG_E_UNSUPPORTED && err)
+        *err = why;
+    return status;
+}
+
 enum hg_status hg_input_open(FILE *file, const struct hg_image_bytes *bytes, const char *format,
     bool large, struct hg_input **out, struct hg_error *err)
 {
@@ -105,10 +123,11 @@ enum hg_status hg_input_open(FILE *file, const struct hg_image_bytes *bytes, con
     in->bytes = *bytes;
     in->format = format;
     in->large = large;
-    enum hg_status status;
-    if (is_isolated(format))
+    enum hg_status status = open_rows(in, err);
+    if (status == HG_E_UNSUPPORTED && is_isolated(format))
         status = open_process(in, err);
-    else if (!(status = hg_oiio_open(file, bytes, format, large, &in->here, err)))
+    else if (status == HG_E_UNSUPPORTED &&
+             !(status = hg_oiio_open(file, bytes, format, large, &in->here, err)))
         in->header = in->part = *hg_oiio_get_header(in->here);
     if (status)
         hg_input_close(in);
@@ -122,6 +141,7 @@ void hg_input_close(struct hg_input *in)
     if (!in)
         return;
     hg_oiio_close(in->here);
+    hg_rows_close(in->rows);
     if (in->process)
         hg_isolate_get()->close(in->process);
     hg_free(in->name);
@@ -146,6 +166,10 @@ enum hg_status hg_input_part_header(
     struct hg_isolate_result result;
     struct hg_writer args = {0};
     *out = (struct hg_oiio_header){0};
+    if (in->rows) {
+        *out = in->part = in->header;
+        return part == 0 ? HG_OK : HG_E_NOTFOUND;
+    }
     if (in->here) {
         const enum hg_status status = hg_oiio_part_header(in->here, part, out, err);
         in->part = *out;
@@ -165,6 +189,8 @@ bool hg_input_mip_size(struct hg_input *in, uint32_t mip, uint32_t size_px[2])
 {
     struct hg_isolate_result result;
     struct hg_writer args = {0};
+    if (in->rows)
+        return false;
     if (in->here)
         return hg_oiio_mip_size(in->here, mip, size_px);
     hg_write_u32(&args, mip);
@@ -182,6 +208,10 @@ enum hg_status hg_input_read_text(
 {
     struct hg_isolate_result result;
     struct hg_writer args = {0};
+    if (in->rows) {
+        hg_rows_read_text(in->rows, key, text, size_bytes);
+        return HG_OK;
+    }
     if (in->here)
         return hg_oiio_read_text(in->here, key, text, size_bytes, err);
     hg_write_bytes(&args, key, strlen(key));
@@ -215,6 +245,8 @@ static enum hg_status read_area(
 enum hg_status hg_input_read_rows(struct hg_input *in, int part, uint32_t y, uint32_t count,
     const struct hg_oiio_target *to, struct hg_error *err)
 {
+    if (in->rows)
+        return hg_rows_read(in->rows, y, count, to, err);
     if (in->here)
         return hg_oiio_read_rows(in->here, part, y, count, to, err);
     struct hg_input_area area = {.kind = HG_INPUT_ROWS,

@@ -1,4 +1,5 @@
-// oiio.cpp - the only caller of OpenImageIO: see oiio.h, writer.h and texture_system.h.
+// oiio.cpp - the only caller of OpenImageIO, a module of its own that programs load when they need it:
+// see oiio_module.h, and for the functions oiio.h, writer.h and texture_system.h.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -17,9 +18,7 @@
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wshadow"
 extern "C" {
-#include "renderer/image/oiio.h"
-#include "renderer/image/texture_system.h"
-#include "renderer/image/writer.h"
+#include "renderer/image/oiio_module.h"
 }
 #pragma GCC diagnostic pop
 
@@ -30,6 +29,8 @@ using OIIO::ImageInput;
 using OIIO::ImageOutput;
 using OIIO::ImageSpec;
 using OIIO::TypeDesc;
+
+const hg_oiio_host *host;
 
 constexpr int image_limit_mb = 2048;
 constexpr int large_image_limit_mb = 1 << 18;
@@ -57,7 +58,7 @@ std::string one_line(std::string text)
 
 hg_status fail(hg_error *err, hg_status status, const char *name, const std::string &reason)
 {
-    return hg_error_set(err, status, name, nullptr, "%s", one_line(reason).c_str());
+    return host->error_set(err, status, name, nullptr, "%s", one_line(reason).c_str());
 }
 
 // Runs `work`, which returns a status, and turns what it throws into one.
@@ -66,11 +67,11 @@ template <class Work> hg_status guarded(const char *name, hg_error *err, Work wo
     try {
         return work();
     } catch (const std::bad_alloc &) {
-        return hg_error_set(err, HG_E_NOMEM, name, nullptr, "no memory to decode or encode");
+        return host->error_set(err, HG_E_NOMEM, name, nullptr, "no memory to decode or encode");
     } catch (const std::exception &e) {
-        return hg_error_set(err, HG_E_FORMAT, name, nullptr, "%s", e.what());
+        return host->error_set(err, HG_E_FORMAT, name, nullptr, "%s", e.what());
     } catch (...) {
-        return hg_error_set(err, HG_E_FORMAT, name, nullptr, "the image library failed");
+        return host->error_set(err, HG_E_FORMAT, name, nullptr, "the image library failed");
     }
 }
 
@@ -320,13 +321,6 @@ void add_exr_defaults(ImageSpec &spec)
     spec.attribute("DateTime", ""); // else the writer puts the present time into the file
 }
 
-void add_png_defaults(ImageSpec &spec)
-{
-    spec.attribute("oiio:ColorSpace", "sRGB");
-    spec.attribute("oiio:UnassociatedAlpha", 1);
-    spec.attribute("png:compressionLevel", 3);
-}
-
 ImageSpec make_spec(const hg_oiio_encode &e)
 {
     ImageSpec spec(int(e.width), int(e.height), int(e.channels), type_of(e.type));
@@ -338,10 +332,7 @@ ImageSpec make_spec(const hg_oiio_encode &e)
     }
     for (uint32_t i = 0; e.channel_names && i < e.channels; i++)
         spec.channelnames[i] = e.channel_names[i];
-    if (strcmp(e.format, "openexr") == 0)
-        add_exr_defaults(spec);
-    else
-        add_png_defaults(spec);
+    add_exr_defaults(spec);
     for (size_t i = 0; i < e.attribute_count; i++)
         add_attribute(spec, e.attributes[i]);
     return spec;
@@ -360,7 +351,7 @@ hg_status encode(const hg_oiio_encode &e, hg_writer *out, hg_error *err)
     const auto stride = OIIO::stride_t(e.pixel_stride_bytes);
     if (!output->write_image(type_of(e.pixel_type), e.pixels, stride) || !output->close())
         return fail(err, HG_E_IO, e.name, output->geterror());
-    hg_write_bytes(out, bytes.data(), bytes.size());
+    host->write_bytes(out, bytes.data(), bytes.size());
     return HG_OK;
 }
 
@@ -550,4 +541,21 @@ uint64_t hg_texture_system_decoded_bytes(const hg_texture_system *t)
 const char *hg_texture_system_version(void)
 {
     return "OpenImageIO " OIIO_VERSION_STRING;
+}
+
+// --- the module
+
+extern "C" __attribute__((visibility("default"))) hg_oiio_attach_fn hg_oiio_attach;
+
+const hg_oiio_functions *hg_oiio_attach(const hg_oiio_host *program, size_t size_bytes)
+{
+    static const hg_oiio_functions functions = {hg_oiio_open, hg_oiio_close, hg_oiio_name,
+        hg_oiio_get_header, hg_oiio_part_header, hg_oiio_mip_size, hg_oiio_read_text,
+        hg_oiio_read_image, hg_oiio_read_rows, hg_oiio_read_tiles, hg_oiio_encode_image,
+        hg_image_writer_begin, hg_image_writer_rows, hg_image_writer_tile, hg_image_writer_next_mip,
+        hg_image_writer_end, hg_image_writer_abort, hg_texture_system_create,
+        hg_texture_system_destroy, hg_texture_system_add, hg_texture_system_sample,
+        hg_texture_system_decoded_bytes, hg_texture_system_version};
+    host = program;
+    return size_bytes == sizeof functions ? &functions : nullptr;
 }

@@ -1,6 +1,7 @@
 // oiio.h - OpenImageIO, callable from C: images are opened, decoded and encoded here; what is read,
 // checked and converted is decided in decode.c, row_reader.c, encode.c and exr.c.
-// Floor 1, private to renderer/image. No exception leaves oiio.cpp.
+// Floor 1, private to renderer/image. No exception leaves oiio.cpp. The library comes with a module
+// that is loaded when it is first needed (oiio_module.h): HG_E_UNSUPPORTED also when it cannot be.
 #ifndef HG_RENDERER_IMAGE_OIIO_H
 #define HG_RENDERER_IMAGE_OIIO_H
 
@@ -37,7 +38,7 @@ struct hg_oiio_target {
 
 // An image of one part to be encoded to a file in memory. `name` is used in messages.
 struct hg_oiio_encode {
-    const char *format, *name;                   // "png" or "openexr"
+    const char *format, *name;                   // "openexr" here, "png" in png.h
     uint32_t width, height, channels;            //
     uint32_t x, y, full_width, full_height;      // data window in the display window; 0: the same
     const char *const *channel_names;            // [channels]; NULL: R, G, B, A
@@ -85,7 +86,7 @@ enum hg_status hg_oiio_read_tiles(struct hg_oiio_input *input, const struct hg_i
     const struct hg_oiio_target *target, struct hg_error *err) HG_MUST_CHECK;
 
 // Appends the file's bytes to `out` (which may fail for want of room: the caller checks it).
-// EXR: zip, Rec.709 chromaticities, no date; PNG: sRGB, straight alpha. HG_E_UNSUPPORTED, HG_E_IO.
+// EXR: zip, Rec.709 chromaticities, no date. HG_E_UNSUPPORTED, HG_E_IO.
 enum hg_status hg_oiio_encode_image(
     const struct hg_oiio_encode *image, struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -4,16 +4,12 @@
 #include "base/log.h"
 #include "renderer/light/cluster.h"
 #include "renderer/light/light_cut.h"
-#include "renderer/light/albedo/dfg_embed.h"
-#include "renderer/light/ltc/ltc_embed.h"
-#include "renderer/light/env/env_device.h"
+#include "renderer/light/light_shared.h"
 #include "renderer/light/env/sky.h"
 #include "renderer/light/shadow/shadow_pages.h"
-#include "renderer/light/shadow/shadow_plan.h"
 #include "renderer/light/shadow/shadow_sight.h"
 #include "renderer/math/vec.h"
 
-#define SHADOW_FORMAT VK_FORMAT_D32_SFLOAT
 // While a view moves: the first maps of a plan, by the weight of their lights, are always drawn, of
 // the others so many in a picture.
 #define ALWAYS_DRAWN 48
@@ -27,25 +23,28 @@ struct hg_lighting {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     struct hg_lighting_params params;
-    struct hg_env_device env;
-    struct hg_gpu_buffer dfg, lights, shadows, clusters, entries;
+    struct hg_light_shared *own; // NULL: params.shared is another's
+    struct hg_gpu_buffer lights, shadows, clusters, entries;
     struct {
         struct hg_gpu_buffer buffer;
         uint32_t *words; // what it holds
         uint64_t hash;
     } tabled;
-    struct hg_gpu_image atlas;
     struct {
-        uint64_t atlas, shape; // of the atlas, and of the shapes drawn into it
-    } revisions;
+        struct hg_shadow_atlas *in; // of the newest sync; NULL: no maps
+        uint64_t seen;              // its revision, as of the newest sync or what was drawn since
+        uint64_t revision;          // of what the maps of the plan show, here
+        bool lost;
+    } atlas;
     struct hg_light_set set;
     struct hg_clusters cells;
     struct hg_light_cuts cuts;
     struct hg_sky_disc sun;
-    struct hg_shadow_plan plan, drawn; // drawn: what the atlas holds, maps that are not stale
+    struct hg_shadow_plan plan, before; // of the newest sync, and of the one before
     struct {
         struct hg_shadow_pages *table; // NULL until a picture has some
         uint32_t due;                  // maps of the plan behind `count`
+        uint64_t shape;                // revision of the shapes that they show
         bool pay;                      // the newest picture in motion gains by them
     } pages;
     struct {
@@ -58,31 +57,6 @@ struct hg_lighting {
 };
 
 // --- life ----------------------------------------------------------------------------------------
-
-static enum hg_status create_atlas(
-    struct hg_lighting *l, uint32_t side, struct hg_gpu_image *out, struct hg_error *err)
-{
-    struct hg_gpu_image_params params = {.kind = HG_GPU_IMAGE_2D,
-        .format = SHADOW_FORMAT,
-        .width = side,
-        .height = side,
-        .attachment = true,
-        .name = "shadow atlas"};
-    return hg_gpu_image_create(l->gpu, &params, out, err);
-}
-
-// Tables of albedo, and those of linearly transformed cosines behind them (HG_LTC_FIRST).
-static enum hg_status create_dfg(struct hg_lighting *l, struct hg_error *err)
-{
-    const uint64_t bytes = sizeof hg_dfg_words, more = sizeof hg_ltc_words;
-    enum hg_status status =
-        hg_gpu_buffer_create(l->gpu, HG_GPU_BUFFER_DEVICE, bytes + more, "dfg", &l->dfg, err);
-    if (!status)
-        status = hg_gpu_buffer_upload(l->gpu, &l->dfg, 0, hg_dfg_words, bytes, err);
-    if (!status)
-        status = hg_gpu_buffer_upload(l->gpu, &l->dfg, bytes, hg_ltc_words, more, err);
-    return status;
-}
 
 enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     const struct hg_lighting_params *params, struct hg_lighting **out, struct hg_error *err)
@@ -100,11 +74,9 @@ enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     uint32_t limit = hg_gpu_get_caps(gpu)->max_image_side_px;
     while (l->params.shadow_atlas_px > limit)
         l->params.shadow_atlas_px /= 2;
-    enum hg_status status = hg_env_device_init(&l->env, gpu, err);
-    if (!status)
-        status = create_dfg(l, err);
-    if (!status)
-        status = create_atlas(l, 1, &l->atlas, err);
+    enum hg_status status = l->params.shared ? HG_OK : hg_light_shared_create(gpu, &l->own, err);
+    if (l->own)
+        l->params.shared = l->own;
     if (status)
         hg_lighting_destroy(l);
     else
@@ -116,10 +88,11 @@ void hg_lighting_destroy(struct hg_lighting *l)
 {
     if (!l)
         return;
-    hg_env_device_finish(&l->env, l->gpu);
-    hg_gpu_image_destroy(l->gpu, &l->atlas);
+    if (l->params.shared)
+        hg_shadow_atlases_leave(&l->params.shared->atlases, l);
+    hg_light_shared_destroy(l->own);
     struct hg_gpu_buffer *buffers[] = {
-        &l->dfg, &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tabled.buffer};
+        &l->lights, &l->shadows, &l->clusters, &l->entries, &l->tabled.buffer};
     for (size_t i = 0; i < sizeof buffers / sizeof buffers[0]; i++)
         hg_gpu_buffer_destroy(l->gpu, buffers[i]);
     hg_free(l->tabled.words);
@@ -127,72 +100,60 @@ void hg_lighting_destroy(struct hg_lighting *l)
     hg_clusters_finish(&l->cells);
     hg_light_cuts_finish(&l->cuts);
     hg_shadow_plan_finish(&l->plan);
-    hg_shadow_plan_finish(&l->drawn);
+    hg_shadow_plan_finish(&l->before);
     hg_free(l->pages.table);
     hg_free(l);
 }
 
 // --- shadow maps ---------------------------------------------------------------------------------
 
-static bool same_map(const struct hg_shadow_map *a, const struct hg_shadow_map *b)
+static struct hg_shadow_atlases *atlases_of(const struct hg_lighting *l)
 {
-    return !memcmp(&a->gpu, &b->gpu, sizeof a->gpu);
+    return &l->params.shared->atlases;
 }
 
-static bool is_empty(const struct hg_shadow_rect *r)
+static bool same_maps(const struct hg_shadow_plan *a, const struct hg_shadow_plan *b)
 {
-    return r->x0 >= r->x1 || r->y0 >= r->y1;
+    bool same = a->count == b->count;
+    for (uint32_t i = 0; i < a->count && same; i++)
+        same = memcmp(&a->maps[i].gpu, &b->maps[i].gpu, sizeof a->maps[i].gpu) == 0;
+    return same;
 }
 
-// A map that the atlas holds in the same place, NULL: it holds none.
-static const struct hg_shadow_map *find_drawn(
-    const struct hg_lighting *l, const struct hg_shadow_map *map)
+static enum hg_shadow_keeping keeping_of(
+    const struct hg_lighting *l, const struct hg_lighting_view *view)
 {
-    for (uint32_t k = 0; k < l->drawn.count; k++) {
-        const struct hg_shadow_map *drawn = &l->drawn.maps[k];
-        if (same_map(map, drawn) && (!drawn->stale || drawn->partly))
-            return drawn;
-    }
-    return NULL;
+    if (l->plan.paged || view->keeps)
+        return HG_SHADOW_KEEPS;
+    return view->moves || view->once ? HG_SHADOW_SHARES : HG_SHADOW_REFINES;
 }
 
-// It is known where casters moved since the atlas was drawn.
-static bool knows_moved(const struct hg_lighting *l, const struct hg_lighting_view *view)
+// The atlas of the plan; among many lamps, and in motion, maps stay where it has them.
+static enum hg_status place_maps(
+    struct hg_lighting *l, const struct hg_lighting_view *view, bool many, struct hg_error *err)
 {
-    return l->revisions.shape == view->shape_revision ||
-           (view->moved && view->shape_before == l->revisions.shape);
-}
-
-// A map is kept when the atlas holds the same projection in the same place and nothing moved; where
-// casters moved, that part of it is drawn again.
-static enum hg_status mark_stale(
-    struct hg_lighting *l, const struct hg_lighting_view *view, struct hg_error *err)
-{
-    const bool moved = l->revisions.shape != view->shape_revision;
-    bool known = knows_moved(l, view);
-    if (l->plan.atlas_px && l->plan.atlas_px != l->atlas.width) {
-        struct hg_gpu_image next = {0};
-        enum hg_status status = create_atlas(l, l->plan.atlas_px, &next, err);
-        if (status)
-            return status;
-        hg_gpu_image_destroy(l->gpu, &l->atlas);
-        l->atlas = next;
-        known = false;
-        if (l->pages.table)
-            hg_shadow_pages_forget(l->pages.table);
-    }
-    for (uint32_t i = 0; i < l->plan.count; i++) {
-        struct hg_shadow_map *map = &l->plan.maps[i];
-        const struct hg_shadow_map *drawn = known ? find_drawn(l, map) : NULL;
-        map->stale = !(l->plan.paged && i == l->plan.pool);
-        map->partly = drawn != NULL && map->stale;
-        if (!drawn || !map->stale)
-            continue;
-        map->dirty = drawn->stale ? drawn->dirty : (struct hg_shadow_rect){0};
-        for (uint32_t k = 0; k < view->moved_count && moved; k++)
-            hg_shadow_map_touch(map, &view->moved[k]);
-        map->stale = !is_empty(&map->dirty);
-    }
+    const struct hg_shadow_user user = {l, keeping_of(l, view), view, &l->plan};
+    struct hg_shadow_atlas *a, *was = l->atlas.in;
+    const bool had = was && was->owner == l;
+    l->atlas.in = NULL;
+    l->atlas.lost = false;
+    if (!l->plan.atlas_px)
+        return HG_OK;
+    enum hg_status status = hg_shadow_atlases_take(atlases_of(l), &user, &a, err);
+    if (status)
+        return status;
+    if (many || view->moves) // at rest places are those of the plan, but among many
+        status = hg_shadow_plan_keep(&l->plan, &a->held, a->image.width);
+    if (status)
+        return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
+    hg_shadow_atlas_plan(a, &user);
+    l->atlas.in = a;
+    l->atlas.lost = a != was || (view->keeps && !had);
+    if (l->atlas.lost || a->revision != l->atlas.seen || !same_maps(&l->plan, &l->before))
+        l->atlas.revision++;
+    if (l->pages.table && (l->atlas.lost || a->revision != l->atlas.seen))
+        hg_shadow_pages_forget(l->pages.table);
+    l->atlas.seen = a->revision;
     return HG_OK;
 }
 
@@ -212,12 +173,15 @@ static enum hg_status sync_pages(
     const struct hg_shadow_map *pool = plan->paged ? &plan->maps[plan->pool] : NULL;
     hg_shadow_pages_begin(
         l->pages.table, pool ? &pool->gpu : NULL, pool ? &pool[1].gpu : NULL, view->camera);
-    const bool moved = l->revisions.shape != view->shape_revision;
-    if (!knows_moved(l, view))
+    const struct hg_box *moved = NULL;
+    uint32_t count = 0;
+    const bool same = l->pages.shape == view->shape_revision;
+    if (!same &&
+        (!view->moved_since || !view->moved_since(view->shapes, l->pages.shape, &moved, &count)))
         hg_shadow_pages_forget(l->pages.table);
-    else if (moved)
-        for (uint32_t k = 0; k < view->moved_count; k++)
-            hg_shadow_pages_touch(l->pages.table, &view->moved[k]);
+    for (uint32_t k = 0; k < count && !same; k++)
+        hg_shadow_pages_touch(l->pages.table, &moved[k]);
+    l->pages.shape = view->shape_revision;
     l->pages.due = pool ? hg_shadow_pages_plan(l->pages.table, plan->maps + plan->count) : 0;
     return HG_OK;
 }
@@ -313,19 +277,28 @@ uint64_t hg_lighting_shadow_table_bytes(const struct hg_lighting *l)
            (l->plan.paged ? sizeof l->pages.table->table : 0);
 }
 
-uint64_t hg_lighting_shape_revision(const struct hg_lighting *l)
-{
-    return l->revisions.shape;
-}
-
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *l)
 {
-    return l->revisions.atlas;
+    return l->atlas.revision;
 }
 
 void hg_lighting_note_drawn(struct hg_lighting *l)
 {
-    l->revisions.atlas++;
+    l->atlas.revision++;
+    if (!l->atlas.in)
+        return;
+    hg_shadow_atlases_note_drawn(atlases_of(l), l->atlas.in);
+    l->atlas.seen = l->atlas.in->revision;
+}
+
+void hg_lighting_rest(struct hg_lighting *l)
+{
+    hg_shadow_atlases_release(atlases_of(l), l);
+}
+
+bool hg_lighting_is_lost(const struct hg_lighting *l)
+{
+    return l->atlas.lost;
 }
 
 // --- sync ----------------------------------------------------------------------------------------
@@ -406,12 +379,13 @@ static void report(struct hg_lighting *l)
 static void fill_environment(struct hg_lighting *l, const struct hg_environment *env)
 {
     struct hg_gpu_lighting *b = &l->block;
+    const struct hg_env_device *made = &l->params.shared->env;
     const float white[3] = {1, 1, 1}, black[3] = {0, 0, 0};
-    const float *color = l->env.kind == HG_ENV_KIND_COLOR   ? env->color
-                         : l->env.kind == HG_ENV_KIND_IMAGE ? white
-                                                            : black;
-    b->env_kind = l->env.kind;
-    b->env_specular_lods = (float)l->env.specular_lods;
+    const float *color = made->kind == HG_ENV_KIND_COLOR   ? env->color
+                         : made->kind == HG_ENV_KIND_IMAGE ? white
+                                                           : black;
+    b->env_kind = made->kind;
+    b->env_specular_lods = (float)made->specular_lods;
     b->env_color = (struct hg_vec3){
         color[0] * env->intensity, color[1] * env->intensity, color[2] * env->intensity};
     b->env_rotation_cos = cosf(env->rotation_rad);
@@ -426,8 +400,8 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .shadows = l->shadows.address,
         .clusters = l->clusters.address,
         .cluster_lights = l->entries.address,
-        .irradiance = l->env.irradiance.address,
-        .dfg = l->dfg.address,
+        .irradiance = l->params.shared->env.irradiance.address,
+        .dfg = l->params.shared->dfg.address,
         .tables = l->tabled.buffer.address,
         .light_count = cut ? l->cuts.count : l->set.count,
         .global_count = cut ? l->set.directional_count : l->set.global_count,
@@ -439,7 +413,7 @@ static void fill_block(struct hg_lighting *l, const struct hg_lighting_view *vie
         .cluster_scale_y = (float)HG_CLUSTER_Y / (float)view->height,
         .cluster_z_scale = l->cells.z_scale,
         .cluster_z_bias = l->cells.z_bias,
-        .shadow_inv_size = 1 / (float)l->atlas.width};
+        .shadow_inv_size = 1 / (float)hg_lighting_image_shadow(l)->width};
     fill_environment(l, &view->scene->environment);
     b->pages.shadow = HG_SHADOW_NONE;
     if (l->plan.paged) {
@@ -460,56 +434,71 @@ static enum hg_status add_sky_sun(struct hg_lighting *l, const struct hg_environ
                : HG_OK;
 }
 
-enum hg_status hg_lighting_sync(
-    struct hg_lighting *l, const struct hg_lighting_view *asked, struct hg_error *err)
+static enum hg_status make_plan(
+    struct hg_lighting *l, struct hg_lighting_view *view, struct hg_error *err)
 {
-    struct hg_lighting_view here = *asked;
-    if (here.paging == HG_PAGING_AUTO)
-        here.paging = l->pages.pay ? HG_PAGING_ON : HG_PAGING_OFF;
-    const struct hg_lighting_view *view = &here;
-    const struct hg_environment *env = &view->scene->environment;
-    if (l->pages.table) // what became of those that were due
-        hg_shadow_pages_drawn(l->pages.table, l->plan.maps + l->plan.count, l->pages.due);
-    l->pages.due = 0;
+    const struct hg_shadow_plan before = l->before;
+    hg_shadow_atlases_note(atlases_of(l), l);
+    l->before = l->plan;
+    l->plan = before;
+    if (view->paging == HG_PAGING_AUTO)
+        view->paging = l->pages.pay ? HG_PAGING_ON : HG_PAGING_OFF;
+    if (!hg_shadow_atlases_have_room(atlases_of(l), l)) // pages are of one view
+        view->paging = HG_PAGING_OFF;
+    const enum hg_status status =
+        hg_shadow_plan_make(&l->plan, &l->set, view, l->params.shadow_atlas_px);
+    return status ? hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan")
+                  : HG_OK;
+}
+
+// Lights, the plan of their maps, and which of these are drawn.
+static enum hg_status sync_lights(
+    struct hg_lighting *l, struct hg_lighting_view *view, bool *has_sun, struct hg_error *err)
+{
     enum hg_status status = hg_light_set_collect(&l->set, view->scene, view->origin);
-    const bool has_sun = l->set.directional_count > 0;
+    *has_sun = l->set.directional_count > 0;
     if (!status)
-        status = add_sky_sun(l, env);
+        status = add_sky_sun(l, &view->scene->environment);
     if (!status)
         status = hg_clusters_build(&l->cells, &l->set, view->camera, view->width, view->height);
     if (status)
         return hg_error_set(err, status, "lights", NULL, "no memory for their lists");
-    // The plan before becomes what the atlas holds.
-    struct hg_shadow_plan before = l->drawn;
-    l->drawn = l->plan;
-    l->plan = before;
-    status = hg_shadow_plan_make(&l->plan, &l->set, view, l->params.shadow_atlas_px);
+    status = make_plan(l, view, err);
     const bool many = l->cells.used || l->cells.overflow;
-    if (!status && (many || view->moves)) // at rest places are those of the plan, but among many
-        status = hg_shadow_plan_keep(&l->plan, &l->drawn, l->atlas.width);
-    if (status)
-        return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
-    status = mark_stale(l, view, err);
+    if (!status)
+        status = place_maps(l, view, many, err);
     if (!status)
         status = sync_pages(l, view, err);
     if (status)
         return status;
-    l->revisions.shape = view->shape_revision;
     l->moves = view->moves;
     defer_unseen(l, view);
     defer_maps(l, many && view->moves);
     if (l->cells.overflow)
         status = hg_light_cuts_build(&l->cuts, &l->cells, &l->set, view, l->jobs);
-    if (status)
-        return hg_error_set(
-            err, status, "lights", NULL, "no memory for a tree of %u", l->set.count);
+    return status ? hg_error_set(
+                        err, status, "lights", NULL, "no memory for a tree of %u", l->set.count)
+                  : HG_OK;
+}
+
+enum hg_status hg_lighting_sync(
+    struct hg_lighting *l, const struct hg_lighting_view *asked, struct hg_error *err)
+{
+    struct hg_lighting_view view = *asked;
+    struct hg_light_shared *shared = l->params.shared;
     const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store};
-    status = hg_env_device_sync(&l->env, &maker, env, has_sun, err);
+    bool has_sun;
+    if (l->pages.table) // what became of those that were due
+        hg_shadow_pages_drawn(l->pages.table, l->plan.maps + l->plan.count, l->pages.due);
+    l->pages.due = 0;
+    enum hg_status status = sync_lights(l, &view, &has_sun, err);
+    if (!status)
+        status = hg_env_device_sync(&shared->env, &maker, &view.scene->environment, has_sun, err);
     if (!status)
         status = upload_lists(l, err);
     if (status)
         return status;
-    fill_block(l, view);
+    fill_block(l, &view);
     report(l);
     return HG_OK;
 }
@@ -539,17 +528,18 @@ void hg_lighting_fill(
 
 struct hg_gpu_image *hg_lighting_image_specular(struct hg_lighting *l)
 {
-    return &l->env.specular;
+    return &l->params.shared->env.specular;
 }
 
 struct hg_gpu_image *hg_lighting_image_radiance(struct hg_lighting *l)
 {
-    return &l->env.radiance;
+    return &l->params.shared->env.radiance;
 }
 
 struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
 {
-    return &l->atlas;
+    struct hg_shadow_atlas *a = l->atlas.in;
+    return a && a->image.width > 0 ? &a->image : &atlases_of(l)->none;
 }
 
 bool hg_lighting_has_shadowed_lamps(const struct hg_lighting *l)
@@ -577,7 +567,7 @@ void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources
         .env_color = {b->env_color.x, b->env_color.y, b->env_color.z},
         .env_rotation_cos = b->env_rotation_cos,
         .env_rotation_sin = b->env_rotation_sin,
-        .env_faces = l->env.coarse,
+        .env_faces = l->params.shared->env.coarse,
         .env_side = HG_ENV_COARSE_SIDE};
 }
 
@@ -594,8 +584,8 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         .cluster_entries = l->cells.entry_count,
         .hasty = l->left_out.deferred > 0 || (l->cells.overflow && l->moves),
         .lights_in_lists = l->cells.overflow ? l->cuts.count : l->set.count,
-        .environment_ns = l->env.prefilter_ns,
-        .environment_cached = l->env.from_cache};
+        .environment_ns = l->params.shared->env.prefilter_ns,
+        .environment_cached = l->params.shared->env.from_cache};
     for (uint32_t i = 0; i < l->set.count; i++) {
         const struct hg_gpu_light *light = &l->set.items[i];
         out->sized_lights += light->radiance > 0;
@@ -608,9 +598,12 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
         out->pages = l->pages.table->stats;
     for (uint32_t i = 0; i < l->plan.count; i++)
         out->shadow_maps_partly += l->plan.maps[i].stale && l->plan.maps[i].partly;
-    out->device_bytes = l->env.specular.memory.size_bytes + l->env.radiance.memory.size_bytes +
-                        l->env.irradiance.memory.size_bytes + l->atlas.memory.size_bytes +
-                        l->dfg.memory.size_bytes + l->lights.memory.size_bytes +
+    const struct hg_env_device *env = &l->params.shared->env;
+    out->device_bytes = env->specular.memory.size_bytes + env->radiance.memory.size_bytes +
+                        env->irradiance.memory.size_bytes +
+                        l->params.shared->dfg.memory.size_bytes + l->lights.memory.size_bytes +
                         l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
                         l->entries.memory.size_bytes + l->tabled.buffer.memory.size_bytes;
+    for (uint32_t i = 0; i < HG_SHADOW_ATLASES; i++)
+        out->device_bytes += atlases_of(l)->items[i].image.memory.size_bytes;
 }

@@ -18,7 +18,15 @@
 
 struct hg_lighting;
 
+// What the views of one scene share: the environment, prefiltered, tables of albedo, and the
+// atlases of shadow maps (shadow/shadow_atlas.h). HG_E_NOMEM, device errors.
+struct hg_light_shared;
+enum hg_status hg_light_shared_create(
+    struct hg_gpu *gpu, struct hg_light_shared **out, struct hg_error *err) HG_MUST_CHECK;
+void hg_light_shared_destroy(struct hg_light_shared *shared); // accepts NULL
+
 struct hg_lighting_params {   // zero of each field = default
+    struct hg_light_shared *shared; // borrowed, must outlive it; NULL: it shares with none
     struct hg_store *store;   // prefiltered environments; borrowed; NULL = none
     uint32_t shadow_atlas_px; // side of the depth atlas, a power of two; default 4096
 };
@@ -44,10 +52,14 @@ struct hg_lighting_view {
     double origin[3];                   // hg_geometry_origin
     uint64_t shape_revision;            // hg_geometry_shape_revision, or hg_geometry_revision when
                                         // textures of masked materials may have changed
-    uint64_t shape_before;              // revision of which it is known where casters moved since
-    const struct hg_box *moved;         // [moved_count] there, relative to origin; NULL: anywhere
-    uint32_t moved_count;
+    // Where casters moved since a revision, [*count], relative to origin; false: anywhere. NULL:
+    // always anywhere.
+    bool (*moved_since)(
+        const void *shapes, uint64_t revision, const struct hg_box **moved, uint32_t *count);
+    const void *shapes; // passed to it
     bool moves; // of many lamps maps may be left for later, and lists be short
+    bool keeps; // maps are drawn over several steps: no other view may draw to their atlas
+    bool once;  // they are for one picture at most: nothing is kept for the next step
     enum hg_shadow_paging paging;       // of a sun without a size, in place of finer cascades
     bool has_bounds;                    // hg_geometry_bounds returned true
     float bounds_min[3], bounds_max[3]; // relative to origin
@@ -65,8 +77,12 @@ enum hg_status hg_lighting_sync(struct hg_lighting *lighting, const struct hg_li
 void hg_lighting_fill(
     const struct hg_lighting *lighting, uint32_t sample_index, struct hg_gpu_lighting *out);
 
-// Shape revision that the newest sync was given, 0 before the first.
-uint64_t hg_lighting_shape_revision(const struct hg_lighting *lighting);
+// Its maps are complete, or no longer wanted: other views may draw to its atlas until the next
+// sync.
+void hg_lighting_rest(struct hg_lighting *lighting);
+// Maps that were drawn over several steps are gone since the newest sync: another view took their
+// place.
+bool hg_lighting_is_lost(const struct hg_lighting *lighting);
 
 // Bytes of the table of shadow maps, with that of pages.
 uint64_t hg_lighting_shadow_table_bytes(const struct hg_lighting *lighting);
@@ -87,6 +103,8 @@ struct hg_shadow_map {
     float view_proj[16]; // column-major, Vulkan clip space, reversed depth; near planes kept
     bool stale;          // to be drawn in this step
     bool partly;         // stale: in `dirty` alone
+    bool touched;        // it was drawn to since the newest sync
+    bool own;            // coarser than other views may use it
     struct hg_shadow_rect dirty;
     bool refines;        // a finer cascade of a map that holds the whole scene
     bool deferred;       // not drawn in this step: for want of time, or out of sight
@@ -95,7 +113,6 @@ struct hg_shadow_map {
 // until the next sync.
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);
 
-// Changes whenever maps were drawn; the pass that draws them notes that. Never 0 after it did.
 // What the view showed: surfaces there ask for the pages of the next picture. Without pages nothing
 // happens. camera: as it drew the picture, relative to the origin of the newest sync.
 struct hg_shadow_depth {
@@ -112,6 +129,8 @@ bool hg_lighting_has_pages(const struct hg_lighting *lighting);
 void hg_lighting_page_color(const struct hg_lighting *lighting, const struct hg_gpu_camera *camera,
     const struct hg_shadow_depth *depth, const uint32_t pixel[2], uint8_t out[4]);
 
+// Changes whenever maps of the plan were drawn or it holds others; the pass that draws them notes
+// that. Never 0 after it did.
 uint64_t hg_lighting_atlas_revision(const struct hg_lighting *lighting);
 void hg_lighting_note_drawn(struct hg_lighting *lighting);
 

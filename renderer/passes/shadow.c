@@ -195,6 +195,7 @@ enum hg_status hg_shadow_record(struct hg_pass *pass, struct hg_lighting *lighti
         status =
             draw_map(pass, &maps[i], hg_lighting_image_shadow(lighting), visible, first_set, err);
         const struct hg_culling_set *set = hg_culling_set(visible, first_set);
+        maps[i].touched = true;
         maps[i].stale = pass->find || status != HG_OK || set->missing > 0 || set->crowded;
         first_set++;
     }

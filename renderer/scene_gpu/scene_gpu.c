@@ -111,6 +111,7 @@ static void destroy(struct hg_frame_context *context, struct hg_scene_gpu *scene
         *link = scene_gpu->next;
     hg_radiance_cache_destroy(scene_gpu->radiance);
     hg_gi_destroy(scene_gpu->gi);
+    hg_light_shared_destroy(scene_gpu->light);
     hg_rays_destroy(scene_gpu->rays);
     hg_geometry_destroy(scene_gpu->geometry);
     hg_textures_destroy(scene_gpu->textures);
@@ -159,6 +160,8 @@ static enum hg_status create(struct hg_frame_context *context, struct hg_scene *
         status = hg_geometry_create(context->gpu, &geometry, &scene_gpu->geometry, err);
     if (status == HG_OK)
         status = hg_rays_create(context->gpu, scene_gpu->geometry, &rays, &scene_gpu->rays, err);
+    if (status == HG_OK)
+        status = hg_light_shared_create(context->gpu, &scene_gpu->light, err);
     if (status != HG_OK) {
         destroy(context, scene_gpu);
         return status;

@@ -1,4 +1,4 @@
-// scene_gpu.h - what the device holds of one scene: textures and geometry, shared by its views.
+// scene_gpu.h - what the device holds of one scene, shared by its views: textures, geometry, light.
 // Floor 2 (scene_gpu). Thread: the render thread.
 #ifndef HG_RENDERER_SCENE_GPU_SCENE_GPU_H
 #define HG_RENDERER_SCENE_GPU_SCENE_GPU_H
@@ -9,6 +9,7 @@
 #include "renderer/gi/gi.h"
 #include "renderer/reflect/cache.h"
 #include "renderer/gpu/gpu.h"
+#include "renderer/light/lighting.h"
 #include "renderer/scene/scene.h"
 #include "renderer/scene_gpu/debug_overrides.h"
 #include "base/store/store.h"
@@ -43,6 +44,7 @@ struct hg_scene_gpu {
     struct hg_textures *textures;
     struct hg_geometry *geometry;
     struct hg_rays *rays; // of its views and passes
+    struct hg_light_shared *light;
     struct hg_gi *gi;     // made on first use; NULL: none yet
     struct hg_radiance_cache *radiance; // the same
 };

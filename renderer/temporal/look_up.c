@@ -6,9 +6,6 @@
 
 #include "renderer/temporal/lanes.h"
 
-#define DEPTH_REACH 0.03f // how much nearer the same surface may be stored, relative
-#define SLOPE_REACH 2.0f  // and in slopes of the surface itself
-
 HG_SIMD_LOOP
 static void find_places(const uint32_t size[2], uint32_t row, const struct hg_temporal_about *about,
     struct hg_temporal_found *out)
@@ -70,14 +67,14 @@ void hg_temporal_filter_plain(const struct hg_temporal_past *past, size_t pitch,
     }
 }
 
-// Weights of histories that show the same surface, or what lay behind it.
-static void weigh(const struct hg_temporal_past *past, const struct hg_temporal_about *about,
-    uint32_t width, struct hg_temporal_found *out)
+void hg_temporal_weigh_plain(const struct hg_temporal_past *past,
+    const struct hg_temporal_about *about, uint32_t width, const struct hg_temporal_found *out)
 {
     for (uint32_t i = 0; i < width; i++) {
         const int32_t at = out->nearest[i];
         const float expect = about->motion.expect[i];
-        const float most = expect * (1.0f + DEPTH_REACH) + SLOPE_REACH * about->slope[i];
+        const float most =
+            expect * (1.0f + HG_TEMPORAL_DEPTH_REACH) + HG_TEMPORAL_SLOPE_REACH * about->slope[i];
         const bool same = at >= 0 && past->depth[at] <= most;
         // What was farther away then was seen with fewer texels: by the square of that.
         const float now = about->motion.depth[i], farther = expect < now ? expect / now : 1.0f;
@@ -89,8 +86,9 @@ static void weigh(const struct hg_temporal_past *past, const struct hg_temporal_
 void hg_temporal_look_up(const struct hg_temporal_past *past, const uint32_t size[2], uint32_t y,
     const struct hg_temporal_about *about, struct hg_temporal_found *out)
 {
+    const bool avx2 = hg_temporal_has_avx2();
     find_places(size, y, about, out);
-    weigh(past, about, size[0], out);
-    (hg_temporal_has_avx2() ? hg_temporal_filter_avx2 : hg_temporal_filter_plain)(
+    (avx2 ? hg_temporal_weigh_avx2 : hg_temporal_weigh_plain)(past, about, size[0], out);
+    (avx2 ? hg_temporal_filter_avx2 : hg_temporal_filter_plain)(
         past, size[0] + 2 * HG_TEMPORAL_BORDER, size[0], out);
 }

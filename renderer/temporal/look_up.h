@@ -10,7 +10,7 @@
 struct hg_temporal_past {
     uint16_t *color; // [height + 4][width + 4][4] encoded, premultiplied; a border of 2 px
     float *depth;    // [height][width] of the nearest of 3x3 samples
-    uint8_t *weight; // [height][width] samples that it is made of, in 1/16; 0 = none
+    uint8_t *weight; // [height][width] samples that it is made of, in 1/16; 0 = none; and 3 more
 };
 
 struct hg_temporal_found {
@@ -29,8 +29,15 @@ void hg_temporal_look_up(const struct hg_temporal_past *past, const uint32_t siz
 // only where the processor has AVX2, with the same results.
 void hg_temporal_filter_plain(const struct hg_temporal_past *past, size_t pitch, uint32_t width,
     const struct hg_temporal_found *out);
-bool hg_temporal_has_avx2(void);
 void hg_temporal_filter_avx2(const struct hg_temporal_past *past, size_t pitch, uint32_t width,
     const struct hg_temporal_found *out);
+
+// Weights of histories that show the same surface, or what lay behind it; the second as above.
+#define HG_TEMPORAL_DEPTH_REACH 0.03f // how much nearer the same surface may be stored, relative
+#define HG_TEMPORAL_SLOPE_REACH 2.0f  // and in slopes of the surface itself
+void hg_temporal_weigh_plain(const struct hg_temporal_past *past,
+    const struct hg_temporal_about *about, uint32_t width, const struct hg_temporal_found *out);
+void hg_temporal_weigh_avx2(const struct hg_temporal_past *past,
+    const struct hg_temporal_about *about, uint32_t width, const struct hg_temporal_found *out);
 
 #endif

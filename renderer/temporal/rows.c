@@ -191,43 +191,47 @@ void hg_temporal_about_blur(
     }
 }
 
-HG_SIMD_LOOP
-static void expand(
-    const float *from, const uint32_t *restrict first, uint32_t count, float *restrict to)
+void hg_temporal_expand_plain(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to)
 {
-    for (uint32_t i = 0; i < count; i++)
-        to[i] = from[first[i]];
+    for (uint32_t i = 0; i < pixels; i++)
+        to[i] = from[taps->first[i]];
 }
 
-HG_SIMD_LOOP
-static void expand_weighed(
-    const float *from, const struct hg_temporal_taps *taps, uint32_t count, float *restrict to)
+void hg_temporal_expand_weighed_plain(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to)
 {
-    const uint32_t *restrict first = taps->first;
-    const float *restrict a = taps->weight, *restrict b = a + count, *restrict c = b + count;
-    for (uint32_t i = 0; i < count; i++) {
-        const float *at = from + first[i];
+    const float *a = taps->weight, *b = a + pixels, *c = b + pixels;
+    for (uint32_t i = 0; i < pixels; i++) {
+        const float *at = from + taps->first[i];
         to[i] = a[i] * at[-1] + b[i] * at[0] + c[i] * at[1];
     }
 }
+
+typedef void expand_fn(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to);
 
 void hg_temporal_about_expand(const struct hg_temporal_about *s,
     const struct hg_temporal_taps *columns, uint32_t pixels, bool all,
     struct hg_temporal_about *out)
 {
+    const bool avx2 = hg_temporal_has_avx2();
+    expand_fn *const expand = avx2 ? hg_temporal_expand_avx2 : hg_temporal_expand_plain;
+    expand_fn *const weighed =
+        avx2 ? hg_temporal_expand_weighed_avx2 : hg_temporal_expand_weighed_plain;
     out->channels = s->channels;
     for (int c = 0; c < s->channels; c++)
-        expand_weighed(s->color[c], columns, pixels, out->color[c]);
+        weighed(s->color[c], columns, pixels, out->color[c]);
     if (!all)
         return;
     for (int c = 0; c < s->channels; c++) {
-        expand(s->mean[c], columns->first, pixels, out->mean[c]);
-        expand(s->deviation[c], columns->first, pixels, out->deviation[c]);
+        expand(s->mean[c], columns, pixels, out->mean[c]);
+        expand(s->deviation[c], columns, pixels, out->deviation[c]);
     }
     const float *const from[5] = {
         s->motion.x, s->motion.y, s->motion.expect, s->motion.depth, s->slope};
     float *const to[5] = {
         out->motion.x, out->motion.y, out->motion.expect, out->motion.depth, out->slope};
     for (int k = 0; k < 5; k++)
-        expand(from[k], columns->first, pixels, to[k]);
+        expand(from[k], columns, pixels, to[k]);
 }

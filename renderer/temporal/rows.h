@@ -51,4 +51,17 @@ void hg_temporal_about_expand(const struct hg_temporal_about *samples,
     const struct hg_temporal_taps *columns, uint32_t pixels, bool all,
     struct hg_temporal_about *out);
 
+// Of each pixel the value of a sample, and of three by the weights of the taps; there are no more
+// samples than pixels. The second of each only where the processor has AVX2, with the same results;
+// they write up to seven values behind the row.
+void hg_temporal_expand_plain(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to);
+void hg_temporal_expand_weighed_plain(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to);
+bool hg_temporal_has_avx2(void);
+void hg_temporal_expand_avx2(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to);
+void hg_temporal_expand_weighed_avx2(
+    const float *from, const struct hg_temporal_taps *taps, uint32_t pixels, float *to);
+
 #endif

@@ -47,9 +47,10 @@ static size_t color_words(const struct hg_temporal *t)
 
 static bool make_taps(struct hg_temporal_taps *taps, uint32_t pixels)
 {
-    taps->first = hg_calloc(pixels, sizeof *taps->first);
-    taps->weight = hg_calloc(3 * (size_t)pixels, sizeof *taps->weight);
-    taps->trust = hg_calloc((size_t)pixels + HG_LANES, sizeof *taps->trust); // read in eights
+    // Read in eights.
+    taps->first = hg_calloc((size_t)pixels + HG_LANES, sizeof *taps->first);
+    taps->weight = hg_calloc(3 * (size_t)pixels + HG_LANES, sizeof *taps->weight);
+    taps->trust = hg_calloc((size_t)pixels + HG_LANES, sizeof *taps->trust);
     return taps->first != NULL && taps->weight != NULL && taps->trust != NULL;
 }
 
@@ -59,7 +60,7 @@ static bool make_past(const struct hg_temporal *t, struct hg_temporal_past *past
     // Vectors of four texels are read whole.
     past->color = hg_calloc(color_words(t) + 16, sizeof *past->color);
     past->depth = hg_calloc(pixels, sizeof *past->depth);
-    past->weight = hg_calloc(pixels, sizeof *past->weight);
+    past->weight = hg_calloc(pixels + 3, sizeof *past->weight); // read in fours
     return past->color != NULL && past->depth != NULL && past->weight != NULL;
 }
 

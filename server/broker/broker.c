@@ -262,11 +262,15 @@ static enum hg_status write_port_file(struct hg_broker *b, struct hg_error *err)
 static enum hg_status open_listeners(struct hg_broker *b, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    int passed = hg_notify_take_sockets();
+    uint64_t tls;
+    int passed = hg_notify_take_sockets(&tls);
     if (b->listeners) // inherited
         return watch_listeners(b, err);
+    if (tls && !b->options.tls_cert)
+        status = hg_error_set(err, HG_E_INVAL, "tls-cert", NULL,
+            "is needed: the service manager passed a socket that is named tls");
     for (int i = 0; i < passed && !status; i++)
-        status = hg_listener_adopt(3 + i, &b->listeners, err);
+        status = hg_listener_adopt_passed(3 + i, tls >> i & 1, &b->listeners, err);
     for (size_t i = 0; i < b->options.listen.count && !status; i++)
         status = hg_listener_open(b->options.listen.items[i], &b->listeners, err);
     if (!status && !b->listeners)

@@ -5,7 +5,7 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   json counters
+//   json counters latency
 //   web_files                                    what HTTP serves
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
 //   proxy_header                                 the PROXY protocol

@@ -259,6 +259,19 @@ void hg_listener_set_tls(struct hg_listener *listener)
     memcpy(listener->name, "tls", 3); // in place of tcp
 }
 
+enum hg_status hg_listener_adopt_passed(
+    int fd, bool tls, struct hg_listener **list, struct hg_error *err)
+{
+    const enum hg_status status = hg_listener_adopt(fd, list, err);
+    if (status || !tls)
+        return status;
+    if (!(*list)->port) // whoever named it so wants no session on it in clear text
+        return hg_error_set(err, HG_E_INVAL, (*list)->name, NULL,
+            "is named tls by the service manager, and is no socket of tcp");
+    hg_listener_set_tls(*list);
+    return HG_OK;
+}
+
 enum hg_status hg_listener_own(struct hg_listener *listener, const char *path)
 {
     listener->unix_path = hg_strdup(path);

@@ -28,6 +28,9 @@ enum hg_status hg_listener_open(
 // Takes over a listening socket.
 enum hg_status hg_listener_adopt(
     int fd, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
+// The same of one that a service manager passed; tls: it speaks TLS. HG_E_INVAL: not over unix.
+enum hg_status hg_listener_adopt_passed(
+    int fd, bool tls, struct hg_listener **list, struct hg_error *err) HG_MUST_CHECK;
 void hg_listener_set_tls(struct hg_listener *listener); // a tcp one
 // The listener removes the socket file `path` at its end. HG_E_NOMEM.
 enum hg_status hg_listener_own(struct hg_listener *listener, const char *path) HG_MUST_CHECK;

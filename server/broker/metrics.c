@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "server/broker/counters.h"
+#include "server/broker/latency.h"
 #include "server/broker/upload_store.h"
 #include "server/broker/worker_pool.h"
 
@@ -122,6 +123,29 @@ static void put_counters(struct hg_writer *w)
     }
 }
 
+static const char latency_name[] = "heliod_input_latency_seconds";
+static const char latency_help[] =
+    "From an input, the camera of a subscribed view, to the first frame that shows it.";
+
+static void put_latencies(struct hg_writer *w)
+{
+    put_head(w, latency_name, "histogram", latency_help);
+    for (int i = 0; i < HG_LATENCY_STAGES; i++) {
+        const struct hg_latency *l = &hg_latencies[i];
+        const char *stage = hg_latency_stage_names[i];
+        uint64_t below = 0;
+        for (int k = 0; k < HG_LATENCY_BUCKETS - 1; k++) {
+            below += l->counts[k];
+            put(w, "%s_bucket{stage=\"%s\",le=\"%g\"} %llu\n", latency_name, stage,
+                hg_latency_bounds_s[k], (unsigned long long)below);
+        }
+        put(w, "%s_bucket{stage=\"%s\",le=\"+Inf\"} %llu\n", latency_name, stage,
+            (unsigned long long)l->count);
+        put(w, "%s_sum{stage=\"%s\"} %.9g\n%s_count{stage=\"%s\"} %llu\n", latency_name, stage,
+            (double)l->sum_ns * 1e-9, latency_name, stage, (unsigned long long)l->count);
+    }
+}
+
 void hg_metrics_write(const struct hg_session_table *t, struct hg_writer *w)
 {
     put_head(w, "heliod_build_info", "gauge", "The version of the daemon.");
@@ -131,6 +155,7 @@ void hg_metrics_write(const struct hg_session_table *t, struct hg_writer *w)
     put(w, name " %.16g\n", (double)(value));
 #include "server/broker/metrics.def"
     put_counters(w);
+    put_latencies(w);
 }
 
 const char *hg_metrics_unready(const struct hg_session_table *t)
@@ -167,4 +192,14 @@ void hg_metrics_print_docs(FILE *file)
         if (i + 1 == HG_COUNTERS || counters[i + 1].help[0])
             fputs(" |\n", file);
     }
+    fprintf(file,
+        "| `%s` | histogram | %s Label `stage`: `input` (broker to worker), `wait` (until it is "
+        "the "
+        "view's turn), `render`, `read` (pixels, and until an encoder has time), `encode`, "
+        "`output` "
+        "(worker to what the client is to be sent), `all` of these together. Buckets",
+        latency_name, latency_help);
+    for (int k = 0; k < HG_LATENCY_BUCKETS - 1; k++)
+        fprintf(file, " %g", hg_latency_bounds_s[k]);
+    fputs(" |\n", file);
 }

@@ -52,7 +52,19 @@ uint64_t hg_notify_watchdog_ns(void)
     return strtoull(usec, NULL, 10) * 1000 / 2;
 }
 
-int hg_notify_take_sockets(void)
+// Bits of those of the names, with colons between them, that are "tls".
+static uint64_t named_tls(const char *names, int count)
+{
+    uint64_t bits = 0;
+    for (int i = 0; i < count && names; i++) {
+        const size_t length = strcspn(names, ":");
+        bits |= length == 3 && strncmp(names, "tls", 3) == 0 ? UINT64_C(1) << i : 0;
+        names = names[length] ? names + length + 1 : NULL;
+    }
+    return bits;
+}
+
+int hg_notify_take_sockets(uint64_t *tls)
 {
     const char *count_text = getenv("LISTEN_FDS");
     int count = 0;
@@ -64,6 +76,7 @@ int hg_notify_take_sockets(void)
         fcntl(FIRST_SOCKET + i, F_SETFD, FD_CLOEXEC);
         fcntl(FIRST_SOCKET + i, F_SETFL, O_NONBLOCK | fcntl(FIRST_SOCKET + i, F_GETFL));
     }
+    *tls = named_tls(getenv("LISTEN_FDNAMES"), count);
     unsetenv("LISTEN_FDS");
     unsetenv("LISTEN_PID");
     unsetenv("LISTEN_FDNAMES");

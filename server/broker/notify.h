@@ -12,7 +12,8 @@ void hg_notify_send(const char *fmt, ...) HG_PRINTF(1, 2);
 // Half of $WATCHDOG_USEC in ns when it is meant for this process; 0 = no watchdog.
 uint64_t hg_notify_watchdog_ns(void);
 // Number of sockets passed by the service manager ($LISTEN_FDS, from descriptor 3 on); the
-// variables are removed from the environment.
-int hg_notify_take_sockets(void);
+// variables are removed from the environment. Bit i of *tls: the name of the i-th is "tls"
+// ($LISTEN_FDNAMES, FileDescriptorName= of a systemd.socket).
+int hg_notify_take_sockets(uint64_t *tls);
 
 #endif

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "server/broker/counters.h"
+#include "server/broker/latency.h"
 #include "server/broker/session.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_camera.h"
@@ -135,13 +136,18 @@ static void renumber(struct hg_session_view *view, struct hg_packet *packet, str
 }
 
 // When it is put behind what the client is to be sent already.
-static void stamp_sent(struct hg_packet *packet)
+static void stamp_sent(
+    struct hg_session_view *view, struct hg_packet *packet, const struct hgp_frame *m)
 {
     size_t at;
+    const uint64_t now_ns = hg_clock_now_ns();
     const struct hg_reader payload = hg_reader_make(packet->payload, packet->header.length);
+    if (!packet->header.request && m->input_seq > view->shown_seq) {
+        view->shown_seq = m->input_seq;
+        hg_latency_note(m, now_ns);
+    }
     if (!hgp_field_find(HGP_VERSION_MAX, HGP_T_frame, payload, "sent_ns", &at))
         return;
-    const uint64_t now_ns = hg_clock_now_ns();
     for (size_t i = 0; i < 8; i++)
         packet->payload[at + i] = (uint8_t)(now_ns >> (8 * i));
 }
@@ -227,7 +233,7 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
         hg_count(HG_COUNT_FRAMES);
         if (view) {
             renumber(view, packet, &m->frame);
-            stamp_sent(packet);
+            stamp_sent(view, packet, &m->frame);
             view->frame_bytes = packet->header.length;
         }
         hg_session_view_count(s, packet, &m->frame);

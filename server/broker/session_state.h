@@ -62,6 +62,7 @@ struct hg_session_view {
     uint32_t granted; // of these, given to the worker
     uint64_t frame_bytes; // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
+    uint64_t shown_seq; // input of the newest subscribed frame
     uint64_t turn;      // of the newest credit; smaller = longer ago
     uint64_t credit_ns; // when that was given
     uint64_t ran_ns;    // how long until the worker died

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "renderer/image/image.h"
 #include "server/loader/confine.h"
 #include "server/loader/serve.h"
 #include "server/loader/wire.h"
@@ -202,6 +203,9 @@ int main(int argc, char **argv)
     s.polled[1] =
         (struct pollfd){.fd = signalfd(-1, &child, SFD_CLOEXEC | SFD_NONBLOCK), .events = POLLIN};
     open_oom(&s);
+    struct hg_error err = {0};
+    if (hg_image_load_module(&err) != HG_OK) // readers of other formats work all the same
+        hg_fault(SCENE, err.status, "%s", err.reason);
     if (!hg_confine_spawner(&s.confinement)) {
         hg_fault(
             SCENE, HG_E_UNSUPPORTED, "loaders cannot be confined: this kernel has no Landlock");

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "renderer/image/image.h"
 
 // ---- Landlock -----------------------------------------------------------------------------------
 
@@ -79,6 +80,7 @@ static void allow_folders(const struct ruleset *ruleset, const struct worker_opt
         allow(ruleset, readable[i], read_access);
     for (size_t i = 0; i < sizeof devices / sizeof *devices; i++)
         allow(ruleset, devices[i], device_access);
+    allow(ruleset, hg_image_module_path(), library_access);
     for (uint32_t i = 0; i < o->asset_root_count; i++)
         allow(ruleset, o->asset_roots[i], read_access);
     if (o->upload_dir)

@@ -26,8 +26,7 @@
 //   scene_slot
 //   session
 //   view_slot
-//   view_memory                             memory for views, by session
-//   view_codec                              negotiation of codecs
+//   view_codec view_memory                  negotiation of codecs; what sessions may take for views
 //   request                                 a decoded message, and who is answered
 //   view_fit                                cameras that show the scene; that of a view without one
 //   frame_key                               the hash of what a frame is made from

@@ -26,14 +26,15 @@ bool before(uint a, uint b)
     return da > db || (da == db && (ia.x < ib.x || (ia.x == ib.x && ia.y <= ib.y)));
 }
 
-// Of count nodes; a bottom-up merge sort that moves links only. Returns the first.
+// Of count nodes; a bottom-up merge sort that moves links only. Returns the first. Rounds are counted,
+// here and below, so that no content of the lists makes it run for ever.
 // Source: Knuth 1998, "The Art of Computer Programming" vol. 3, section 5.2.4, algorithm L.
 uint sort(uint head, uint count)
 {
     for (uint width = 1u; width < count; width *= 2u) {
         uint p = head, tail = 0u;
         head = 0u;
-        while (p != 0u) {
+        for (uint merged = 0u; merged < count && p != 0u; merged += 2u * width) {
             uint q = p, ps = 0u, qs = width;
             while (ps < width && q != 0u) {
                 q = NODE(q).next;
@@ -75,10 +76,10 @@ bool cut(uint head, uint most, out uint count)
 }
 
 // Of surfaces at the same depth the first is seen.
-void drop_equals(uint head)
+void drop_equals(uint head, uint count)
 {
     uint at = head;
-    while (at != 0u) {
+    for (uint i = 0u; i < count && at != 0u; i++) {
         uint next = NODE(at).next;
         bool same = next != 0u && NODE(next).depth == NODE(at).depth;
         if (same)
@@ -98,7 +99,7 @@ void main()
     uint place = pixel.y * hg_frame.width + pixel.x, count, kept;
     bool too_deep = cut(hg_frame.blend.heads.v[place], HG_BLEND_MAX_SORTED, count);
     uint head = sort(hg_frame.blend.heads.v[place], count);
-    drop_equals(head);
+    drop_equals(head, count);
     too_deep = cut(head, HG_BLEND_MAX_LAYERS, kept) || too_deep;
     hg_frame.blend.heads.v[place] = head;
     if (too_deep)

@@ -166,6 +166,39 @@ export const filePixels = (page, file) => page.evaluate(async (base64) => {
     return btoa(text);
 }, file.toString("base64")).then((text) => Buffer.from(text, "base64"));
 
+// Where a picture is flat, squares of it hold nearly one colour: the greatest difference of the means of
+// such squares between it and another picture, per channel in 1/255, and how many squares are flat.
+export function flatDifference(exact, other, width, height) {
+    assert.equal(exact.length, other.length, "pictures of different sizes");
+    const SIDE = 16, EVEN = 6;
+    let worst = 0, count = 0;
+    for (let top = 0; top + SIDE <= height; top += SIDE)
+        for (let left = 0; left + SIDE <= width; left += SIDE) {
+            const squares = [exact, other].map((p) => squareOf(p, width, left, top, SIDE));
+            if (squares[0].some((c) => c.most - c.least > EVEN))
+                continue;
+            count++;
+            squares[0].forEach((c, i) => {
+                worst = Math.max(worst, Math.abs(c.mean - squares[1][i].mean));
+            });
+        }
+    return { worst, count };
+}
+
+// [{ mean, least, most }] of R, G and B.
+function squareOf(pixels, width, left, top, side) {
+    const channels = [0, 1, 2].map(() => ({ mean: 0, least: 255, most: 0 }));
+    for (let y = top; y < top + side; y++)
+        for (let x = left; x < left + side; x++)
+            channels.forEach((c, i) => {
+                const v = pixels[(y * width + x) * 4 + i];
+                c.mean += v / (side * side);
+                c.least = Math.min(c.least, v);
+                c.most = Math.max(c.most, v);
+            });
+    return channels;
+}
+
 // Of the RGB of two pictures, in dB; equal ones have 999.
 export function psnr(a, b) {
     assert.equal(a.length, b.length, "pictures of different sizes");

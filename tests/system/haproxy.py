@@ -2,12 +2,15 @@
 """haproxy.py - deploy/haproxy/haproxy.cfg with the real HAProxy and two daemons.
 
 Four viewers of two scenes come over WebSockets through the proxy. Viewers of a scene are on one daemon.
-Then each daemon is drained and restarted, one after the other; every viewer goes on with its session
-(ticket) and gets further frames. Workers are tests/system/fake_worker: nothing is rendered.
+The daemons hear their addresses by the PROXY protocol, version 2, and the checks' LOCAL headers; a header of
+an address that is not listed is refused. Then each daemon is drained and restarted, one after the other; every
+viewer goes on with its session (ticket) and gets further frames. Workers are tests/system/fake_worker: nothing
+is rendered.
 
 Needs haproxy; without it the exit code is 77. HELIO_SOURCE_DIR, HELIO_BUILD_DIR, HELIO_LIBRARY from ctest.
 """
 import base64
+import json
 import os
 import shutil
 import signal
@@ -24,6 +27,8 @@ sys.path.insert(0, os.path.join(SOURCE, "client", "python"))
 import helio  # noqa: E402
 
 PATIENCE_S = 120  # against hanging on a busy machine; nothing is measured
+TOKEN = "haproxy-test-token"
+PROXY, VIEWERS = "127.0.0.1", ("127.0.0.21", "127.0.0.22")  # where they come from
 
 
 def until(holds, what):
@@ -34,11 +39,19 @@ def until(holds, what):
         time.sleep(0.05)
 
 
-def http(path, target):
-    """Status and body of a GET on a unix socket."""
-    with socket.socket(socket.AF_UNIX) as link:
-        link.settimeout(10)
-        link.connect(path)
+def dial(place, source=""):
+    """place: the path of a unix socket, or a port of this machine."""
+    if isinstance(place, int):
+        return socket.create_connection((PROXY, place), 10, (source, 0))
+    link = socket.socket(socket.AF_UNIX)
+    link.settimeout(10)
+    link.connect(place)
+    return link
+
+
+def http(place, target):
+    """Status and body of a GET."""
+    with dial(place) as link:
         link.sendall(("GET %s HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n" % target).encode())
         data = b"".join(iter(lambda: link.recv(65536), b""))
     head, _, body = data.partition(b"\r\n\r\n")
@@ -48,21 +61,31 @@ def http(path, target):
 class Daemon:
     def __init__(self, folder, name):
         self.socket = os.path.join(folder, name + ".sock")
+        self.ports, self.audit = os.path.join(folder, name + ".ports"), os.path.join(folder, name + ".audit")
+        tokens = os.path.join(folder, "tokens")
+        with open(tokens, "w", encoding="ascii") as f:
+            os.fchmod(f.fileno(), 0o600)
+            f.write(TOKEN + " edit viewer\n")
         self.log = open(os.path.join(folder, name + ".log"), "ab")
         self.arguments = [
             os.path.join(BUILD, "bin", "heliod"), "--listen", "unix:" + self.socket,
             "--state-dir", os.path.join(folder, name + ".state"), "--cache-dir", os.path.join(folder, name + ".cache"),
             "--worker", os.path.join(BUILD, "tests", "fake_worker"), "--sandbox", "off", "--cgroup", "off",
-            "--durability", "written", "--drain-timeout", "10"]
+            "--durability", "written", "--drain-timeout", "10", "--tokens", tokens, "--proxy-from", PROXY,
+            "--port-file", self.ports, "--audit", self.audit]
+        self.port = 0
         self.scratch = os.path.join(folder, name + ".fake")
         for kind in (".state", ".cache", ".fake"):
             os.mkdir(os.path.join(folder, name + kind), 0o700)
         self.start()
 
     def start(self):
-        self.process = subprocess.Popen(self.arguments, stdout=self.log, stderr=self.log,
+        listen = ["--listen", "tcp:%s:%d" % (PROXY, self.port)]
+        self.process = subprocess.Popen(self.arguments + listen, stdout=self.log, stderr=self.log,
                                         env=dict(os.environ, HELIO_FAKE_DIR=self.scratch))
         until(self.is_ready, "a daemon that is ready")
+        with open(self.ports, encoding="ascii") as f:
+            self.port = int(f.read())
 
     def is_ready(self):
         if self.process.poll() is not None:
@@ -76,6 +99,12 @@ class Daemon:
         body = http(self.socket, "/metrics")[1]
         return next(float(line.split()[1]) for line in body.splitlines() if line.startswith(name + " "))
 
+    def logins(self):
+        """Addresses of the audit log's sessions over tcp."""
+        with open(self.audit, encoding="utf-8") as f:
+            peers = [json.loads(line).get("peer", "") for line in f]
+        return {peer for peer in peers if "127.0.0." in peer}
+
     def stop(self):
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
@@ -85,9 +114,9 @@ class Daemon:
 class Tunnel:
     """A WebSocket client (RFC 6455) as a connected socket of raw bytes: `fd`."""
 
-    def __init__(self, path, target):
-        self.web = socket.socket(socket.AF_UNIX)
-        self.web.connect(path)
+    def __init__(self, place, target, source=""):
+        self.web = dial(place, source)
+        self.web.settimeout(None)
         self.web.sendall(("GET %s HTTP/1.1\r\nHost: test\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
                           "Sec-WebSocket-Key: %s\r\nSec-WebSocket-Version: 13\r\n"
                           "Sec-WebSocket-Protocol: hgp.1\r\n\r\n"
@@ -160,15 +189,15 @@ class Tunnel:
 class Viewer(threading.Thread):
     """Looks at a scene until it is told to stop; goes on by its ticket when the connection ends."""
 
-    def __init__(self, proxy, scene):
+    def __init__(self, proxy, scene, source):
         super().__init__(daemon=True)
-        self.proxy, self.scene = proxy, scene
+        self.proxy, self.scene, self.source = proxy, scene, source
         self.stop, self.frames, self.resumed, self.failure = False, 0, 0, None
         self.secret = None
 
     def dial(self):
-        self.tunnel = Tunnel(self.proxy, "/hgp?scene=" + self.scene)
-        return helio.connect("tcp:proxy:1", fd=self.tunnel.fd, timeout=PATIENCE_S, answer_timeout=PATIENCE_S)
+        self.tunnel = Tunnel(self.proxy, "/hgp?scene=" + self.scene, self.source)
+        return helio.connect("tcp:proxy:1", token=TOKEN, fd=self.tunnel.fd, timeout=PATIENCE_S, answer_timeout=PATIENCE_S)
 
     def begin(self):
         session = self.dial()
@@ -225,6 +254,11 @@ def admin(path, command):
         return b"".join(iter(lambda: link.recv(4096), b"")).decode().strip()
 
 
+def is_up(panel, count):
+    rows = [line.split(",") for line in admin(panel, "show stat heliod 4 -1").splitlines()]
+    return sum(row[1] in ("d1", "d2") and row[17].startswith("UP") for row in rows if len(row) > 17) == count
+
+
 def restart(daemon, name, viewers, panel):
     """The procedure of docs/operations.md."""
     said = admin(panel, "set server heliod/%s state drain" % name)
@@ -241,29 +275,73 @@ def restart(daemon, name, viewers, panel):
     return mine
 
 
+def free_port():
+    with socket.socket() as link:
+        link.bind((PROXY, 0))
+        return link.getsockname()[1]
+
+
+def header(source):
+    """Of the PROXY protocol, version 2: somebody at `source`."""
+    there = socket.inet_aton(source) + socket.inet_aton(PROXY) + struct.pack(">HH", 5, 6)
+    return b"\r\n\r\n\0\r\nQUIT\n\x21\x11" + struct.pack(">H", len(there)) + there
+
+
+def only_listed_addresses_are_believed(daemon):
+    before = daemon.metric("heliod_sessions")
+    with dial(daemon.port, VIEWERS[0]) as link:  # not in proxy-from: what it says is no HTTP and no HGP
+        link.sendall(header("127.0.0.77") + b"GET /readyz HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n")
+        try:
+            assert b" 200 " not in link.recv(4096)
+        except ConnectionError:
+            pass
+    with dial(daemon.port, PROXY) as link:  # listed: without a header nothing is answered
+        link.sendall(b"GET /readyz HTTP/1.1\r\nHost: test\r\nConnection: close\r\n\r\n")
+        try:
+            assert b" 200 " not in link.recv(4096)
+        except ConnectionError:
+            pass
+    assert daemon.metric("heliod_sessions") == before
+
+
+def limits_are_named(session, scene):
+    session.scene(scene)
+    try:
+        for i in range(17):
+            session.call("view_set", "ok", view=i + 1, width=16, height=16)
+    except helio.HelioError as wrong:
+        assert wrong.limit == "max-views" and wrong.retry_after is None, (wrong, wrong.limit, wrong.retry_after)
+        return
+    raise AssertionError("17 views")
+
+
 def check(folder):
-    bind, panel = os.path.join(folder, "proxy.sock"), os.path.join(folder, "admin.sock")
+    bind, panel = free_port(), os.path.join(folder, "admin.sock")
     daemons = [Daemon(folder, name) for name in ("d1", "d2")]
-    env = dict(os.environ, HELIO_BIND="unix@" + bind, HELIO_ADMIN=panel,
-               **{"HELIO_D%d" % (i + 1): "unix@" + d.socket for i, d in enumerate(daemons)})
+    env = dict(os.environ, HELIO_BIND="%s:%d" % (PROXY, bind), HELIO_ADMIN=panel,
+               **{"HELIO_D%d" % (i + 1): "%s:%d" % (PROXY, d.port) for i, d in enumerate(daemons)})
     proxy = subprocess.Popen(["haproxy", "-db", "-f", os.path.join(SOURCE, "deploy/haproxy/haproxy.cfg")], env=env,
                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     viewers = []
     try:
-        until(lambda: os.path.exists(bind) and os.path.exists(panel), "haproxy")
-        until(lambda: http(bind, "/readyz")[0] == 200, "a way through the proxy")
+        until(lambda: os.path.exists(panel), "haproxy")
+        until(lambda: is_up(panel, 2), "daemons that pass the checks")
+        assert http(bind, "/readyz")[0] == 200
         assert http(bind, "/metrics")[0] == 403
         names, i = {}, 0
         while len(names) < 2:  # two names that hash to different daemons
             name, i = "scene-%d" % i, i + 1
             tunnel = Tunnel(bind, "/hgp?scene=" + name)
-            session = helio.connect("tcp:proxy:1", fd=tunnel.fd, timeout=PATIENCE_S)
+            session = helio.connect("tcp:proxy:1", token=TOKEN, fd=tunnel.fd, timeout=PATIENCE_S)
             at = [int(d.metric("heliod_sessions")) for d in daemons].index(1)
             names.setdefault(at, name)
+            if not i > 1:
+                limits_are_named(session, name)
             session.close()
             tunnel.close()
             until(lambda: sum(d.metric("heliod_sessions") for d in daemons) == 0, "a session that has ended")
-        viewers = [Viewer(bind, names[i % 2]) for i in range(4)]
+        only_listed_addresses_are_believed(daemons[0])
+        viewers = [Viewer(bind, names[i % 2], VIEWERS[i // 2]) for i in range(4)]
         for viewer in viewers:
             viewer.start()
         until(lambda: all(v.frames > 3 or v.failure for v in viewers), "first frames")
@@ -279,6 +357,9 @@ def check(folder):
         print("4 viewers, 2 daemons restarted, %d sessions went on, %d failed, %d frames"
               % (restarted, len(failures), sum(v.frames for v in viewers)))
         assert not failures, failures
+        for d in daemons:
+            peers = " ".join(d.logins())
+            assert all(address in peers for address in VIEWERS), peers
         assert restarted == 4 and all(v.resumed == 1 for v in viewers)
     finally:
         proxy.terminate()

@@ -9,6 +9,7 @@ Every refusal is checked three ways: what the peer sees, the counter in /metrics
 beside it is served. Loopback only."""
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import resource
@@ -44,7 +45,8 @@ def auth(token):
 
 
 class Daemon:
-    def __init__(self, heliod, worker, *options, tokens="", env=None):
+    def __init__(self, heliod, worker, *options, tokens="", env=None, passed=()):
+        """passed: (name, socket) as from a service manager, from descriptor 3 on."""
         self.folder = tempfile.mkdtemp(prefix="helio-transports-")
         with open(self.path("tokens"), "w", encoding="utf-8") as f:
             os.fchmod(f.fileno(), 0o600)
@@ -58,8 +60,22 @@ class Daemon:
                      "--tokens", self.path("tokens"), "--cache-dir", self.path("cache"), "--worker", worker,
                      "--web-root", self.path("web"), "--isolation", "shared", "--sandbox", "off", *options]
         self.log = open(self.path("log"), "wb")
-        self.process = subprocess.Popen(self.args, stderr=self.log, env=env)
-        wait(lambda: os.path.exists(self.path("ports")), "the port file")
+        if passed:
+            env = dict(os.environ, LISTEN_FDS=str(len(passed)), LISTEN_FDNAMES=":".join(name for name, _ in passed))
+            far = [fcntl.fcntl(s, fcntl.F_DUPFD, 50) for _, s in passed]
+            self.args = ["sh", "-c", "export LISTEN_PID=$$; exec \"$@\"", "sh", *self.args]
+            self.process = subprocess.Popen(
+                self.args, stderr=self.log, env=env, pass_fds=range(3, 3 + len(far)),
+                preexec_fn=lambda: [os.dup2(fd, 3 + i) for i, fd in enumerate(far)])
+            for fd in far:
+                os.close(fd)
+        else:
+            self.process = subprocess.Popen(self.args, stderr=self.log, env=env)
+        wait(lambda: os.path.exists(self.path("ports")) or self.process.poll() is not None, "the port file")
+        if self.process.poll() is not None:
+            said = self.read_log()
+            self.stop()
+            raise ChildProcessError(said)
         with open(self.path("ports"), encoding="ascii") as f:
             self.ports = [int(line) for line in f]
 
@@ -257,7 +273,8 @@ def http_serves(d):
     assert all(h.answer()[0] == 200 for _ in range(40))
     metrics = h.get("/metrics")[2].decode()
     for line in metrics.splitlines():
-        assert re.fullmatch(r"# (HELP|TYPE) heliod_\w+ .+|heliod_\w+(\{\w+=\"[^\"]*\"\})? [0-9.e+-]+", line), line
+        assert re.fullmatch(r"# (HELP|TYPE) heliod_\w+ .+|heliod_\w+(\{\w+=\"[^\"]*\"(,\w+=\"[^\"]*\")*\})? [0-9.e+-]+", line), line
+    assert 'heliod_input_latency_seconds_bucket{stage="all",le="+Inf"} 0' in metrics, metrics
     # A slow writer of a good request, byte by byte.
     slow = Http(d.ports[0])
     for byte in b"GET /healthz HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n":

@@ -30,6 +30,7 @@
 #define HEIGHT      160
 #define PIXELS      (WIDTH * HEIGHT)
 #define BLOCK_BYTES 4096
+#define SAME_DEPTH  1e-5f // relative
 
 struct fixture {
     struct hg_gpu *gpu;
@@ -340,12 +341,15 @@ static void assert_same(const struct picture *a, const struct picture *b, const 
             (double)a->depth[first]);
 }
 
-// Drivers cut triangles at the border of the image, which rounds corners once more.
-static void compare(struct fixture *f, const struct picture *device, const struct picture *host)
+// Drivers cut triangles at the border of the image, which rounds corners once more; twins: of
+// surfaces that lie in one place another one may be seen then.
+static void compare(
+    struct fixture *f, const struct picture *device, const struct picture *host, bool twins)
 {
     for (uint32_t i = 0; i < PIXELS; i++) {
         const float a = device->depth[i], b = host->depth[i];
-        if (memcmp(&device->ids[i * 2], &host->ids[i * 2], 8) != 0)
+        const bool other = memcmp(&device->ids[i * 2], &host->ids[i * 2], 8) != 0;
+        if (other && !(twins && fabsf(a - b) <= SAME_DEPTH * a))
             f->other_ids++;
         else if (a != b)
             f->off_depth = fmaxf(f->off_depth, fabsf(a - b) / a);
@@ -393,6 +397,7 @@ static void check_host(struct fixture *f, const struct world *w,
     static struct picture on;
     struct hg_culling_stats stats;
     struct hg_camera_setup still = *setup;
+    view.host_parts = f->views % 2 == 1; // clusters of baked parts alone, and meshlets of others
     still.jitter_px[0] = still.jitter_px[1] = 0.0f;
     const struct hg_culling_lens sample = lens_of(setup, true), whole = lens_of(&still, true);
     struct hg_culling_lens inner = whole; // the border of this lies inside of the image
@@ -409,7 +414,7 @@ static void check_host(struct fixture *f, const struct world *w,
         if (pass < 2 && strstr(hg_gpu_get_caps(f->gpu)->driver, "Mesa 22.3.") != NULL)
             assert_same(off, &on, name);
         else
-            compare(f, off, &on);
+            compare(f, off, &on, view.host_parts);
     }
 }
 

@@ -43,7 +43,10 @@ def expect(holds, message):
 
 def check_metrics():
     with open(sys.argv[2], encoding="utf-8") as f:
-        known = set(re.findall(r"^\| `(heliod_[a-z0-9_]+)", f.read(), re.M))
+        table = f.read()
+    known = set(re.findall(r"^\| `(heliod_[a-z0-9_]+)", table, re.M))
+    for name in re.findall(r"^\| `(heliod_[a-z0-9_]+)` \| histogram", table, re.M):
+        known |= {name + "_bucket", name + "_sum", name + "_count"}
     expect(len(known) > 15, "the table of metrics is empty")
     dashboard = json.loads(text("grafana", "heliod.json"))
     queries = [t["expr"] for p in dashboard["panels"] for t in p["targets"]]
@@ -51,7 +54,7 @@ def check_metrics():
     for panel in dashboard["panels"]:
         at = panel["gridPos"]
         expect(at["x"] + at["w"] <= 24, "%s: beside the grid" % panel["title"])
-    rules = re.sub(r"instance:heliod_[a-z0-9_]+:rate1m", "", text("prometheus", "heliod.rules.yml"))
+    rules = re.sub(r"instance\w*:heliod_[a-z0-9_]+:\w+", "", text("prometheus", "heliod.rules.yml"))
     exprs = re.findall(r"expr: (.*)", rules)
     for name in set(METRIC.findall(" ".join(queries + exprs))):
         expect(name in known, "heliod has no metric " + name)

@@ -1,5 +1,5 @@
-// Loops over eight pixels at a time: runs of samples that move differently, and both ways to filter
-// history.
+// Loops over eight pixels at a time: runs of samples that move differently, and both ways to weigh
+// and filter history and to bring samples to pixels.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -93,6 +93,66 @@ static void test_filters(void **state)
         assert_true(found[0][4 * i] > -0.6f && found[0][4 * i] < 1.6f && found[0][4 * i] != 0);
 }
 
+// Depths of which some hide, pixels outside, and what came nearer since.
+static void test_weights(void **state)
+{
+    (void)state;
+    static float depth[HEIGHT * WIDTH], found[2][WIDTH + 8], rows[3][WIDTH + 8];
+    static uint8_t samples[HEIGHT * WIDTH + 3];
+    static int32_t nearest[WIDTH + 8];
+    uint32_t random = 11, kept = 0;
+    if (!hg_temporal_has_avx2())
+        skip();
+    for (size_t i = 0; i < HEIGHT * WIDTH; i++) {
+        depth[i] = 1e-3f * (float)(next(&random) % 1000);
+        samples[i] = (uint8_t)next(&random);
+    }
+    for (uint32_t i = 0; i < WIDTH; i++) {
+        nearest[i] = (int32_t)(next(&random) % (HEIGHT * WIDTH + 50)) - 50;
+        for (int k = 0; k < 3; k++)
+            rows[k][i] = 1e-3f * (float)(next(&random) % (k == 2 ? 100 : 1000));
+    }
+    nearest[WIDTH - 1] = HEIGHT * WIDTH - 1;
+    const struct hg_temporal_past past = {.depth = depth, .weight = samples};
+    const struct hg_temporal_about about = {
+        .motion = {.expect = rows[0], .depth = rows[1]}, .slope = rows[2]};
+    struct hg_temporal_found out = {.nearest = nearest, .weight = found[0]};
+    hg_temporal_weigh_plain(&past, &about, WIDTH, &out);
+    out.weight = found[1];
+    hg_temporal_weigh_avx2(&past, &about, WIDTH, &out);
+    assert_memory_equal(found[0], found[1], WIDTH * sizeof(float));
+    for (uint32_t i = 0; i < WIDTH; i++)
+        kept += found[0][i] > 0;
+    assert_in_range(kept, WIDTH / 4, WIDTH - WIDTH / 4);
+}
+
+// Both ways to bring rows of samples to pixels, for half of the pixels to all but one.
+static void test_expand(void **state)
+{
+    (void)state;
+    static float memory[WIDTH + 16], weights[3 * WIDTH + 8], trust[WIDTH + 8], to[4][WIDTH + 8];
+    static uint32_t first[WIDTH + 8];
+    float *from = memory + 8;
+    uint32_t random = 13;
+    if (!hg_temporal_has_avx2())
+        skip();
+    for (size_t i = 0; i < WIDTH + 16; i++)
+        memory[i] = 1e-3f * (float)(next(&random) % 1000);
+    const struct hg_temporal_taps taps = {first, weights, trust};
+    struct hg_temporal_taps fill = taps;
+    for (uint32_t samples = (WIDTH + 1) / 2; samples < WIDTH; samples += 7) {
+        const float jitter = 0.49f * ((float)(next(&random) % 2001) * 1e-3f - 1.0f);
+        hg_temporal_taps_fill(&fill, WIDTH, samples, jitter);
+        hg_temporal_expand_plain(from, &taps, WIDTH, to[0]);
+        hg_temporal_expand_avx2(from, &taps, WIDTH, to[1]);
+        assert_memory_equal(to[0], to[1], WIDTH * sizeof(float));
+        hg_temporal_expand_weighed_plain(from, &taps, WIDTH, to[2]);
+        hg_temporal_expand_weighed_avx2(from, &taps, WIDTH, to[3]);
+        assert_memory_equal(to[2], to[3], WIDTH * sizeof(float));
+        assert_true(to[0][WIDTH - 1] == from[samples - 1]);
+    }
+}
+
 static uint8_t channel(const uint8_t *rgba, uint32_t x, uint32_t y, uint32_t c)
 {
     return rgba[4 * (y * WIDTH + x) + c];
@@ -143,6 +203,7 @@ static void test_sharpen(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_runs), cmocka_unit_test(test_filters),
+        cmocka_unit_test(test_weights), cmocka_unit_test(test_expand),
         cmocka_unit_test(test_sharpen)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

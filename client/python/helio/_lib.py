@@ -21,11 +21,15 @@ class HelioError(Exception):
 
     status  Status, such as Status.E_NOTFOUND
     what    file, message or object; where: field, JSON pointer or byte; reason: for people
+    limit   of Status.E_LIMIT and E_BUSY: which one, by the name of the daemon's option; or ""
+    retry_after  seconds after which the same may succeed; None: not by waiting
     """
 
-    def __init__(self, status: int, what: str = "", where: str = "", reason: str = "") -> None:
+    def __init__(self, status: int, what: str = "", where: str = "", reason: str = "",
+                 limit: str = "", retry_after: Optional[float] = None) -> None:
         self.status = Status(status) if status in STATUS_NAMES else status
         self.what, self.where, self.reason = what, where, reason
+        self.limit, self.retry_after = limit, retry_after
         words = [part for part in (what, where, reason) if part]
         super().__init__("%s (%s)" % (": ".join(words), STATUS_NAMES.get(int(status), "unknown")))
 
@@ -273,8 +277,10 @@ def library_path() -> Optional[str]:
 
 def check(status: int, err: Error) -> None:
     if status:
-        raise HelioError(status, *(part.decode("utf-8", "replace")
-                                   for part in (err.what, err.where, err.reason)))
+        retry_s = err.retry_after_ms / 1000 if err.retry_after_ms else None
+        what, where, reason, limit = (part.decode("utf-8", "replace") for part in
+                                      (err.what, err.where, err.reason, err.limit))
+        raise HelioError(status, what, where, reason, limit, retry_s)
 
 
 def enum_value(of: str, value: Any) -> enum.IntEnum:

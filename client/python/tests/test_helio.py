@@ -63,6 +63,20 @@ class Tables(unittest.TestCase):
             _lib.encode("view_camera", {"view": 1, "eye": (1, 2)}, [])
 
 
+class Errors(unittest.TestCase):
+    def test_limits_are_named(self):
+        error = _lib.Error(int(helio.Status.E_LIMIT), b"view_set", b"view", b"too many", b"max-views", 1500)
+        with self.assertRaises(helio.HelioError) as caught:
+            _lib.check(error.status, error)
+        self.assertEqual(caught.exception.limit, "max-views")
+        self.assertEqual(caught.exception.retry_after, 1.5)
+        self.assertIn("view_set: view: too many", str(caught.exception))
+        error = _lib.Error(int(helio.Status.E_NOTFOUND), b"scene")
+        with self.assertRaises(helio.HelioError) as caught:
+            _lib.check(error.status, error)
+        self.assertEqual((caught.exception.limit, caught.exception.retry_after), ("", None))
+
+
 class Unreachable(unittest.TestCase):
     def test_no_daemon(self):
         with self.assertRaises(helio.HelioError) as caught:
