@@ -14,7 +14,7 @@ static const struct hg_view_params defaults = {.width = SIDE,
     .tonemap = HG_TONEMAP_LINEAR,
     .mode = HG_MODE_PATH,
     .filter = HG_FILTER_BOX,
-    .samples = 128,
+    .samples = 32,
     .seed = 7};
 
 static const float room_eye[3] = {0.5f, 1.2f, 3.5f}, room_target[3] = {0, 0.5f, 0};

@@ -377,7 +377,7 @@ static void test_frames_that_are_too_old(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_measure, &m), HG_E_STATE, "frame");
 }
 
-#define TEST(function) cmocka_unit_test_setup_teardown(function, link_start, link_stop)
+#define TEST(function) cmocka_unit_test_teardown(function, link_detach)
 
 int main(void)
 {
@@ -393,5 +393,5 @@ int main(void)
         TEST(test_boxes_and_measures),
         TEST(test_frames_that_are_too_old),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, link_start, link_stop);
 }

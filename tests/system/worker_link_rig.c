@@ -88,6 +88,13 @@ int link_stop(void **state)
     return 0;
 }
 
+int link_detach(void **state)
+{
+    for (uint32_t channel = 1; channel <= 3; channel++)
+        link_ask(*state, channel, HGP_T_session_detach, &(struct hgp_session_detach){0});
+    return 0;
+}
+
 void link_write(int fd, const void *data, size_t size)
 {
     for (size_t done = 0; done < size;) {

@@ -31,6 +31,9 @@ int link_start_with_limit(void **state);
 char *link_cache_folder(char *path, size_t size);
 // Tear-down: the worker has to end with exit code 0.
 int link_stop(void **state);
+// Tear-down of a test whose worker serves the next one as well (a start takes 3 s of processor
+// time): sessions 1 to 3 end, and their scenes with them.
+int link_detach(void **state);
 
 // Sends; returns the number of the request.
 uint32_t link_ask(struct rig *rig, uint32_t channel, enum hgp_type type, const void *message);

@@ -405,7 +405,7 @@ static void test_pictures_in_motion(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, link_start, link_stop)
+#define TEST(name) cmocka_unit_test_teardown(name, link_detach)
     const struct CMUnitTest tests[] = {
         TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
@@ -418,5 +418,5 @@ int main(void)
         cmocka_unit_test_setup_teardown(
             test_sessions_share_memory_for_views, start_with_4_gib, link_stop),
     };
-    return cmocka_run_group_tests_name("worker_link_views", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("worker_link_views", tests, link_start, link_stop);
 }
