@@ -107,7 +107,7 @@ static void begin(struct stage *s, uint32_t width, uint32_t height)
     s->request.pixels = hg_refbuf_create(4 * (size_t)width * height);
     for (size_t i = 0; i < s->request.pixels->size; i++)
         s->request.pixels->data[i] =
-            i % 4 == 3 ? 255 : (uint8_t)(i / (4 * (size_t)width) + i + random_u32() % 4);
+            (uint8_t)(i % 4 == 3 ? 255 : i / (4 * (size_t)width) + i + random_u32() % 4);
     assert_int_equal(hg_tiles_open(&s->request, &s->state, &err), HG_OK);
 }
 
