@@ -1,6 +1,7 @@
 // input.h - image files opened for decoding, by rows.h (PNG, JPEG) or OpenImageIO (oiio.h)
 // in this process or, for formats that are not needed all the time, by the latter in one of its own
-// (base/isolate.h) for as long as they are open. Floor 1, private to renderer/image and to that process. One thread at a time per input.
+// (base/isolate.h) for as long as they are open. Floor 1, private to renderer/image and to that
+// process. One thread at a time per input.
 #ifndef HG_RENDERER_IMAGE_INPUT_H
 #define HG_RENDERER_IMAGE_INPUT_H
 

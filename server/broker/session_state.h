@@ -199,7 +199,8 @@ struct hg_session_table {
 };
 
 // The session of a number; NULL: there is none.
-static inline struct hg_session *hg_session_find(const struct hg_session_table *table, uint32_t number)
+static inline struct hg_session *hg_session_find(
+    const struct hg_session_table *table, uint32_t number)
 {
     for (struct hg_session *it = table->first; it; it = it->next)
         if (it->number == number)
