@@ -1,5 +1,5 @@
-// oiio.cpp - the only caller of OpenImageIO, a module of its own that programs load when they need it:
-// see oiio_module.h, and for the functions oiio.h, writer.h and texture_system.h.
+// oiio.cpp - the only caller of OpenImageIO, a module of its own that programs load when they need
+// it: see oiio_module.h, and for the functions oiio.h, writer.h and texture_system.h.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
