@@ -109,7 +109,8 @@ enum hg_status hg_gpu_buffer_upload(struct hg_gpu *gpu, const struct hg_gpu_buff
     if (!hg_range_ok(offset, size_bytes, buffer->size_bytes))
         return hg_error_set(err, HG_E_INVAL, "upload", NULL, "outside the buffer");
     if (buffer->mapped != NULL) {
-        memcpy((uint8_t *)buffer->mapped + offset, data, size_bytes);
+        if (size_bytes > 0) // else there may be no data
+            memcpy((uint8_t *)buffer->mapped + offset, data, size_bytes);
         return HG_OK;
     }
     const uint8_t *bytes = data;

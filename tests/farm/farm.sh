@@ -164,7 +164,7 @@ told 'goes on from [1-9][0-9]* samples'
 same "$temp/whole.exr" "$temp/dies.exr"
 
 # A daemon that is stopped gives its clients the time to keep their films.
-"$heliod" --listen "unix:$temp/brief" --asset-root "$models" --sandbox best-effort --log warn --drain-timeout 3 &
+"$heliod" --listen "unix:$temp/brief" --asset-root "$models" --sandbox best-effort --log warn --drain-timeout 60 &
 brief=$!
 answers() { "$helio" ping --count 1 --connect "unix:$temp/brief" >/dev/null 2>&1; }
 until_true answers
