@@ -241,7 +241,7 @@ enum hg_status hg_viewer_run(
     struct hg_viewer *v, uint64_t until_ns, bool moves, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    for (uint64_t now_ns; !status && (now_ns = hg_clock_now_ns()) < until_ns;) {
+    while (!status && hg_clock_now_ns() < until_ns) {
         status = take_all(v, err);
         if (has_enough(v))
             return status;
