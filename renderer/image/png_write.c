@@ -60,7 +60,7 @@ static uint8_t sample_8(const struct hg_oiio_encode *e, const uint8_t *pixel, si
 {
     return e->pixel_type == HG_OIIO_U8
                ? pixel[channel]
-               : (uint8_t)((float)sample_16(e, pixel, channel) * (255.0f / 65535.0f) + 0.5f);
+               : (uint8_t)((sample_16(e, pixel, channel) * 255u + 32767u) / 65535u);
 }
 
 static void make_row(const struct hg_oiio_encode *e, uint32_t y, uint8_t *row)

@@ -57,7 +57,7 @@ static void convert_16(const uint16_t *src, enum hg_oiio_type type, void *dst, s
     float *f32 = dst;
     for (size_t i = 0; i < count; i++) {
         if (type == HG_OIIO_U8)
-            u8[i] = (uint8_t)((float)src[i] * (1.0f / 65535.0f * 255.0f) + 0.5f);
+            u8[i] = (uint8_t)((src[i] * 255u + 32767u) / 65535u);
         else if (type == HG_OIIO_F32)
             f32[i] = (float)src[i] * (1.0f / 65535.0f);
         else
