@@ -8,7 +8,11 @@ model=$build/tests/models/leaves_opaque.glb
 temp=$(mktemp -d)
 export XDG_CACHE_HOME=$temp/cache HOME=$temp LP_NUM_THREADS=1
 fail() { echo "recordings.sh: $1"; cat "$temp"/*.log; exit 1; }
-trap 'kill "${daemon:-}" 2>/dev/null || true; rm -rf "$temp"' EXIT
+end() { # what the daemon still removes itself must not be removed beside it
+    [ -z "${daemon:-}" ] || { kill "$daemon" && wait "$daemon"; } 2>/dev/null || true
+    rm -rf "$temp"
+}
+trap end EXIT
 
 cat >"$temp/two.txt" <<END
 load $model
