@@ -14,6 +14,7 @@ enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT =
 // hello, auth and some pings; what is answered to them is small.
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
 enum { RESTED_BEFORE_TRIM = 64 };
+static const uint64_t trim_after_ns = 5000000000; // where fewer have rested
 // Of a connection in one round of the loop: the others wait for it.
 enum { MESSAGES_PER_ROUND = 32, READS_PER_ROUND = 16, ROUND_NS = 250000 };
 static const uint64_t rest_ns = 2000000000;
@@ -639,9 +640,12 @@ void hg_conn_check_times(struct hg_conn_table *table)
         next = it->next;
         check_time(it, now_ns);
     }
-    if (table->rested >= RESTED_BEFORE_TRIM) { // the heap keeps what was freed in its middle
+    // The heap keeps what was freed in its middle.
+    if (table->rested >= RESTED_BEFORE_TRIM ||
+        (table->rested > 0 && now_ns - table->trimmed_ns >= trim_after_ns)) {
         hg_alloc_trim();
         table->rested = 0;
+        table->trimmed_ns = now_ns;
     }
 }
 

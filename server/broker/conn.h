@@ -83,13 +83,14 @@ struct hg_conn_table {
     struct hg_loop *loop;
     const struct hg_options *options;
     const struct hg_conn_events *events;
-    void *owner; // for `events`
+    void *owner;              // for `events`
     const struct hg_web *web; // what those get that speak HTTP
     const struct hg_tls *tls; // of the tls listeners
-    const uint64_t *reached; // of the state log, for hg_outq_hold; NULL without one
+    const uint64_t *reached;  // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
     uint32_t paused_count;
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
+    uint64_t trimmed_ns;      // when that was
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool was_short;           // of memory for output, at the last check
     bool quiet;               // nothing is read from open sessions
