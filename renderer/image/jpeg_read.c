@@ -13,9 +13,6 @@ enum { MAX_SCANS = 500 }; // of a progressive file: each costs a pass over the p
 
 struct jpeg_input {
     struct hg_rows_input base;
-    FILE *file; // borrowed; NULL: bytes
-    struct hg_image_bytes bytes;
-    char *name; // owned
     struct jpeg_decompress_struct jpeg;
     struct jpeg_error_mgr errors;
     struct jpeg_progress_mgr progress;
@@ -61,7 +58,7 @@ static enum hg_status guarded(struct jpeg_input *in, jpeg_work *work, struct hg_
 {
     in->failed = true;
     if (setjmp(in->jump))
-        return hg_error_set(err, in->fault, in->name, NULL, "%s", in->reason);
+        return hg_error_set(err, in->fault, in->base.name, NULL, "%s", in->reason);
     work(in);
     in->failed = false;
     return HG_OK;
@@ -82,10 +79,10 @@ static void read_header(struct jpeg_input *in)
     in->begun = true;
     in->jpeg.client_data = in; // creation clears all but the functions for errors
     in->jpeg.progress = &in->progress;
-    if (in->file)
-        jpeg_stdio_src(&in->jpeg, in->file);
+    if (in->base.file)
+        jpeg_stdio_src(&in->jpeg, in->base.file);
     else
-        jpeg_mem_src(&in->jpeg, in->bytes.data, (unsigned long)in->bytes.size);
+        jpeg_mem_src(&in->jpeg, in->base.bytes.data, (unsigned long)in->base.bytes.size);
     jpeg_read_header(&in->jpeg, TRUE);
     in->jpeg.out_color_space = in->jpeg.num_components == 1 ? JCS_GRAYSCALE : JCS_RGB;
 }
@@ -102,8 +99,8 @@ static enum hg_status begin(struct jpeg_input *in, struct hg_error *err)
     in->failed = true;
     snprintf(in->reason, sizeof in->reason, "it cannot be read from its beginning again");
     in->fault = HG_E_IO;
-    if (in->file && fseeko(in->file, 0, SEEK_SET) != 0)
-        return hg_error_set(err, HG_E_IO, in->name, NULL, "%s", in->reason);
+    if (in->base.file && fseeko(in->base.file, 0, SEEK_SET) != 0)
+        return hg_error_set(err, HG_E_IO, in->base.name, NULL, "%s", in->reason);
     memset(&in->jpeg, 0, sizeof in->jpeg);
     in->jpeg.err = jpeg_std_error(&in->errors);
     in->jpeg.client_data = in;
@@ -131,15 +128,16 @@ static void describe(struct jpeg_input *in)
     h->image_bytes = h->row_bytes * (uint64_t)h->height;
 }
 
-static enum hg_status begin_first(struct jpeg_input *in, bool large, struct hg_error *err)
+static enum hg_status begin_first(struct hg_rows_input *base, struct hg_error *err)
 {
+    struct jpeg_input *in = (struct jpeg_input *)base;
     const enum hg_status status = begin(in, err);
     if (status)
         return status;
     if (is_cmyk(in))
-        return hg_error_set(err, HG_E_UNSUPPORTED, in->name, NULL, "not gray or RGB");
+        return hg_error_set(err, HG_E_UNSUPPORTED, in->base.name, NULL, "not gray or RGB");
     describe(in);
-    return large ? HG_OK : hg_rows_check_size(&in->base.header, in->name, err);
+    return HG_OK;
 }
 
 // ---- pixels ------------------------------------------------------------------------------------
@@ -155,7 +153,7 @@ static enum hg_status prepare(struct jpeg_input *in, uint32_t y, struct hg_error
     const bool started = in->jpeg.global_state != 0 && in->jpeg.output_width != 0;
     enum hg_status status = HG_OK;
     if (!in->row && !(in->row = hg_calloc((size_t)in->base.header.row_bytes, 1)))
-        return hg_error_set(err, HG_E_NOMEM, in->name, NULL, "no memory to decode or encode");
+        return hg_error_set(err, HG_E_NOMEM, in->base.name, NULL, "no memory to decode or encode");
     if (started && y >= in->jpeg.output_scanline)
         return HG_OK;
     if (started)
@@ -170,7 +168,7 @@ static enum hg_status read_rows(struct hg_rows_input *base, uint32_t y, uint32_t
     const size_t stride = hg_rows_pixel_bytes(&base->header, to) * (size_t)base->header.width;
     uint8_t *dst = to->pixels;
     if (in->failed)
-        return hg_error_set(err, in->fault, in->name, NULL, "%s", in->reason);
+        return hg_error_set(err, in->fault, in->base.name, NULL, "%s", in->reason);
     enum hg_status status = count ? prepare(in, y, err) : HG_OK;
     while (!status && in->jpeg.output_scanline < y)
         status = guarded(in, read_row, err);
@@ -196,32 +194,12 @@ static void close_input(struct hg_rows_input *base)
     struct jpeg_input *in = (struct jpeg_input *)base;
     end_decoder(in);
     hg_free(in->row);
-    hg_free(in->name);
-    hg_free(in);
-}
-
-static const char *get_name(const struct hg_rows_input *base)
-{
-    return ((const struct jpeg_input *)base)->name;
 }
 
 enum hg_status hg_jpeg_open(FILE *file, const struct hg_image_bytes *bytes, bool large,
     struct hg_rows_input **out, struct hg_error *err)
 {
-    static const struct hg_rows_functions functions = {read_rows, read_text, close_input, get_name};
-    *out = NULL;
-    struct jpeg_input *in = hg_calloc(1, sizeof *in);
-    if (!in || !(in->name = hg_strdup(bytes->name))) {
-        hg_free(in);
-        return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory to decode or encode");
-    }
-    in->base.functions = &functions;
-    in->file = file;
-    in->bytes = *bytes;
-    const enum hg_status status = begin_first(in, large, err);
-    if (status)
-        close_input(&in->base);
-    else
-        *out = &in->base;
-    return status;
+    static const struct hg_rows_functions functions = {
+        sizeof(struct jpeg_input), begin_first, read_rows, read_text, close_input};
+    return hg_rows_open(&functions, file, bytes, large, out, err);
 }

@@ -9,10 +9,7 @@
 
 struct png_input {
     struct hg_rows_input base;
-    FILE *file; // borrowed; NULL: bytes
-    struct hg_image_bytes bytes;
-    char *name; // owned
-    size_t at;  // in bytes
+    size_t at; // in bytes
     png_structp png;
     png_infop info;
     uint32_t next_row;
@@ -41,13 +38,13 @@ static void on_warning(png_structp png, png_const_charp text)
 static void on_read(png_structp png, png_bytep data, size_t size)
 {
     struct png_input *in = png_get_io_ptr(png);
-    if (in->file) {
-        if (fread(data, 1, size, in->file) != size)
+    if (in->base.file) {
+        if (fread(data, 1, size, in->base.file) != size)
             png_error(png, "the file ends too early");
     } else {
-        if (size > in->bytes.size - in->at)
+        if (size > in->base.bytes.size - in->at)
             png_error(png, "the file ends too early");
-        memcpy(data, (const uint8_t *)in->bytes.data + in->at, size);
+        memcpy(data, (const uint8_t *)in->base.bytes.data + in->at, size);
         in->at += size;
     }
 }
@@ -59,7 +56,7 @@ static enum hg_status guarded(
 {
     in->failed = true;
     if (setjmp(png_jmpbuf(in->png)))
-        return hg_error_set(err, HG_E_FORMAT, in->name, NULL, "%s", in->reason);
+        return hg_error_set(err, HG_E_FORMAT, in->base.name, NULL, "%s", in->reason);
     work(in, argument);
     in->failed = false;
     return HG_OK;
@@ -119,22 +116,23 @@ static enum hg_status begin(struct png_input *in, struct hg_error *err)
     in->next_row = 0;
     in->failed = true;
     snprintf(in->reason, sizeof in->reason, "it cannot be read from its beginning again");
-    if (in->file && fseeko(in->file, 0, SEEK_SET) != 0)
-        return hg_error_set(err, HG_E_IO, in->name, NULL, "cannot read it from its beginning");
+    if (in->base.file && fseeko(in->base.file, 0, SEEK_SET) != 0)
+        return hg_error_set(err, HG_E_IO, in->base.name, NULL, "cannot read it from its beginning");
     in->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, in, on_error, on_warning);
     in->info = in->png ? png_create_info_struct(in->png) : NULL;
     if (!in->info)
-        return hg_error_set(err, HG_E_NOMEM, in->name, NULL, "no memory to decode or encode");
+        return hg_error_set(err, HG_E_NOMEM, in->base.name, NULL, "no memory to decode or encode");
     return guarded(in, read_header, NULL, err);
 }
 
-static enum hg_status begin_first(struct png_input *in, bool large, struct hg_error *err)
+static enum hg_status begin_first(struct hg_rows_input *base, struct hg_error *err)
 {
+    struct png_input *in = (struct png_input *)base;
     const enum hg_status status = begin(in, err);
     if (status)
         return status;
     describe(in);
-    return large ? HG_OK : hg_rows_check_size(&in->base.header, in->name, err);
+    return HG_OK;
 }
 
 // ---- pixels ------------------------------------------------------------------------------------
@@ -176,12 +174,12 @@ static enum hg_status prepare(struct png_input *in, struct hg_error *err)
         return HG_OK;
     const uint64_t bytes = in->interlaced ? in->base.header.image_bytes : in->base.header.row_bytes;
     enum hg_status status =
-        in->interlaced ? hg_rows_check_size(&in->base.header, in->name, err) : HG_OK;
+        in->interlaced ? hg_rows_check_size(&in->base.header, in->base.name, err) : HG_OK;
     if (status)
         return status;
     uint8_t *memory = hg_calloc((size_t)bytes, 1);
     if (!memory)
-        return hg_error_set(err, HG_E_NOMEM, in->name, NULL, "no memory to decode or encode");
+        return hg_error_set(err, HG_E_NOMEM, in->base.name, NULL, "no memory to decode or encode");
     if (!in->interlaced) {
         in->row = memory;
         return HG_OK;
@@ -202,7 +200,7 @@ static enum hg_status read_rows(struct hg_rows_input *base, uint32_t y, uint32_t
     const size_t stride = hg_rows_pixel_bytes(&base->header, to) * (size_t)base->header.width;
     uint8_t *dst = to->pixels;
     if (in->failed)
-        return hg_error_set(err, HG_E_FORMAT, in->name, NULL, "%s", in->reason);
+        return hg_error_set(err, HG_E_FORMAT, in->base.name, NULL, "%s", in->reason);
     enum hg_status status = prepare(in, err);
     for (uint32_t i = 0; i < count && !status; i++, dst += stride) {
         const uint8_t *row;
@@ -231,32 +229,12 @@ static void close_input(struct hg_rows_input *base)
     end_decoder(in);
     hg_free(in->row);
     hg_free(in->whole);
-    hg_free(in->name);
-    hg_free(in);
-}
-
-static const char *get_name(const struct hg_rows_input *base)
-{
-    return ((const struct png_input *)base)->name;
 }
 
 enum hg_status hg_png_open(FILE *file, const struct hg_image_bytes *bytes, bool large,
     struct hg_rows_input **out, struct hg_error *err)
 {
-    static const struct hg_rows_functions functions = {read_rows, read_text, close_input, get_name};
-    *out = NULL;
-    struct png_input *in = hg_calloc(1, sizeof *in);
-    if (!in || !(in->name = hg_strdup(bytes->name))) {
-        hg_free(in);
-        return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory to decode or encode");
-    }
-    in->base.functions = &functions;
-    in->file = file;
-    in->bytes = *bytes;
-    const enum hg_status status = begin_first(in, large, err);
-    if (status)
-        close_input(&in->base);
-    else
-        *out = &in->base;
-    return status;
+    static const struct hg_rows_functions functions = {
+        sizeof(struct png_input), begin_first, read_rows, read_text, close_input};
+    return hg_rows_open(&functions, file, bytes, large, out, err);
 }

@@ -1,5 +1,5 @@
 // png_write.c - see png.h. Rows go in without filters, at a low level of compression: pictures are
-// made while somebody waits for them.
+// encoded while a client waits.
 #include <math.h>
 #include <png.h>
 #include <setjmp.h>

@@ -1,5 +1,7 @@
 #include "renderer/image/rows.h"
 
+#include "base/alloc.h"
+
 static const uint64_t max_whole_bytes = UINT64_C(2) << 30;
 
 enum hg_status hg_rows_check_size(
@@ -11,10 +13,36 @@ enum hg_status hg_rows_check_size(
                      h->width, h->height);
 }
 
+enum hg_status hg_rows_open(const struct hg_rows_functions *functions, FILE *file,
+    const struct hg_image_bytes *bytes, bool large, struct hg_rows_input **out,
+    struct hg_error *err)
+{
+    *out = NULL;
+    struct hg_rows_input *in = hg_calloc(1, functions->size_bytes);
+    if (!in || !(in->name = hg_strdup(bytes->name))) {
+        hg_free(in);
+        return hg_error_set(err, HG_E_NOMEM, bytes->name, NULL, "no memory to decode or encode");
+    }
+    in->functions = functions;
+    in->file = file;
+    in->bytes = *bytes;
+    enum hg_status status = functions->begin(in, err);
+    if (!status && !large)
+        status = hg_rows_check_size(&in->header, in->name, err);
+    if (status)
+        hg_rows_close(in);
+    else
+        *out = in;
+    return status;
+}
+
 void hg_rows_close(struct hg_rows_input *input)
 {
-    if (input)
-        input->functions->close(input);
+    if (!input)
+        return;
+    input->functions->close(input);
+    hg_free(input->name);
+    hg_free(input);
 }
 
 void hg_rows_read_text(
@@ -28,8 +56,7 @@ enum hg_status hg_rows_read(struct hg_rows_input *input, uint32_t y, uint32_t co
 {
     const struct hg_oiio_header *h = &input->header;
     if (y > (uint32_t)h->height || count > (uint32_t)h->height - y || to->channels > h->channels)
-        return hg_error_set(
-            err, HG_E_INVAL, input->functions->get_name(input), NULL, "no such rows");
+        return hg_error_set(err, HG_E_INVAL, input->name, NULL, "no such rows");
     return input->functions->read_rows(input, y, count, to, err);
 }
 

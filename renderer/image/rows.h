@@ -6,20 +6,30 @@
 
 #include "renderer/image/oiio.h"
 
-struct hg_rows_input {
+struct hg_rows_input { // the first member of a format's own
     const struct hg_rows_functions *functions;
     struct hg_oiio_header header;
+    FILE *file;                  // borrowed; NULL: bytes
+    struct hg_image_bytes bytes; //
+    char *name;                  // owned; for messages
 };
 
 // One set for a format; they check nothing that the functions below check.
 struct hg_rows_functions {
+    size_t size_bytes; // of the format's struct, which is zeroed but for the members above
+    // Fills in the header.
+    enum hg_status (*begin)(struct hg_rows_input *input, struct hg_error *err);
     enum hg_status (*read_rows)(struct hg_rows_input *input, uint32_t y, uint32_t count,
         const struct hg_oiio_target *target, struct hg_error *err);
     void (*read_text)(
         const struct hg_rows_input *input, const char *key, char *text, size_t size_bytes);
-    void (*close)(struct hg_rows_input *input);
-    const char *(*get_name)(const struct hg_rows_input *input);
+    void (*close)(struct hg_rows_input *input); // frees what the format took
 };
+
+// What hg_png_open and hg_jpeg_open do.
+enum hg_status hg_rows_open(const struct hg_rows_functions *functions, FILE *file,
+    const struct hg_image_bytes *bytes, bool large, struct hg_rows_input **out,
+    struct hg_error *err) HG_MUST_CHECK;
 
 // As hg_oiio_open. PNG: palettes, few bits and transparent colours are expanded; 16 bits stay.
 // HG_E_FORMAT (with the library's reason), HG_E_LIMIT (2 GiB of pixels, unless large; scans of a

@@ -49,6 +49,16 @@ static bool join(char *out, size_t size, const char *folder, const char *name)
     return (size_t)snprintf(out, size, "%s/%s", folder, name) < size;
 }
 
+// Never through a link. NULL: it cannot be opened.
+static DIR *open_folder(int parent, const char *name)
+{
+    const int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    DIR *dir = fd < 0 ? NULL : fdopendir(fd);
+    if (fd >= 0 && !dir)
+        close(fd);
+    return dir;
+}
+
 // ---- removing -----------------------------------------------------------------------------------
 
 struct removal {
@@ -73,10 +83,8 @@ static void move_up(struct removal *r, int parent, const char *name)
 // Whatever a worker has made there: links are links, and what is deep comes up first.
 static void empty(struct removal *r, int parent, const char *name, int depth)
 {
-    const int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    DIR *dir = fd < 0 ? NULL : fdopendir(fd);
-    if (fd >= 0 && !dir)
-        close(fd);
+    DIR *dir = open_folder(parent, name);
+    const int fd = dir ? dirfd(dir) : -1;
     for (struct dirent *it; dir && (it = readdir(dir));) {
         if (strcmp(it->d_name, ".") == 0 || strcmp(it->d_name, "..") == 0 ||
             unlinkat(fd, it->d_name, 0) == 0)
@@ -144,10 +152,8 @@ static void count_folder(int parent, const char *name, const struct use *most, i
     struct use *use, int64_t *used_s)
 {
     struct stat st;
-    const int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    DIR *dir = fd < 0 ? NULL : fdopendir(fd);
-    if (fd >= 0 && !dir)
-        close(fd);
+    DIR *dir = open_folder(parent, name);
+    const int fd = dir ? dirfd(dir) : -1;
     for (struct dirent *it; dir && (it = readdir(dir));) {
         if (strcmp(it->d_name, ".") == 0 || strcmp(it->d_name, "..") == 0 ||
             fstatat(fd, it->d_name, &st, AT_SYMLINK_NOFOLLOW) != 0)

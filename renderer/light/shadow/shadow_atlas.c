@@ -206,7 +206,7 @@ void hg_shadow_atlases_release(struct hg_shadow_atlases *s, const void *owner)
     note(own);
     own->owner = NULL;
     own->busy = false;
-    for (uint32_t i = 0; i < HG_SHADOW_ATLASES; i++) { // one that nobody keeps is enough
+    for (uint32_t i = 0; i < HG_SHADOW_ATLASES; i++) { // one that no view keeps is enough
         struct hg_shadow_atlas *other = &s->items[i];
         if (other == own || other->image.width == 0 || other->owner)
             continue;
@@ -254,7 +254,7 @@ static uint32_t lacking(const struct hg_shadow_atlas *a, const struct hg_shadow_
     return count;
 }
 
-// The one with most of the maps, of those that nobody keeps or, if it lacks none, of all.
+// The one with most of the maps, of those that no view keeps or, if it lacks none, of all.
 static struct hg_shadow_atlas *find_best(
     struct hg_shadow_atlases *s, const struct hg_shadow_user *u)
 {

@@ -5,7 +5,7 @@
 // for all views: one that moves takes an atlas that holds it. A view that rests keeps an atlas to
 // itself while it refines, for the finer cascades of its camera, and lets go of it when it moves or
 // is settled. Of HG_SHADOW_ATLASES one is always left to views that move; those that refine beyond
-// that take turns. Nobody draws to an atlas that another keeps.
+// that take turns. No view draws to an atlas that another one keeps.
 #ifndef HG_RENDERER_LIGHT_SHADOW_SHADOW_ATLAS_H
 #define HG_RENDERER_LIGHT_SHADOW_SHADOW_ATLAS_H
 
@@ -38,7 +38,7 @@ enum hg_status hg_shadow_atlases_init(
 void hg_shadow_atlases_finish(struct hg_shadow_atlases *atlases); // accepts a zeroed one
 
 enum hg_shadow_keeping {
-    HG_SHADOW_SHARES,  // draws to one that nobody keeps
+    HG_SHADOW_SHARES,  // draws to one that no view keeps
     HG_SHADOW_REFINES, // to its own, unless another holds all that it needs
     HG_SHADOW_KEEPS,   // to its own, over several steps
 };
