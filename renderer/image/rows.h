@@ -44,8 +44,8 @@ void hg_rows_close(struct hg_rows_input *input); // accepts NULL
 // The value of a text chunk before the pixels of a PNG, cut to size_bytes; "" when there is none.
 void hg_rows_read_text(
     const struct hg_rows_input *input, const char *key, char *text, size_t size_bytes);
-// `count` rows from row y on: NATIVE, U8, U16 or F32. Rows are decoded in order, so going back
-// begins anew; the whole of an interlaced PNG is decoded and kept (2 GiB at most: HG_E_LIMIT).
+// `count` rows from row y on: NATIVE, U8, U16 or F32. Rows are decoded in order, going back
+// starts over; an interlaced PNG is decoded whole and kept (2 GiB at most: HG_E_LIMIT).
 // HG_E_INVAL, HG_E_FORMAT, HG_E_NOMEM. After an error every call fails.
 enum hg_status hg_rows_read(struct hg_rows_input *input, uint32_t y, uint32_t count,
     const struct hg_oiio_target *target, struct hg_error *err) HG_MUST_CHECK;
