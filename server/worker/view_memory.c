@@ -44,11 +44,11 @@ enum hg_status hg_view_memory_check(const struct render_state *s, const struct s
         all += others;
         large += others > small ? others : 0;
     }
-    if (all <= most && large <= most / 2)
+    if (all <= most && large <= most / 4 * 3)
         return HG_OK;
     hg_error_set(err, HG_E_LIMIT, "view_set", "width",
         "the worker has no memory for %llu pixels in views of this session: all may have %llu, "
-        "and those with more than %llu together half of that (memory-limit)",
+        "and those with more than %llu together three quarters of that (memory-limit)",
         (unsigned long long)own, (unsigned long long)most, (unsigned long long)small);
     return hg_error_limit(err, "memory-limit", 0);
 }

@@ -276,7 +276,7 @@ static void batches_stay_whole(void **state)
     for (uint32_t view = 1; view <= 8; view++) // to be restored before the edits go on
         peer_call(&a, HGP_T_view_set,
             &(struct hgp_view_set){
-                .view = view, .has_width = true, .width = 2048, .has_height = true, .height = 1024},
+                .view = view, .has_width = true, .width = 1024, .has_height = true, .height = 1024},
             HGP_T_ok);
     peer_call(&a, HGP_T_batch_begin, &(struct hgp_batch_begin){0}, HGP_T_ok);
     paint(&a, a.first_id, 1, 0, 0);

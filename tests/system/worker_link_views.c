@@ -328,8 +328,8 @@ static bool is_on_host(struct rig *rig)
     return memmem(text->data, text->size, "\"type\":\"cpu\"", 12) != NULL;
 }
 
-// The worker has 4 GiB, of which views get 3: at 480 bytes 6.7 million pixels, half of them for
-// sessions with more than 0.4.
+// The worker has 4 GiB, of which views get 3: at 480 bytes 6.7 million pixels, three quarters of
+// them for sessions with more than 0.4.
 static void test_sessions_share_memory_for_views(void **state)
 {
     struct rig *rig = *state;
