@@ -21,10 +21,11 @@ is() { # key value
 told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not said: $(tail -n 3 "$temp/out")"; }
 untold() { ! grep -q -- "$1" "$temp/out" || fail "'$1' is said: $(tail -n 3 "$temp/out")"; }
 start_daemon "$models"
+# Light by way of surfaces is not what is looked at here, and takes most of a picture's time.
 embedded() { # file options...: of the startup scene
     local file=$1
     shift
-    expect 0 "$helio" render "$startup" -o "$temp/$file" --samples 2 --stats "$temp/stats.json" "$@"
+    expect 0 "$helio" render "$startup" -o "$temp/$file" --samples 2 --gi none --stats "$temp/stats.json" "$@"
 }
 picture() { embedded "$@" --connect "$url"; }
 between() { # low high value
@@ -75,7 +76,7 @@ picture j.png --size 64x36 --env none --exposure -20
 told "j.png: .* is black: .*--env sky"
 picture k.png --size 64x36 --eye 0,0,9 --target 0,0,18 --env none
 told "k.png: 100 % of the picture is black"
-expect 0 "$helio" render "$knot" -o "$temp/l.png" --size 64x36 --samples 1 --debug-view overdraw --connect "$url"
+expect 0 "$helio" render "$knot" -o "$temp/l.png" --size 64x36 --samples 1 --gi none --debug-view overdraw --connect "$url"
 untold warning
 
 # A series has the exposure of its first picture, whatever is there already, and so has each part of it
@@ -83,7 +84,7 @@ untold warning
 series() { # folder options...
     local folder=$1
     shift
-    expect 0 "$helio" render "$startup" -o "$temp/$folder/s-#.png" --size 64x36 --samples 1 --fps 4 \
+    expect 0 "$helio" render "$startup" -o "$temp/$folder/s-#.png" --size 64x36 --samples 1 --gi none --fps 4 \
         --stats "$temp/stats.json" --connect "$url" "$@"
 }
 mkdir "$temp/once" "$temp/again" "$temp/part"
@@ -103,6 +104,7 @@ for f in "$temp"/again/*.png; do same "$temp/once/${f##*/}" "$f"; done
 {
     echo "load $startup"
     echo "set size 64x36"
+    echo "set gi none"
     echo "set samples 1"
     echo "frame $temp/m.png"
     echo "set exposure -3"
@@ -121,6 +123,7 @@ expect 1 "$helio" compare "$temp/o.png" "$temp/p.png" --metric rmse --fail-above
 {
     echo "load $startup"
     echo "set size 64x36"
+    echo "set gi none"
     echo "set samples 32"
     echo "frame $temp/q1.png"
     echo "frame $temp/q.exr"
@@ -131,7 +134,7 @@ expect 1 "$helio" compare "$temp/o.png" "$temp/p.png" --metric rmse --fail-above
     echo "frame $temp/r.exr"
 } >"$temp/script"
 expect 0 "$helio" run "$temp/script" --connect "$url"
-expect 0 "$helio" render "$startup" -o "$temp/s.exr" --size 64x36 --connect "$url"
+expect 0 "$helio" render "$startup" -o "$temp/s.exr" --size 64x36 --gi none --connect "$url"
 same "$temp/q1.png" "$temp/q2.png"
 for pair in q.exr:s.exr r.exr:h.exr; do
     expect 0 "$helio" compare "$temp/${pair%:*}" "$temp/${pair#*:}" --metric max --fail-above 0

@@ -464,35 +464,37 @@ static void test_damaged_uploads_are_refused(void **state)
 
 int main(void)
 {
-#define TEST(name) cmocka_unit_test_setup_teardown(name, link_start, link_stop)
-    const struct CMUnitTest tests[] = {
-        TEST(test_channels_without_a_session_are_refused),
-        TEST(test_malformed_payload_names_the_field),
-        TEST(test_ids_stay_in_the_sessions_range),
-        TEST(test_sessions_with_one_key_share_the_scene),
-        TEST(test_a_batch_is_one_revision),
-        TEST(test_refused_edits_change_nothing),
-        TEST(test_client_meshes_are_checked_and_bounded),
-        TEST(test_files_outside_the_roots_are_not_told_apart),
-        TEST(test_messages_behind_a_load_keep_their_order),
-        TEST(test_an_assets_transform_moves_it_and_goes_with_it),
-        TEST(test_comparison_of_bytes_that_are_no_image),
-        TEST(test_lights_need_the_size_of_their_kind),
-        TEST(test_lights_with_profile_and_texture),
-        TEST(test_refused_edits_make_no_objects),
-        TEST(test_scene_open_without_a_session_is_answered),
-        TEST(test_a_peer_may_leave_without_reading),
-        TEST(test_verified_files_without_a_disk),
-        TEST(test_verified_files_stay_as_large_as_they_began),
-        TEST(test_a_whole_file_after_a_part),
-        cmocka_unit_test_setup_teardown(
-            test_verified_files_take_no_memory, link_start_with_cache, link_stop),
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // they pass any limit
-        cmocka_unit_test_setup_teardown(
-            test_huge_comparisons_are_refused, link_start_with_limit, link_stop),
-#endif
-        cmocka_unit_test_setup_teardown(
-            test_damaged_uploads_are_refused, link_start_with_cache, link_stop),
+#define SHARED(name) cmocka_unit_test_teardown(name, link_detach)
+    const struct CMUnitTest shared[] = {
+        SHARED(test_channels_without_a_session_are_refused),
+        SHARED(test_malformed_payload_names_the_field),
+        SHARED(test_ids_stay_in_the_sessions_range),
+        SHARED(test_sessions_with_one_key_share_the_scene),
+        SHARED(test_a_batch_is_one_revision),
+        SHARED(test_refused_edits_change_nothing),
+        SHARED(test_client_meshes_are_checked_and_bounded),
+        SHARED(test_files_outside_the_roots_are_not_told_apart),
+        SHARED(test_messages_behind_a_load_keep_their_order),
+        SHARED(test_an_assets_transform_moves_it_and_goes_with_it),
+        SHARED(test_comparison_of_bytes_that_are_no_image),
+        SHARED(test_lights_need_the_size_of_their_kind),
+        SHARED(test_lights_with_profile_and_texture),
+        SHARED(test_refused_edits_make_no_objects),
+        SHARED(test_scene_open_without_a_session_is_answered),
     };
-    return cmocka_run_group_tests_name("worker_link", tests, NULL, NULL);
+    // Each with a worker of its own: its end, its memory, its folders.
+#define ALONE(name, start) cmocka_unit_test_setup_teardown(name, start, link_stop)
+    const struct CMUnitTest alone[] = {
+        ALONE(test_a_peer_may_leave_without_reading, link_start),
+        ALONE(test_verified_files_without_a_disk, link_start),
+        ALONE(test_verified_files_stay_as_large_as_they_began, link_start),
+        ALONE(test_a_whole_file_after_a_part, link_start),
+        ALONE(test_verified_files_take_no_memory, link_start_with_cache),
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // they pass any limit
+        ALONE(test_huge_comparisons_are_refused, link_start_with_limit),
+#endif
+        ALONE(test_damaged_uploads_are_refused, link_start_with_cache),
+    };
+    const int failed = cmocka_run_group_tests_name("worker_link", shared, link_start, link_stop);
+    return failed + cmocka_run_group_tests_name("worker_link, alone", alone, NULL, NULL);
 }

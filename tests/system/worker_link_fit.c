@@ -391,22 +391,15 @@ static void test_a_scene_without_an_environment_is_lit(void **state)
 }
 
 // All tests share a worker, whose shaders are compiled once; each has a scene of its own.
-static int detach(void **state)
-{
-    struct rig *rig = *state;
-    link_ask(rig, 1, HGP_T_session_detach, &(struct hgp_session_detach){0});
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_teardown(test_all_views_fill_the_picture, detach),
-        cmocka_unit_test_teardown(test_what_is_fitted, detach),
-        cmocka_unit_test_teardown(test_a_turntable_stays_in_the_picture, detach),
-        cmocka_unit_test_teardown(test_a_camera_that_sees_nothing_is_passed_over, detach),
-        cmocka_unit_test_teardown(test_a_view_without_a_camera_shows_the_scene, detach),
-        cmocka_unit_test_teardown(test_a_scene_without_an_environment_is_lit, detach),
+        cmocka_unit_test_teardown(test_all_views_fill_the_picture, link_detach),
+        cmocka_unit_test_teardown(test_what_is_fitted, link_detach),
+        cmocka_unit_test_teardown(test_a_turntable_stays_in_the_picture, link_detach),
+        cmocka_unit_test_teardown(test_a_camera_that_sees_nothing_is_passed_over, link_detach),
+        cmocka_unit_test_teardown(test_a_view_without_a_camera_shows_the_scene, link_detach),
+        cmocka_unit_test_teardown(test_a_scene_without_an_environment_is_lit, link_detach),
     };
     return cmocka_run_group_tests(tests, link_start, link_stop);
 }
