@@ -13,6 +13,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/sha256.h"
+#include "server/broker/folder_lock.h"
 
 enum {
     BUCKETS = 65536,
@@ -333,25 +334,6 @@ static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_ow
 
 // ---- folder -------------------------------------------------------------------------------------
 
-static enum hg_status make_folders(const char *folder, struct hg_error *err)
-{
-    char *path = hg_strdup(folder);
-    if (!path)
-        return hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
-    enum hg_status status = HG_OK;
-    for (char *slash = path; slash && !status;) {
-        slash = strchr(slash + 1, '/');
-        if (slash)
-            *slash = 0;
-        if (mkdir(path, 0700) != 0 && errno != EEXIST)
-            status = fail_errno(err, path, "make the folder");
-        if (slash)
-            *slash = '/';
-    }
-    hg_free(path);
-    return status;
-}
-
 // A link in the folder of an owner, below that of all contents. One without its content is removed.
 static enum hg_status index_link(struct hg_upload_store *store, struct hg_upload_owner *owner,
     int above, int folder, const char *name)
@@ -444,7 +426,7 @@ enum hg_status hg_upload_store_create(
     struct hg_upload_store *store = hg_calloc(1, sizeof *store);
     if (store)
         store->folder = hg_strdup(folder);
-    enum hg_status status = store && store->folder ? make_folders(folder, err) : HG_E_NOMEM;
+    enum hg_status status = store && store->folder ? hg_folder_make(folder, err) : HG_E_NOMEM;
     if (!status && access(folder, W_OK | X_OK) != 0)
         status = fail_errno(err, folder, "write to the folder");
     if (!status)
