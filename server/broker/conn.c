@@ -22,7 +22,8 @@ static const uint64_t rest_ns = 2000000000;
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
 {
     uint64_t limit = conn->table->options->output_limit_bytes;
-    return conn->output_share && conn->output_share < limit ? conn->output_share : limit;
+    const uint64_t share = conn->budget.output_share;
+    return share && share < limit ? share : limit;
 }
 
 bool hg_conn_is_slow(const struct hg_conn *conn)
@@ -268,6 +269,7 @@ static bool take_message(struct hg_conn *conn)
     if (!packet)
         return false;
     conn->rate.allowance -= 1;
+    conn->budget.fill_ns = 0;
     hg_count(HG_COUNT_MESSAGES_IN);
     if (conn->state < HG_CONN_OPEN && conn->rate.allowance < 0) {
         struct hg_error err = {0};
@@ -339,8 +341,10 @@ static void receive(struct hg_conn *conn)
     const uint64_t before = conn->in.total_bytes;
     enum hg_status status = hg_packet_receive(&conn->in, &conn->transport);
     hg_count_add(HG_COUNT_BYTES_IN, conn->in.total_bytes - before);
-    conn->received_ns = conn->table->loop->now_ns;
-    conn->ping_ns = 0;
+    if (conn->in.total_bytes != before || conn->state < HG_CONN_OPEN) { // not half a TLS record
+        conn->received_ns = conn->table->loop->now_ns;
+        conn->ping_ns = 0;
+    }
     check_stage(conn);
     if (conn->transport.renamed)
         rename_peer(conn);
@@ -474,6 +478,26 @@ static void check_idle(struct hg_conn *conn, uint64_t now_ns)
     }
 }
 
+// A message that was begun has to come, however small the steps; not while it is not read.
+static bool is_filled(struct hg_conn *conn, uint64_t now_ns)
+{
+    const struct hg_options *o = conn->table->options;
+    struct hg_conn_budget *budget = &conn->budget;
+    if (conn->state != HG_CONN_OPEN || conn->paused || hgp_framer_is_empty(&conn->in)) {
+        budget->fill_ns = 0;
+        return true;
+    }
+    const uint64_t took_ns = now_ns - budget->fill_ns;
+    if (budget->fill_ns && took_ns <= o->peer_timeout_ns)
+        return true;
+    const double least = (double)took_ns * 1e-9 * o->min_fill * 1024;
+    const bool ok =
+        !budget->fill_ns || (double)(conn->in.total_bytes - budget->filled_before) >= least;
+    budget->fill_ns = now_ns;
+    budget->filled_before = conn->in.total_bytes;
+    return ok;
+}
+
 static void check_time(struct hg_conn *conn, uint64_t now_ns)
 {
     const struct hg_options *o = conn->table->options;
@@ -508,6 +532,11 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
     if (!hg_outq_is_drained(&conn->out, now_ns, o->peer_timeout_ns, o->min_drain * 1024.)) {
         hg_count(HG_COUNT_REFUSED_MIN_DRAIN);
         hg_conn_kill(conn, "takes too little of what waits for it (min-drain)");
+        return;
+    }
+    if (!is_filled(conn, now_ns)) {
+        hg_count(HG_COUNT_REFUSED_MIN_FILL);
+        hg_conn_kill(conn, "sends too little of a message that it has begun (min-fill)");
         return;
     }
     if (conn->auth.due_ns && now_ns >= conn->auth.due_ns) {

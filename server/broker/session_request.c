@@ -40,6 +40,10 @@ static struct hg_request *add_request(
     struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
 {
     struct hg_request *request = hg_calloc(1, sizeof *request);
+    if (request && hg_journal_hold_uploads(s->table->store, packet, true)) { // as the scene will
+        hg_free(request);
+        request = NULL;
+    }
     if (!request)
         return NULL;
     request->packet = hg_packet_ref(packet);
@@ -118,6 +122,9 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
     give_back(s, request);
     hg_trial_clear(s, request);
     hg_trial_leave(s, request);
+    if (hg_journal_hold_uploads(s->table->store, request->packet, false)) {
+        // No memory to decode it: what it named stays until the daemon ends.
+    }
     hg_packet_unref(request->packet);
     hg_free(request);
 }

@@ -34,7 +34,21 @@ static enum hg_status check_load(
                 "this content has not been uploaded: %.*s", (int)m->files.items[i].uri.size,
                 m->files.items[i].uri.data);
         }
-    return HG_OK;
+    return hg_session_upload_may_keep(s, "asset_load", m->files.items, m->files.count, err);
+}
+
+static enum hg_status check_environment(struct hg_session *s, const struct hg_packet *packet,
+    const struct hgp_environment_set *m, struct hg_error *err)
+{
+    struct hgp_asset_file file = {0};
+    if (!m->has_hash)
+        return hg_trial_check(s, packet, err);
+    if (!hg_session_upload_has(s, m->hash))
+        return hg_error_set(
+            err, HG_E_NOTFOUND, "environment_set", "hash", "this content has not been uploaded");
+    memcpy(file.hash, m->hash, sizeof file.hash);
+    enum hg_status status = hg_session_upload_may_keep(s, "environment_set", &file, 1, err);
+    return status ? status : hg_trial_check(s, packet, err);
 }
 
 // Journals up to here are not added up: their number is limited by that of sessions.
@@ -142,10 +156,7 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
             return err->status;
         return check_journal(s, packet, err);
     case HGP_T_environment_set:
-        if (m->environment_set.has_hash && !hg_session_upload_has(s, m->environment_set.hash))
-            return hg_error_set(
-                err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
-        return hg_trial_check(s, packet, err);
+        return check_environment(s, packet, &m->environment_set, err);
     case HGP_T_image_query:
         return hg_session_upload_verify(s, &m->image_query, err);
     case HGP_T_view_set:
