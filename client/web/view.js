@@ -14,7 +14,7 @@ const LEAST_SIDE_PX = 16;
 const GREATEST_SIDE_PX = 16384;
 const REMEMBERED_INPUTS = 256;
 const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to be sent
-const FAILURES = 3; // of one encoding before the next of the list takes its place
+const FAILURES = 3; // key frames of one encoding before the next of the list takes its place
 
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
@@ -26,7 +26,8 @@ export class View extends EventTarget {
         this.params = { encoding: "JPEG", quality: 85, max_fps: 60,
             still_encoding: isLoopback() ? "RAW_RGBA8" : "PNG8" };
         this.codec = "auto";
-        this.failures = new Map(); // encoding -> frames that could not be decoded in a row
+        this.failures = new Map(); // encoding -> key frames in a row that could not be shown
+        this.awaitsKey = new Set(); // encodings of which a key frame was asked for
         this.resolution = 1;
         this.maxPixels = 2560 * 1440;
         this.camera = makeCamera();
@@ -76,6 +77,7 @@ export class View extends EventTarget {
     stop() {
         this.isStarted = false;
         this.inputs.clear();
+        this.awaitsKey.clear();
     }
 
     subscribe() {
@@ -264,6 +266,7 @@ export class View extends EventTarget {
     onShown(frame, { decode_ms }) {
         this.giveCredit(frame);
         this.failures.delete(frame.encoding);
+        this.awaitsKey.delete(frame.encoding);
         this.frame = frame;
         const seq = Number(frame.input_seq);
         const input = this.inputs.get(seq);
@@ -284,15 +287,20 @@ export class View extends EventTarget {
             this.verify(frame);
     }
 
-    // A frame that cannot be decoded: the next one is to be a key frame; after some of them in a
-    // row the server takes the next encoding of the list.
+    // A frame that cannot be decoded: a key frame is asked for, once. Those under way fail with it
+    // until the key frame comes, which is the next attempt; after some of them in a row the server
+    // takes the next encoding of the list.
     onFailed(frame, error) {
-        const count = (this.failures.get(frame.encoding) ?? 0) + 1;
-        const isOver = count >= FAILURES;
-        this.failures.set(frame.encoding, isOver ? 0 : count);
-        this.connection.send("key_frame", { view: VIEW,
-            ...isOver ? { failed: enums.encoding[frame.encoding] } : {} });
+        const { encoding } = frame;
         this.giveCredit(frame);
+        if (this.awaitsKey.has(encoding) && frame.depends !== undefined)
+            return;
+        const count = (this.failures.get(encoding) ?? 0) + 1;
+        const isOver = count >= FAILURES;
+        this.failures.set(encoding, isOver ? 0 : count);
+        this.awaitsKey.add(encoding);
+        this.connection.send("key_frame",
+            { view: VIEW, ...isOver ? { failed: enums.encoding[encoding] } : {} });
         if (isOver)
             this.trouble(error);
     }

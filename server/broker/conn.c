@@ -64,14 +64,14 @@ void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, co
     hg_conn_send_packet(conn, request, hg_packet_encode(type, message));
 }
 
-// Right before the error.
-static void tell_limit(struct hg_conn *conn, uint32_t request, const struct hg_error *err)
+void hg_conn_tell_limit(
+    struct hg_conn *conn, uint32_t request, const char *limit, uint32_t retry_after_ms)
 {
-    if (err->limit[0])
+    if (limit[0])
         hg_conn_send(conn, 0, HGP_T_limited,
             &(struct hgp_limited){.request = request,
-                .limit = hgp_str_make(err->limit),
-                .retry_after_ms = err->retry_after_ms});
+                .limit = hgp_str_make(limit),
+                .retry_after_ms = retry_after_ms});
 }
 
 void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error *err)
@@ -80,7 +80,7 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
     if (hg_log_is_enabled(HG_LOG_DEBUG, HG_LOG_SESSION))
         hg_debug(SESSION, "session %llu request %u: %s: %s (%s)", (unsigned long long)conn->number,
             request, err->what, reason, hg_status_name(err->status));
-    tell_limit(conn, request, err);
+    hg_conn_tell_limit(conn, request, err->limit, err->retry_after_ms);
     if (request || conn->state != HG_CONN_OPEN)
         hg_conn_send(conn, request, HGP_T_error,
             &(struct hgp_error){.code = (uint16_t)err->status,
@@ -149,7 +149,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
         return;
     if (err) {
         const char *text = err->reason[0] ? err->reason : hg_status_text(err->status);
-        tell_limit(conn, 0, err);
+        hg_conn_tell_limit(conn, 0, err->limit, err->retry_after_ms);
         hg_conn_send(conn, 0, HGP_T_error,
             &(struct hgp_error){.code = (uint16_t)err->status,
                 .what = hgp_str_make(err->what),
@@ -177,15 +177,16 @@ static void destroy(struct hg_conn *conn)
 // ---- admission
 // ------------------------------------------------------------------------------------
 
-static void turn_away(struct hg_conn *conn, const char *reason)
+static void turn_away(struct hg_conn *conn, const struct hg_refusal *refusal)
 {
     struct hg_conn_table *table = conn->table;
     struct hg_error err = {0};
-    if (hg_transport_refuse(&conn->transport, reason)) {
+    if (hg_transport_refuse(&conn->transport, refusal->reason)) {
         close_transport(conn);
         hg_conn_update(conn);
     } else {
-        hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", reason);
+        hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", refusal->reason);
+        hg_error_limit(&err, refusal->limit, refusal->retry_after_ms);
         hg_conn_close(conn, &err, "too many connections");
         if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
             hg_conn_kill(conn, "too many connections");
@@ -198,7 +199,7 @@ static void turn_away(struct hg_conn *conn, const char *reason)
 // May it stay, as far as its peer is known?
 static void admit(struct hg_conn *conn)
 {
-    const char *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);
+    const struct hg_refusal *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);
     if (refusal)
         turn_away(conn, refusal);
 }

@@ -121,6 +121,9 @@ struct hg_conn *hg_conn_adopt(
 bool hg_conn_kind(const struct hg_conn *conn, unsigned *kind) HG_MUST_CHECK;
 // All of both directions, for hg_conn_adopt.
 void hg_conn_save(const struct hg_conn *conn, struct hg_writer *streams);
+// Which limit an error or a notice is of, right before it; "": of none, nothing is sent.
+void hg_conn_tell_limit(
+    struct hg_conn *conn, uint32_t request, const char *limit, uint32_t retry_after_ms);
 // The session is open: messages are limited by `rate` a second from here on.
 void hg_conn_set_open(struct hg_conn *conn, double rate);
 void hg_conn_send(struct hg_conn *conn, uint32_t request, enum hgp_type type, const void *message);

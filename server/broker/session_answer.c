@@ -1,5 +1,7 @@
 #include "server/broker/session_answer.h"
 
+#include <stdio.h>
+
 #include "base/clock.h"
 #include "base/log.h"
 #include "server/broker/counters.h"
@@ -174,6 +176,18 @@ static void relay_answer(struct hg_session *s, struct hg_packet *packet, uint32_
         hg_conn_send_packet(s->conn, client_id, hg_packet_ref(packet));
 }
 
+// It comes right before its error; what an unanswered request fails with is told at once.
+static void note_limit(struct hg_session *s, const struct hgp_limited *m)
+{
+    struct hg_request *request = hg_session_request_find(s, m->request);
+    struct hg_request_limit limit = {.retry_after_ms = m->retry_after_ms};
+    snprintf(limit.name, sizeof limit.name, "%.*s", (int)m->limit.size, m->limit.data);
+    if (request)
+        request->limit = limit;
+    else if (!m->request && s->conn)
+        hg_conn_tell_limit(s->conn, 0, limit.name, limit.retry_after_ms);
+}
+
 // Failures of requests that wanted no answer, and warnings about the scene.
 static void relay_unasked(struct hg_session *s, struct hg_packet *packet, const union hgp_any *m)
 {
@@ -216,6 +230,9 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
     request->answered = true;
     hg_session_look_renumber(s, request->packet, packet);
     note_size(s, request, packet);
+    if (failed && s->conn)
+        hg_conn_tell_limit(
+            s->conn, request->client_id, request->limit.name, request->limit.retry_after_ms);
     if (request->client_id)
         relay_answer(s, packet, request->client_id);
     else if (failed)
@@ -228,6 +245,8 @@ void hg_session_answer(struct hg_session *s, struct hg_packet *packet, union hgp
     uint16_t type = packet->header.type;
     struct hg_request *request = hg_session_request_find(s, packet->header.request);
     note_revision(s, type, m);
+    if (type == HGP_T_limited)
+        note_limit(s, &m->limited);
     if (type == HGP_T_frame) {
         struct hg_session_view *view = hg_session_view_find(s, m->frame.view);
         hg_count(HG_COUNT_FRAMES);

@@ -105,6 +105,7 @@ void hg_session_request_lost(struct hg_session *s, struct hg_request *request)
     request->sent = false;
     s->load.unsent = s->first;
     request->link_id = 0;
+    request->limit.name[0] = 0;
     give_back(s, request);
 }
 

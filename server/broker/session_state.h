@@ -20,6 +20,12 @@ enum {
 
 // A message on its way to the worker that matters for the order of things. Most are answered;
 // view_camera is not and leaves the list when it reaches the front.
+// Which limit the error is of that its worker answers next; name[0] = 0: none.
+struct hg_request_limit {
+    char name[32];
+    uint32_t retry_after_ms;
+};
+
 struct hg_request {
     struct hg_request *prev, *next;
     uint32_t link_id;   // on the link; 0 = not sent yet, or never answered
@@ -32,6 +38,7 @@ struct hg_request {
     uint64_t sent_ns; // when it was sent
     uint64_t ran_ns;  // how long until the worker died
     uint64_t charge;  // bytes that its answer may have; counted in granted_bytes while it is sent
+    struct hg_request_limit limit;
 };
 
 // Accepted view_clip, view_overrides and view_variant that still count, oldest first.

@@ -9,6 +9,9 @@
 #include "server/broker/session_audit.h"
 #include "server/broker/session_sync.h"
 
+// Until others of the session may be done.
+enum { RETRY_UPLOAD_MS = 1000, RETRY_VERIFIED_MS = 10000 };
+
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
     for (size_t i = 0; i < HG_SESSION_UPLOADS; i++)
@@ -80,16 +83,21 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     if (m->offset)
         return hg_error_set(err, HG_E_STATE, "upload", "offset",
             "the first piece of a content starts at 0, not at %llu", (unsigned long long)m->offset);
-    if (m->total > o->max_upload_bytes || s->bytes.verified > o->max_upload_bytes - m->total)
-        return hg_error_set(err, HG_E_LIMIT, "upload", "total",
+    if (m->total > o->max_upload_bytes || s->bytes.verified > o->max_upload_bytes - m->total) {
+        hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "%llu bytes, beside %llu of a file that is verified, are more than the quota of %llu "
             "MiB (max-upload)",
             (unsigned long long)m->total, (unsigned long long)s->bytes.verified,
             (unsigned long long)(o->max_upload_bytes >> 20));
+        return hg_error_limit(
+            err, "max-upload", m->total > o->max_upload_bytes ? 0 : RETRY_VERIFIED_MS);
+    }
     *slot = free_slot(s);
-    if (!*slot)
-        return hg_error_set(err, HG_E_LIMIT, "upload", NULL,
+    if (!*slot) {
+        hg_error_set(err, HG_E_LIMIT, "upload", NULL,
             "%d contents of this session are under way already", HG_SESSION_UPLOADS);
+        return hg_error_limit(err, "uploads-per-session", RETRY_UPLOAD_MS);
+    }
     return hg_upload_begin(s->table->store, owner, m->hash, m->total, *slot, err);
 }
 
@@ -251,9 +259,12 @@ static enum hg_status begin_verify(struct hg_session *s, uint64_t size, struct h
         return HG_OK;
     }
     s->bytes.verified = before;
-    return hg_error_set(err, HG_E_LIMIT, "image_query", "size",
-        "%llu bytes are more than %s leaves", (unsigned long long)size,
+    hg_error_set(err, HG_E_LIMIT, "image_query", "size", "%llu bytes are more than %s leaves",
+        (unsigned long long)size,
         size > left ? "this session's quota (max-upload)" : "upload-store");
+    const bool never = size > o->max_upload_bytes || size > o->upload_store_bytes;
+    return hg_error_limit(
+        err, size > left ? "max-upload" : "upload-store", never ? 0 : RETRY_VERIFIED_MS);
 }
 
 // What was counted when the file began is what may come of it.

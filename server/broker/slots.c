@@ -74,33 +74,44 @@ uint32_t hg_slots_kept(uint32_t most, uint32_t reserved)
     return reserved < most / 4 ? reserved : most / 4;
 }
 
-static const char *because(enum hg_counter counter, const char *reason)
+// Others have to end first, or to log in.
+enum { RETRY_MS = 10000, RETRY_HANDSHAKE_MS = 2000 };
+
+static const struct hg_refusal
+    no_slot = {"max-connections",
+        "the daemon has as many connections as it takes (max-connections)", RETRY_MS},
+    no_free_slot = {"max-connections",
+        "the daemon has as many connections as it takes (max-connections); the last are kept for "
+        "its own user (reserved-connections)",
+        RETRY_MS},
+    no_slot_of_address = {"max-per-address",
+        "this address has as many connections as one may have (max-per-address)", RETRY_MS},
+    no_slot_of_network = {"max-per-network",
+        "this network has as many connections as one may have (max-per-network)", RETRY_MS},
+    no_handshake = {"max-handshakes",
+        "too many connections are opening at this moment (max-handshakes)", RETRY_HANDSHAKE_MS};
+
+static const struct hg_refusal *because(enum hg_counter counter, const struct hg_refusal *refusal)
 {
     hg_count(counter);
-    return reason;
+    return refusal;
 }
 
-const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
+const struct hg_refusal *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
 {
     const struct hg_options *o = slots->options;
     if (slots->count > o->max_connections)
-        return because(HG_COUNT_REFUSED_CONNECTIONS,
-            "the daemon has as many connections as it takes (max-connections)");
+        return because(HG_COUNT_REFUSED_CONNECTIONS, &no_slot);
     if (slot->own)
         return NULL;
     if (slots->count >
         o->max_connections - hg_slots_kept(o->max_connections, o->reserved_connections))
-        return because(HG_COUNT_REFUSED_CONNECTIONS,
-            "the daemon has as many connections as it takes (max-connections); the last are "
-            "kept for its own user (reserved-connections)");
+        return because(HG_COUNT_REFUSED_CONNECTIONS, &no_free_slot);
     if (slot->source->connections > o->max_per_address)
-        return because(HG_COUNT_REFUSED_ADDRESS,
-            "this address has as many connections as one may have (max-per-address)");
+        return because(HG_COUNT_REFUSED_ADDRESS, &no_slot_of_address);
     if (slot->network && slot->network->connections > o->max_per_network)
-        return because(HG_COUNT_REFUSED_NETWORK,
-            "this network has as many connections as one may have (max-per-network)");
+        return because(HG_COUNT_REFUSED_NETWORK, &no_slot_of_network);
     if (is_dropped_early(slots))
-        return because(HG_COUNT_REFUSED_HANDSHAKES,
-            "too many connections are opening at this moment (max-handshakes)");
+        return because(HG_COUNT_REFUSED_HANDSHAKES, &no_handshake);
     return NULL;
 }

@@ -31,8 +31,14 @@ struct hg_slot {
 // Counts a connection. HG_E_NOMEM; hg_slots_leave takes it back in any case.
 enum hg_status hg_slots_take(
     struct hg_slots *slots, const struct hg_peer *peer, struct hg_slot *slot) HG_MUST_CHECK;
-// Why a counted connection may not stay; NULL: it may.
-const char *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot);
+// Why a connection may not stay.
+struct hg_refusal {
+    const char *limit, *reason;
+    uint32_t retry_after_ms;
+};
+
+// Of a counted connection; NULL: it may stay.
+const struct hg_refusal *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot);
 void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot); // its session is open
 // It is told that it may not stay: for as long as that takes it keeps no slot of others, and raises
 // no probability of an early drop. False: so many are told at this moment that it is not.

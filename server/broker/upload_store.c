@@ -20,7 +20,8 @@ enum {
     BUCKETS = 65536,
     BLOCK_BYTES = 4096,
     KEY_DIGITS = 32,
-    LINK_BYTES = PATH_MAX + HG_SHA256_HEX
+    LINK_BYTES = PATH_MAX + HG_SHA256_HEX,
+    RETRY_MS = 10000 // until others may have ended
 };
 
 struct content {
@@ -372,20 +373,23 @@ static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_ow
         newer = it->newer;
         give_up(store, it, owner);
     }
-    if (is_above_quota(owner, bytes, files))
-        return hg_error_set(err, HG_E_LIMIT, "upload", "total",
+    if (is_above_quota(owner, bytes, files)) {
+        hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "uploads that are in use or under way take %llu of the %llu MiB (max-upload) and %llu "
             "of the %llu files (max-upload-files) of this tenant's quota",
             (unsigned long long)(owner->usage.bytes >> 20),
             (unsigned long long)(owner->quota.bytes >> 20), (unsigned long long)owner->usage.files,
             (unsigned long long)owner->quota.files);
+        return hg_error_limit(
+            err, is_above_quota(owner, bytes, 0) ? "max-upload" : "max-upload-files", RETRY_MS);
+    }
     if (!make_room(store, owner, bytes)) {
         hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "the upload store of %llu MiB (upload-store) is full of what is in use, or of other "
             "tenants' parts; this one has %llu MiB of it",
             (unsigned long long)(store->limit_bytes >> 20),
             (unsigned long long)(owner->usage.bytes >> 20));
-        return hg_error_limit(err, "upload-store", 0);
+        return hg_error_limit(err, "upload-store", RETRY_MS);
     }
     store->bytes += bytes;
     owner->usage.bytes += bytes;
@@ -620,10 +624,12 @@ enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upl
     uint64_t total_bytes, struct hg_upload_file *file, struct hg_error *err)
 {
     *file = (struct hg_upload_file){.owner = owner, .fd = -1};
-    if (total_bytes > store->limit_bytes)
-        return hg_error_set(err, HG_E_LIMIT, "upload", "total",
+    if (total_bytes > store->limit_bytes) {
+        hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "%llu bytes do not fit into the upload store of %llu MiB (upload-store)",
             (unsigned long long)total_bytes, (unsigned long long)(store->limit_bytes >> 20));
+        return hg_error_limit(err, "upload-store", 0);
+    }
     enum hg_status status = reserve(store, owner, disk_bytes(0), 1, err);
     if (status)
         return status;

@@ -78,6 +78,11 @@ void hg_reply_error(struct reply_to to, const struct hg_error *err)
         .where = hgp_str_make(err->where),
         .reason = hgp_str_make(err->reason[0] ? err->reason : hg_status_text(err->status)),
     };
+    if (err->limit[0])
+        hg_reply_send((struct reply_to){.w = to.w, .channel = to.channel}, HGP_T_limited,
+            &(struct hgp_limited){.request = to.request,
+                .limit = hgp_str_make(err->limit),
+                .retry_after_ms = err->retry_after_ms});
     hg_reply_send(to, HGP_T_error, &message);
 }
 

@@ -17,6 +17,7 @@ void hg_reply_send(struct reply_to to, enum hgp_type type, const void *message);
 void hg_reply_send_lossy(struct reply_to to, enum hgp_type type, const void *message);
 // Only where the message was a request.
 void hg_reply_ok(struct reply_to to, uint64_t revision);
+// Which limit it was goes ahead of the error.
 // HG_E_DEVICE_LOST is not answered but ends the process: the broker asks the next one again, or
 // says that the worker died.
 void hg_reply_error(struct reply_to to, const struct hg_error *err);

@@ -23,6 +23,7 @@ static void refused_for(struct peer *p, enum hg_status status, const char *text)
     assert_int_equal(p->header.type, HGP_T_error);
     assert_int_equal(p->m.error.code, status);
     assert_true(peer_says(p, text));
+    assert_true(!p->limit[0] || (peer_says(p, p->limit) && p->retry_after_ms > 0));
     peer_end(p);
     peer_close(p);
 }
@@ -123,6 +124,7 @@ static void addresses_have_a_share(void **state)
         peer_enter(&p[i], &d, "view-token-1");
     say_hello(&extra, &d);
     refused_for(&extra, HG_E_LIMIT, "max-per-address");
+    assert_string_equal(extra.limit, "max-per-address");
     peer_close(&p[0]); // its slot is free again
     uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
     for (bool opened = false; !opened;) {

@@ -142,3 +142,85 @@ test("errors say which limit it was and when to try again", () => {
     for (const part of ["max-pixels", "view 1", "too many pixels", "3 s"])
         assert.ok(text.includes(part), text);
 });
+
+// ---- frames that cannot be decoded ---------------------------------------------------------------
+
+// A decoder that holds what it gets, to show it or to fail.
+class HeldDecoder {
+    constructor({ output, error }) {
+        Object.assign(this, { output, error, state: "unconfigured", held: [] });
+        HeldDecoder.newest = this;
+    }
+    configure() {
+        this.state = "configured";
+    }
+    decode(chunk) {
+        this.held.push(chunk);
+    }
+    close() {
+        this.state = "closed";
+    }
+    show() {
+        for (const { timestamp } of this.held.splice(0))
+            this.output({ timestamp, close() {} });
+    }
+}
+
+async function makeView() {
+    const context = { drawImage() {}, putImageData() {} };
+    globalThis.OffscreenCanvas = class {
+        getContext() {
+            return context;
+        }
+    };
+    globalThis.location = new URL("http://127.0.0.1:8080/");
+    globalThis.VideoDecoder = HeldDecoder;
+    globalThis.EncodedVideoChunk = class {
+        constructor(chunk) {
+            Object.assign(this, chunk);
+        }
+    };
+    const { View } = await load("view.js");
+    const connection = Object.assign(new EventTarget(), { sent: [], toPageTime: () => null,
+        send: (name, fields) => connection.sent.push({ name, ...fields }) });
+    const view = new View(connection, { getContext: () => context, dataset: {}, width: 64, height: 64 });
+    const frame = (number, depends) => view.onFrame({ begun_ms: 0, received_ms: 1, frame: { view: 1, number, depends,
+        encoding: "H264", codec: "avc1.42E01F", width: 64, height: 64, data: new Uint8Array(4), input_seq: 0n } });
+    const keys = () => connection.sent.filter((m) => m.name === "key_frame");
+    const taken = () => connection.sent.filter((m) => m.name === "taken").map((m) => m.number);
+    const queue = () => new Promise((done) => setTimeout(done)).then(() => view.painter.queue);
+    return { view, frame, keys, taken, queue };
+}
+
+test("one hiccup of a decoder asks for one key frame and keeps the codec", async () => {
+    const { frame, keys, taken, queue } = await makeView();
+    for (let n = 1; n <= 6; n++)
+        frame(n, n === 1 ? undefined : 1);
+    HeldDecoder.newest.error(new Error("hiccup"));
+    frame(7, 1); // was under way
+    await queue();
+    assert.deepEqual(keys(), [{ name: "key_frame", view: 1 }]);
+    assert.deepEqual(taken(), [1, 2, 3, 4, 5, 6, 7]);
+    frame(8);
+    HeldDecoder.newest.show();
+    await queue();
+    frame(9, 1);
+    HeldDecoder.newest.error(new Error("another one, later"));
+    await queue();
+    assert.equal(keys().length, 2);
+    assert.ok(keys().every((m) => m.failed === undefined));
+});
+
+test("a codec of which three key frames fail is left", async () => {
+    const { view, frame, keys, queue } = await makeView();
+    let troubles = 0;
+    view.addEventListener("trouble", () => troubles++);
+    for (let n = 1; n <= 6; n += 2) {
+        frame(n);
+        frame(n + 1, 1);
+        HeldDecoder.newest.error(new Error("cannot"));
+        await queue();
+    }
+    assert.deepEqual(keys().map((m) => m.failed), [undefined, undefined, 9]);
+    assert.equal(troubles, 1);
+});

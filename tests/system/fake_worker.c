@@ -141,6 +141,14 @@ static void refuse(const struct hgp_header *to, enum hg_status status, const cha
             .reason = hgp_str_make(reason)});
 }
 
+static void refuse_limit(const struct hgp_header *to, const char *limit, uint32_t retry_after_ms)
+{
+    const struct hgp_limited limited = {
+        .request = to->request, .limit = hgp_str_make(limit), .retry_after_ms = retry_after_ms};
+    push(to->channel, 0, hg_packet_encode(HGP_T_limited, &limited));
+    refuse(to, HG_E_LIMIT, "too many");
+}
+
 static void accept_edit(struct channel *c, const struct hgp_header *to)
 {
     c->scene->revision += !c->in_batch;
@@ -288,7 +296,7 @@ static void view_set(struct channel *c, struct hg_packet *packet, uint32_t numbe
     if (!view)
         view = find_view(c, 0);
     if (!view) {
-        refuse(&packet->header, HG_E_LIMIT, "too many views");
+        refuse_limit(&packet->header, "fake-views", 250);
         return;
     }
     view->number = number;

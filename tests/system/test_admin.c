@@ -320,6 +320,35 @@ static void limits_have_names(void **state)
     daemon_finish(&d);
 }
 
+// Of a worker, for requests with an answer and without one.
+static void limits_of_workers_have_names(void **state)
+{
+    (void)state;
+    enum { MOST = 16 };
+    struct daemon d;
+    struct peer p;
+    daemon_init(&d);
+    daemon_option(&d, "max-views", "64");
+    daemon_start(&d);
+    peer_open_scene(&p, &d, "hall");
+    for (uint32_t i = 1; i <= MOST; i++)
+        peer_view(&p, i, 4, 4);
+    peer_refused(&p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = MOST + 1, .has_width = true, .width = 4, .has_height = true, .height = 4},
+        HG_E_LIMIT);
+    assert_string_equal(p.limit, "fake-views");
+    assert_int_equal(p.retry_after_ms, 250);
+    p.limit[0] = 0;
+    peer_tell(&p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = MOST + 1, .has_width = true, .width = 4, .has_height = true, .height = 4});
+    await(&p, HGP_T_notice);
+    assert_string_equal(p.limit, "fake-views");
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -330,6 +359,7 @@ int main(void)
         cmocka_unit_test(idle_sessions_are_warned_and_end),
         cmocka_unit_test(pixels_per_second_are_limited),
         cmocka_unit_test(limits_have_names),
+        cmocka_unit_test(limits_of_workers_have_names),
     };
     return cmocka_run_group_tests_name("admin", tests, NULL, NULL);
 }

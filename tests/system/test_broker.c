@@ -314,6 +314,8 @@ static void quotas_are_explained(void **state)
     peer_view(&p, 3, 1, 1);
     // Uploads: 1 MiB in all.
     peer_refused(&p, HGP_T_upload, &(struct hgp_upload){.total = (1 << 20) + 1}, HG_E_LIMIT);
+    assert_string_equal(p.limit, "max-upload");
+    assert_int_equal(p.retry_after_ms, 0);
     // Frame requests under way.
     peer_call(&p, HGP_T_view_set, &(struct hgp_view_set){.view = 3, .has_seed = true, .seed = 3000},
         HGP_T_ok);
@@ -368,7 +370,11 @@ static void verified_files_are_uploads(void **state)
     assert_non_null(memmem(p.m.error.reason.data, p.m.error.reason.size, "max-upload", 10));
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
     peer_refused(&p, HGP_T_upload, &upload, HG_E_LIMIT);
+    assert_string_equal(p.limit, "max-upload");
+    assert_true(p.retry_after_ms > 0);
     peer_refused(&q, HGP_T_image_query, &first, HG_E_LIMIT);
+    assert_string_equal(q.limit, "upload-store");
+    assert_true(q.retry_after_ms > 0);
     assert_non_null(memmem(q.m.error.reason.data, q.m.error.reason.size, "upload-store", 12));
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok); // begun again: in place of the first
     peer_call(&p, HGP_T_image_query, &last, HGP_T_json);

@@ -139,6 +139,11 @@ void link_read(struct rig *rig)
         hgp_decode(HGP_VERSION_MAX, rig->header.type,
             hg_reader_make(rig->payload, rig->header.length), &rig->arena, &rig->message, NULL),
         HG_OK);
+    if (rig->header.type != HGP_T_limited)
+        return;
+    rig->limited = rig->message.limited;
+    snprintf(rig->limit, sizeof rig->limit, "%.*s", (int)rig->limited.limit.size,
+        rig->limited.limit.data);
 }
 
 // Reads until the final answer of `request`; pulses, progress and notices pass by.

@@ -19,6 +19,8 @@ struct rig {
     uint8_t *payload;
     struct hg_arena arena;
     union hgp_any message;
+    struct hgp_limited limited; // the newest; its text is gone
+    char limit[64];
 };
 
 int link_start(void **state); // set-up of a test

@@ -351,7 +351,10 @@ static void test_sessions_share_memory_for_views(void **state)
     link_expect_error(rig, link_ask(rig, 2, HGP_T_view_set, &large), HG_E_LIMIT, "width");
     link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &small), HGP_T_ok);
     link_expect(rig, link_ask(rig, 2, HGP_T_view_set, &large), HGP_T_ok);
-    link_expect_error(rig, link_ask(rig, 1, HGP_T_view_set, &large), HG_E_LIMIT, "width");
+    const uint32_t refused = link_ask(rig, 1, HGP_T_view_set, &large);
+    link_expect_error(rig, refused, HG_E_LIMIT, "width");
+    assert_int_equal(rig->limited.request, refused);
+    assert_string_equal(rig->limit, "memory-limit");
     link_expect(
         rig, link_ask(rig, 2, HGP_T_view_close, &(struct hgp_view_close){.view = 1}), HGP_T_ok);
     link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &large), HGP_T_ok);
