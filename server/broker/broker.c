@@ -455,6 +455,7 @@ static void tick(struct hg_broker *b)
     uint64_t now_ns = b->loop.now_ns;
     hg_conn_share_output(&b->conns);
     hg_conn_share_input(&b->conns);
+    hg_conn_check_input(&b->conns);
     hg_conn_check_times(&b->conns);
     if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
         b->tokens_checked_ns = now_ns;

@@ -479,26 +479,6 @@ static void check_idle(struct hg_conn *conn, uint64_t now_ns)
     }
 }
 
-// A message that was begun has to come, however small the steps; not while it is not read.
-static bool is_filled(struct hg_conn *conn, uint64_t now_ns)
-{
-    const struct hg_options *o = conn->table->options;
-    struct hg_conn_budget *budget = &conn->budget;
-    if (conn->state != HG_CONN_OPEN || conn->paused || hgp_framer_is_empty(&conn->in)) {
-        budget->fill_ns = 0;
-        return true;
-    }
-    const uint64_t took_ns = now_ns - budget->fill_ns;
-    if (budget->fill_ns && took_ns <= o->peer_timeout_ns)
-        return true;
-    const double least = (double)took_ns * 1e-9 * o->min_fill * 1024;
-    const bool ok =
-        !budget->fill_ns || (double)(conn->in.total_bytes - budget->filled_before) >= least;
-    budget->fill_ns = now_ns;
-    budget->filled_before = conn->in.total_bytes;
-    return ok;
-}
-
 static void check_time(struct hg_conn *conn, uint64_t now_ns)
 {
     const struct hg_options *o = conn->table->options;
@@ -533,11 +513,6 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
     if (!hg_outq_is_drained(&conn->out, now_ns, o->peer_timeout_ns, o->min_drain * 1024.)) {
         hg_count(HG_COUNT_REFUSED_MIN_DRAIN);
         hg_conn_kill(conn, "takes too little of what waits for it (min-drain)");
-        return;
-    }
-    if (!is_filled(conn, now_ns)) {
-        hg_count(HG_COUNT_REFUSED_MIN_FILL);
-        hg_conn_kill(conn, "sends too little of a message that it has begun (min-fill)");
         return;
     }
     if (conn->auth.due_ns && now_ns >= conn->auth.due_ns) {

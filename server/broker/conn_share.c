@@ -62,6 +62,37 @@ void hg_conn_share_output(struct hg_conn_table *table)
 
 // ---- messages that arrive -----------------------------------------------------------------------
 
+// A message that was begun has to come, however small the steps; not while it is not read.
+static bool is_filled(struct hg_conn *conn, uint64_t now_ns)
+{
+    const struct hg_options *o = conn->table->options;
+    struct hg_conn_budget *budget = &conn->budget;
+    if (conn->state != HG_CONN_OPEN || conn->paused || hgp_framer_is_empty(&conn->in)) {
+        budget->fill_ns = 0;
+        return true;
+    }
+    const uint64_t took_ns = now_ns - budget->fill_ns;
+    if (budget->fill_ns && took_ns <= o->peer_timeout_ns)
+        return true;
+    const double least = (double)took_ns * 1e-9 * o->min_fill * 1024;
+    const bool ok =
+        !budget->fill_ns || (double)(conn->in.total_bytes - budget->filled_before) >= least;
+    budget->fill_ns = now_ns;
+    budget->filled_before = conn->in.total_bytes;
+    return ok;
+}
+
+void hg_conn_check_input(struct hg_conn_table *table)
+{
+    for (struct hg_conn *it = table->first, *next; it; it = next) {
+        next = it->next;
+        if (is_filled(it, table->loop->now_ns))
+            continue;
+        hg_count(HG_COUNT_REFUSED_MIN_FILL);
+        hg_conn_kill(it, "sends too little of a message that it has begun (min-fill)");
+    }
+}
+
 static struct hg_conn *first_of_token(const struct hg_conn *conn)
 {
     struct hg_conn *it = conn->table->first;

@@ -12,5 +12,7 @@ void hg_conn_share_output(struct hg_conn_table *table);
 // Once in a while: closes those of the token of whose messages most has come while more than
 // input-total has, the largest first.
 void hg_conn_share_input(struct hg_conn_table *table);
+// Once in a while: closes those that send too little of a message that they have begun.
+void hg_conn_check_input(struct hg_conn_table *table);
 
 #endif
