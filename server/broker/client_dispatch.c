@@ -298,6 +298,15 @@ static const struct hg_token *find_token(
     return ticket ? out : token;
 }
 
+// What a token allows now; its worker is told what of that is its business.
+static void take_scope(struct hg_session *s, const struct hg_token_scope *scope)
+{
+    const bool told = strcmp(s->scope.roots, scope->roots) == 0 && s->scope.weight == scope->weight;
+    s->scope = *scope;
+    if (!told && s->scene && s->attached)
+        hg_session_request_tell_tenant(s);
+}
+
 void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
 {
     const struct hg_admission *a = conns->owner;
@@ -311,7 +320,7 @@ void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
         const struct hg_token *token = find_token(a, it, now_s, &of_ticket);
         if (token && token->role == it->session->role &&
             strcmp(token->tenant, it->session->tenant) == 0) {
-            it->session->scope = token->scope;
+            take_scope(it->session, &token->scope);
             continue;
         }
         struct hg_error err = {0};

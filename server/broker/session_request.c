@@ -340,7 +340,9 @@ void hg_session_request_tell_tenant(struct hg_session *s)
 {
     hg_link_send(s->scene->link, s->number, 0, HGP_T_session_tenant,
         &(struct hgp_session_tenant){.tenant = hgp_str_make(s->tenant),
-            .weight = s->scope.weight ? s->scope.weight : HG_TOKEN_WEIGHT});
+            .weight = s->scope.weight ? s->scope.weight : HG_TOKEN_WEIGHT,
+            .has_roots = s->scope.roots[0] != 0,
+            .roots = hgp_str_make(s->scope.roots)});
 }
 
 void hg_session_request_attach(struct hg_session *s)

@@ -107,12 +107,18 @@ static bool is_demo(struct hgp_str path)
     return path.size == sizeof demo - 1 && memcmp(path.data, demo, sizeof demo - 1) == 0;
 }
 
+static const char *roots_of(const struct task *task)
+{
+    return task->roots ? (const char *)task->roots->data : NULL;
+}
+
 // What to load: the first of the uploaded files, the built-in scene, or a file under the roots.
 static enum hg_status asset_path(struct task *task, char **path)
 {
     const struct hgp_asset_load *m = &task->message.asset_load;
     if (!m->files.count && !is_demo(m->path))
-        return hg_asset_path_resolve(&task->to.w->options, m->path, path, &task->err);
+        return hg_asset_path_resolve(
+            &task->to.w->options, roots_of(task), m->path, path, &task->err);
     *path = m->files.count ? hg_strndup(m->files.items[0].uri.data, m->files.items[0].uri.size)
                            : hg_strdup(demo);
     return *path ? HG_OK
@@ -189,9 +195,9 @@ static enum hg_status load_environment(struct task *task)
     const struct hgp_environment_set *m = &task->message.environment_set;
     const struct worker_options *options = &task->to.w->options;
     char *path;
-    enum hg_status status = m->has_hash
-                                ? hg_asset_path_upload(options, m->hash, &path, &task->err)
-                                : hg_asset_path_resolve(options, m->path, &path, &task->err);
+    enum hg_status status =
+        m->has_hash ? hg_asset_path_upload(options, m->hash, &path, &task->err)
+                    : hg_asset_path_resolve(options, roots_of(task), m->path, &path, &task->err);
     if (!status && m->has_hash)
         status = verify_upload(path, m->hash, &task->err);
     if (!status)
@@ -379,5 +385,6 @@ void hg_task_destroy(struct task *task)
     hg_writer_finish(&task->file);
     hg_arena_finish(&task->arena);
     hg_refbuf_unref(task->payload);
+    hg_refbuf_unref(task->roots);
     hg_free(task);
 }

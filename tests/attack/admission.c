@@ -272,6 +272,59 @@ static void scopes_name_scenes(void **state)
     daemon_finish(&d);
 }
 
+static void load_within(struct peer *p, const char *roots, bool accepted)
+{
+    static uint32_t asset;
+    char path[80];
+    snprintf(path, sizeof path, "within=%s", roots);
+    const struct hgp_asset_load m = {.asset = p->first_id + ++asset, .path = hgp_str_make(path)};
+    if (accepted)
+        peer_call(p, HGP_T_asset_load, &m, HGP_T_asset_loaded);
+    else
+        peer_refused(p, HGP_T_asset_load, &m, HG_E_PERM);
+}
+
+// The worker is told where a token's files lie: at once, after SIGHUP, and for its tickets as well.
+static void scopes_name_roots(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, guest, other;
+    char secret[64];
+    daemon_init_tokens(&d);
+    daemon_write(
+        &d, "tokens", "scoped-token edit anna roots=/srv/a:/srv/b\nother-token edit anna\n");
+    daemon_start(&d);
+    peer_enter(&p, &d, "scoped-token");
+    peer_scene(&p, "hall");
+    load_within(&p, "/srv/a:/srv/b", true);
+    load_within(&p, "", false);
+    peer_call(&p, HGP_T_join_make, &(struct hgp_join_make){.has_role = true, .role = HGP_role_EDIT},
+        HGP_T_join_ticket);
+    snprintf(secret, sizeof secret, "%.*s", (int)p.m.join_ticket.secret.size,
+        (const char *)p.m.join_ticket.secret.data);
+    peer_connect(&guest, &d, true);
+    peer_hello(&guest);
+    peer_auth(&guest, secret);
+    assert_true(peer_next(&guest));
+    assert_int_equal(guest.header.type, HGP_T_join_scene);
+    assert_true(peer_next(&guest));
+    assert_int_equal(guest.header.type, HGP_T_auth_ok);
+    peer_scene(&guest, "hall");
+    load_within(&guest, "/srv/a:/srv/b", true);
+    peer_enter(&other, &d, "other-token");
+    peer_scene(&other, "hall");
+    load_within(&other, "", true);
+    daemon_write(&d, "tokens", "scoped-token edit anna roots=/srv/c\nother-token edit anna\n");
+    assert_int_equal(kill(d.pid, SIGHUP), 0);
+    daemon_wait_log(&d, "reloaded: 2 tokens");
+    load_within(&p, "/srv/c", true);
+    peer_close(&guest);
+    peer_close(&other);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 // Counts lines of the audit log that have both texts.
 static int count_lines(struct daemon *d, const char *name, const char *one, const char *other)
 {
@@ -357,6 +410,7 @@ int main(void)
         cmocka_unit_test(revoked_tokens_end_their_sessions),
         cmocka_unit_test(tokens_expire),
         cmocka_unit_test(scopes_name_scenes),
+        cmocka_unit_test(scopes_name_roots),
         cmocka_unit_test(everything_is_audited),
         cmocka_unit_test(ids_come_back),
     };

@@ -212,7 +212,7 @@ static void tokens_have_scopes(void **state)
     assert_int_equal(hg_token_hash(hgp_str_make("hidden-token"), hash), HG_OK);
     hg_sha256_hex(hash, hex);
     snprintf(text, sizeof text,
-        "sha256:%s edit carl expires=2030-01-02 scenes=hall-* sessions=3 rate=500\n"
+        "sha256:%s edit carl expires=2030-01-02 scenes=hall-* sessions=3 rate=500 roots=/srv/a:/b\n"
         "plain-token view expires=1970-01-02T00:00:10Z\n",
         hex);
     test_text_write(folder, "tokens", text);
@@ -223,6 +223,7 @@ static void tokens_have_scopes(void **state)
     assert_string_equal(t->name, "carl");
     assert_int_equal(t->scope.expires_s, 1893542400);
     assert_string_equal(t->scope.scenes, "hall-*");
+    assert_string_equal(t->scope.roots, "/srv/a:/b");
     assert_int_equal(t->scope.max_sessions, 3);
     assert_int_equal(t->scope.max_rate, 500);
     assert_null(find_token(&tokens, "hidden-token", 1893542400));
@@ -234,6 +235,7 @@ static void tokens_have_scopes(void **state)
     static const char *const bad[] = {"sha256:abc view\n", "longenough view x expires=tomorrow\n",
         "longenough view x sessions=0\n", "longenough view x rate=1e3\n",
         "longenough view x scenes=\n", "longenough view x colour=red\n",
+        "longenough view x roots=srv\n", "longenough view x roots=/srv:\n",
         "longenough view expires=2030-01-01 x\n"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         test_text_write(folder, "tokens", bad[i]);
