@@ -546,6 +546,18 @@ static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *er
     return status;
 }
 
+// One that took over has the list of its predecessor: every further one would stay as well.
+static enum hg_status filter_calls(const struct hg_broker *b, struct hg_error *err)
+{
+    if (hg_call_filter_enter())
+        return HG_OK;
+    if (strcmp(b->options.sandbox, "require") == 0)
+        return hg_error_set(err, HG_E_UNSUPPORTED, "heliod", "sandbox",
+            "this kernel has no seccomp filters, which sandbox=require asks for");
+    hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
+    return HG_OK;
+}
+
 static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
@@ -564,9 +576,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     // Before there are threads, each of which has a set of its own.
     if (!status && hg_confine_drop_capabilities())
         status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
-    // One that took over has the list of its predecessor: every further one would stay as well.
-    if (!status && !is_inherited && !hg_call_filter_enter())
-        hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
+    if (!status && !is_inherited)
+        status = filter_calls(b, err);
     if (!status)
         status = watch_signals(b, err);
     if (!status)
