@@ -38,6 +38,7 @@
 //   session_sync                                 answers that wait for the disk
 //   session_view session_upload
 //   session_look                                 how views show the scene
+//   suspect                                      by what requests are known again
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
 //   session_end

@@ -60,6 +60,36 @@ enum hg_status hg_asset_path_resolve(const struct worker_options *options, const
     return status;
 }
 
+static const char *below_roots(const struct worker_options *options, const char *path)
+{
+    for (uint32_t i = 0; i < options->asset_root_count; i++) {
+        const char *root = options->asset_roots[i];
+        size_t n = strlen(root);
+        if (strncmp(path, root, n) != 0 || !(path[n] == '/' || !path[n] || path[n - 1] == '/'))
+            continue;
+        while (path[n] == '/')
+            n++;
+        return path[n] ? path + n : ".";
+    }
+    return NULL;
+}
+
+void hg_asset_path_hide(const struct worker_options *options, struct hgp_str asked,
+    const char *real, struct hg_error *err)
+{
+    char name[sizeof err->what];
+    if (err->what[0] != '/')
+        return;
+    // What is long was cut: it is compared as far as it goes.
+    const bool is_asked = real && strncmp(err->what, real, sizeof err->what - 1) == 0;
+    const char *below = below_roots(options, err->what), *slash = strrchr(err->what, '/');
+    if (is_asked && asked.size)
+        snprintf(name, sizeof name, "%.*s", (int)asked.size, asked.data);
+    else
+        snprintf(name, sizeof name, "%s", below ? below : slash[1] ? slash + 1 : "file");
+    memcpy(err->what, name, sizeof name);
+}
+
 enum hg_status hg_asset_path_upload(
     const struct worker_options *options, const uint8_t hash[32], char **out, struct hg_error *err)
 {

@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <arpa/inet.h>
+#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -215,6 +217,49 @@ static void guessing_is_slow_and_knowing_is_not_refused(void **state)
     daemon_finish(&d);
 }
 
+// A connection from an address of this machine, of the network 127.0.9.0/24.
+static void connect_from(struct peer *p, struct daemon *d, int host)
+{
+    struct sockaddr_in from = {
+        .sin_family = AF_INET, .sin_addr.s_addr = htonl((uint32_t)(0x7f000900 + host))};
+    struct sockaddr_in to = {.sin_family = AF_INET,
+        .sin_port = htons((uint16_t)d->port),
+        .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    *p = (struct peer){.next_request = 1};
+    p->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    assert_int_equal(bind(p->fd, (const struct sockaddr *)&from, sizeof from), 0);
+    assert_int_equal(connect(p->fd, (const struct sockaddr *)&to, sizeof to), 0);
+    peer_hello(p);
+}
+
+// Other addresses of the network do not help for long.
+static void networks_that_guess_wait(void **state)
+{
+    (void)state;
+    enum { WRONG = 16 }; // eight times auth-failures
+    const uint64_t second_ns = 1000000000;
+    struct daemon d;
+    struct peer p;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "auth-failures", "2");
+    daemon_start(&d);
+    for (int i = 0; i < WRONG; i++) {
+        connect_from(&p, &d, 1 + i);
+        peer_auth(&p, "view-token-2");
+        refused_for(&p, HG_E_AUTH, "not known");
+    }
+    const uint64_t sent_ns = hg_clock_now_ns();
+    connect_from(&p, &d, 1 + WRONG);
+    peer_auth(&p, "view-token-1");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_auth_ok);
+    assert_true(hg_clock_now_ns() - sent_ns >= second_ns);
+    peer_close(&p);
+    peer_enter(&p, &d, "edit-token-1"); // of another network, and at once
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 static void revoked_tokens_end_their_sessions(void **state)
 {
     (void)state;
@@ -407,6 +452,7 @@ int main(void)
         cmocka_unit_test(handshakes_are_dropped_at_random),
         cmocka_unit_test(tokens_have_a_share_of_sessions),
         cmocka_unit_test(guessing_is_slow_and_knowing_is_not_refused),
+        cmocka_unit_test(networks_that_guess_wait),
         cmocka_unit_test(revoked_tokens_end_their_sessions),
         cmocka_unit_test(tokens_expire),
         cmocka_unit_test(scopes_name_scenes),

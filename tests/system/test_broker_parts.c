@@ -252,7 +252,7 @@ static void peers_are_counted(void **state)
     assert_ptr_equal(hg_peer_table_join(&table, "10.0.0.1/32"), a);
     assert_int_equal(a->connections, 2);
     for (int i = 0; i < 3; i++)
-        hg_peer_table_count_failure(&table, a, 100 * s);
+        hg_peer_table_count_failure(&table, a, NULL, 100 * s);
     hg_peer_table_leave(&table, a, 110 * s);
     hg_peer_table_leave(&table, a, 110 * s);
     // It is remembered without a connection, for a minute.
@@ -269,7 +269,7 @@ static void peers_are_counted(void **state)
     for (int i = 0; i < HG_PEER_TABLE_IDLE + 20; i++) {
         snprintf(key, sizeof key, "10.%d.%d.1/32", i >> 8, i & 255);
         a = hg_peer_table_join(&table, key);
-        hg_peer_table_count_failure(&table, a, 200 * s);
+        hg_peer_table_count_failure(&table, a, NULL, 200 * s);
         hg_peer_table_leave(&table, a, 200 * s);
     }
     assert_int_equal(table.idle_count, HG_PEER_TABLE_IDLE);

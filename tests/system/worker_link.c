@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <errno.h>
 #include <linux/magic.h>
 #include <poll.h>
 #include <stdio.h>
@@ -202,6 +203,35 @@ static void test_sessions_keep_to_their_roots(void **state)
         &(struct hgp_session_tenant){
             .weight = 100, .has_roots = true, .roots = hgp_str_make("/no/such/folder")});
     link_expect_error(rig, link_ask(rig, 2, HGP_T_asset_load, &m), HG_E_PERM, NULL);
+}
+
+static void expect_named(struct rig *rig, const char *path, const char *named)
+{
+    const struct hgp_asset_load load = {.asset = FIRST_ID, .path = hgp_str_make(path)};
+    link_expect(rig, link_ask(rig, 1, HGP_T_asset_load, &load), HGP_T_error);
+    const struct hgp_str what = rig->message.error.what;
+    assert_int_equal(what.size, strlen(named));
+    assert_memory_equal(what.data, named, what.size);
+    const struct hgp_str reason = rig->message.error.reason;
+    assert_null(memmem(reason.data, reason.size, rig->root, strlen(rig->root)));
+}
+
+// Errors name files as clients know them, not by where they lie.
+static void test_errors_do_not_say_where_roots_lie(void **state)
+{
+    struct rig *rig = *state;
+    char path[TEST_FOLDER_MAX + 16];
+    link_attach(rig, 1, "a");
+    snprintf(path, sizeof path, "%s/sub", rig->root);
+    assert_true(mkdir(path, 0700) == 0 || errno == EEXIST);
+    test_text_write(rig->root, "sub/part.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"uri\":\"../sub\","
+        "\"byteLength\":4}],\"scenes\":[{}]}");
+    expect_named(rig, ".", ".");
+    expect_named(rig, "sub", "sub");
+    expect_named(rig, "./sub/../sub", "./sub/../sub");
+    expect_named(rig, path, path); // it knows that already
+    expect_named(rig, "sub/part.gltf", "part.gltf");
 }
 
 static void test_messages_behind_a_load_keep_their_order(void **state)
@@ -487,6 +517,13 @@ static void test_huge_comparisons_are_refused(void **state)
         link_ask(rig, 1, HGP_T_compare,
             &(struct hgp_compare){.metric = HGP_metric_FLIP, .a = bytes, .b = bytes}),
         HG_E_LIMIT, NULL);
+    static const char small[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\1\1\1\1";
+    const struct hgp_bytes one = {(const uint8_t *)small, sizeof small - 1};
+    link_expect_error(rig,
+        link_ask(rig, 1, HGP_T_compare,
+            &(struct hgp_compare){
+                .metric = HGP_metric_PSNR, .a = one, .b = one, .has_mask = true, .mask = bytes}),
+        HG_E_INVAL, "mask");
 }
 
 // What the store has under a hash must have it; the error does not tell where that lies.
@@ -525,6 +562,7 @@ int main(void)
         SHARED(test_client_meshes_are_checked_and_bounded),
         SHARED(test_files_outside_the_roots_are_not_told_apart),
         SHARED(test_sessions_keep_to_their_roots),
+        SHARED(test_errors_do_not_say_where_roots_lie),
         SHARED(test_messages_behind_a_load_keep_their_order),
         SHARED(test_an_assets_transform_moves_it_and_goes_with_it),
         SHARED(test_comparison_of_bytes_that_are_no_image),
