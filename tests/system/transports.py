@@ -533,6 +533,41 @@ def certificates_are_reloaded(d, pki):
     assert secure(trusting(pki), d.ports[1]).getpeercert()["subject"] == new.getpeercert()["subject"]
 
 
+def tickets_are_of_their_authorities(d, pki):
+    """Tickets survive a reload, but not one that lets in other clients."""
+    for suffix in (".pem", ".key"):
+        shutil.copy(os.path.join(pki, "localhost" + suffix), os.path.join(pki, "server" + suffix))
+    reloads = d.read_log().count("reloaded:")
+
+    def reload():
+        nonlocal reloads
+        reloads += 1
+        d.process.send_signal(signal.SIGHUP)
+        wait(lambda: d.read_log().count("reloaded:") == reloads, "the reload")
+
+    context = trusting(pki, own="carla")
+    reload()
+    s = secure(context, d.ports[1])
+    assert Http(0, s).get("/healthz")[0] == 200  # the ticket has come
+    reload()
+    again = secure(context, d.ports[1], s.session)
+    assert again.session_reused
+    assert Http(0, again).get("/healthz")[0] == 200
+    # From now on carla's authority counts for nothing.
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", "other.key",
+                    "-out", "clients.pem", "-subj", "/CN=another authority", "-days", "30"], check=True, cwd=pki, capture_output=True)
+    reload()
+    try:
+        refused = secure(context, d.ports[1], again.session)
+        assert not refused.session_reused
+        refused.sendall(HELLO)
+        assert refused.recv(1) == b"", "a certificate of no authority is taken"
+    except (ssl.SSLError, ConnectionError):
+        pass
+    shutil.copy(os.path.join(pki, "ca.pem"), os.path.join(pki, "clients.pem"))
+    reload()
+
+
 def clients_connect(d, pki, helio):
     """helio by every kind of url; and whom it does not trust."""
     plain, tls = d.ports
@@ -578,8 +613,9 @@ def with_tls(heliod, worker, plain, *cases, options=None, tokens=""):
         make_certificates(pki)
         for suffix in (".pem", ".key"):
             shutil.copy(os.path.join(pki, "localhost" + suffix), os.path.join(pki, "server" + suffix))
+        shutil.copy(os.path.join(pki, "ca.pem"), os.path.join(pki, "clients.pem"))
         d = Daemon(heliod, worker, *plain, *(options or MANY), "--listen", "tls:127.0.0.1:0", "--tls-cert", os.path.join(pki, "server.pem"),
-                   "--tls-key", os.path.join(pki, "server.key"), "--tls-client-ca", os.path.join(pki, "ca.pem"),
+                   "--tls-key", os.path.join(pki, "server.key"), "--tls-client-ca", os.path.join(pki, "clients.pem"),
                    tokens="subject:carla admin carla-tenant\n" + tokens)
         try:
             for case in cases:
@@ -678,7 +714,7 @@ def main():
         print("ok proxies_say_for_whom", flush=True)
     finally:
         d.stop()
-    with_tls(heliod, worker, plain, tls_serves, *clients, certificates_are_reloaded)
+    with_tls(heliod, worker, plain, tls_serves, *clients, certificates_are_reloaded, tickets_are_of_their_authorities)
     measure_idle(heliod, worker, plain, 800)
 
 
