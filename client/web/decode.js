@@ -1,5 +1,6 @@
 // decode.js - frames to pixels on a canvas, in the order in which they came.
 // Images are decoded by the browser's own decoders, video by WebCodecs, tiles by both.
+import { sha256 } from "./sha256.js";
 import { VideoStream } from "./video.js";
 
 const IMAGES = { JPEG: "image/jpeg", JPEG_444: "image/jpeg", PNG8: "image/png" };
@@ -161,7 +162,7 @@ export class FramePainter {
     async hash() {
         const { width, height } = this.canvas;
         const { data } = this.context.getImageData(0, 0, width, height);
-        return hexOf(new Uint8Array(await crypto.subtle.digest("SHA-256", data)));
+        return hexOf(await sha256(data));
     }
 
     // Encodings in motion that this browser decodes, the best for a network first.

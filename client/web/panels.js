@@ -212,7 +212,7 @@ export class ScenePanel {
             const { row } = selectRow("Variant",
                 [["", "As in the file"], ...asset.variants.map((v) => [v, v || "(no name)"])],
                 (v) => on.variant(asset.number, v));
-            row.querySelector("select").value = this.variants?.get(asset.number) ?? "";
+            row.querySelector("select").value = asset.variant ?? "";
             row.querySelector("select").disabled = !on.canEdit();
             rows.push(row);
         }

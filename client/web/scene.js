@@ -174,8 +174,15 @@ export class Scene extends EventTarget {
         this.dispatchEvent(new Event("changed"));
     }
 
-    setVariant(asset, variant) {
-        return this.edit("variant_set", { asset, variant });
+    async setVariant(number, variant) {
+        try {
+            await this.edit("variant_set", { asset: number, variant });
+            const asset = this.assets.find((a) => a.number === number);
+            if (asset)
+                asset.variant = variant;
+        } finally {
+            this.dispatchEvent(new Event("changed")); // what is refused is not chosen
+        }
     }
 
     setAnimation(asset, animation, time_s) {

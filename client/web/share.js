@@ -31,6 +31,21 @@ async function makeTicket(app, access) {
     return made.secret;
 }
 
+// Browsers copy for pages from TLS or from this machine only.
+export async function copyText(text) {
+    try {
+        await navigator.clipboard.writeText(text);
+        toast("The link was copied.");
+    } catch {
+        await ask("Copy the link", h("div", { class: "body" },
+            h("p", { text: "This browser copies nothing for this page"
+                + (window.isSecureContext ? "." : ", which came without TLS.")
+                + " Select the link and copy it:" }),
+            h("textarea", { class: "text", readonly: true, rows: 4, "aria-label": "Link",
+                text, on: { focus: (e) => e.target.select() } })), [["Close", "close"]]);
+    }
+}
+
 export async function share(app) {
     const hasName = Boolean(app.link.scene);
     const canInvite = hasName && app.connection.canEdit;
@@ -57,6 +72,5 @@ export async function share(app) {
     [["Close", "close"], ["Copy link", "copy"]]);
     if (answer !== "copy")
         return;
-    await navigator.clipboard.writeText(field.value);
-    toast("The link was copied.");
+    await copyText(field.value);
 }

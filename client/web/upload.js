@@ -1,6 +1,7 @@
 // upload.js - files dropped on the page, or chosen, to contents of the daemon: which file is the
 // scene, which others it names, what the daemon has already, and the rest piece by piece.
 import { RequestError } from "./connection.js";
+import { sha256 } from "./sha256.js";
 
 const PIECE_BYTES = 1 << 20;
 const BACKLOG_BYTES = 8 << 20;
@@ -140,7 +141,7 @@ async function hashFile(part) {
             reason: "a browser cannot read more at once; "
                 + "load it from an asset folder of the server" });
     part.bytes = new Uint8Array(await part.file.arrayBuffer());
-    part.hash = new Uint8Array(await crypto.subtle.digest("SHA-256", part.bytes));
+    part.hash = await sha256(part.bytes);
 }
 
 const pause = () => new Promise((done) => setTimeout(done, 10));

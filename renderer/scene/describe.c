@@ -285,6 +285,8 @@ static void describe_lists(struct describer *d, json_t *root, const struct hg_as
     put(d, root, "cameras", cameras);
     put(d, root, "animations", describe_animations(d, asset));
     put(d, root, "variants", names(d, asset->variants.names, asset->variants.count));
+    if (asset->variants.chosen >= 0)
+        put_text(d, root, "variant", asset->variants.names[asset->variants.chosen]);
     put(d, root, "extensions_used",
         names(d, asset->file.extensions_used, asset->file.extension_count));
     put(d, root, "warnings", describe_warnings(d, asset));

@@ -4,9 +4,10 @@
 // {"time":"2026-01-31T12:00:00.000Z","event":"login","session":7,"name":"anna","tenant":"anna",
 //  "role":"VIEW","peer":"10.0.0.1","client":"helio/1","result":"ok","detail":"..."}
 // Events: start, reload, stop, login, logout, revoke, scene_open, asset_load, environment_set,
-// upload, sessions_query. `result` is ok or the name of an error. A line is one write to a file
-// that is opened for appending; the file is renamed to FILE.1 (FILE.1 to FILE.2 ...) when it has
-// reached its size. What cannot be written is counted, and said in the log.
+// upload, sessions_query, refuse (a message that the session has no right to). `result` is ok or
+// the name of an error. A line is one write to a file that is opened for appending; the file is
+// renamed to FILE.1 (FILE.1 to FILE.2 ...) when it has reached its size. What cannot be written is
+// counted, and said in the log.
 #ifndef HG_BROKER_AUDIT_H
 #define HG_BROKER_AUDIT_H
 

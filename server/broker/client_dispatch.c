@@ -438,6 +438,20 @@ static void dispatch(struct hg_conn *conn, struct hg_packet *packet, const union
     }
 }
 
+// Who asks for what the session may not is counted, and named in both logs as often as they take.
+static void forbid(struct hg_conn *conn, uint32_t request, const struct hg_error *err)
+{
+    char detail[sizeof err->what + sizeof err->reason + 2];
+    hg_count(HG_COUNT_REFUSED_PERMISSION);
+    snprintf(detail, sizeof detail, "%s: %s", err->what, err->reason);
+    hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, SESSION,
+        "session %llu of %s may not: %s", (unsigned long long)conn->number, conn->peer.name,
+        detail);
+    if (hg_session_allow_act(conn->session, err->what, NULL) == HG_OK)
+        hg_session_audit(conn->session, "refuse", err->status, detail);
+    hg_conn_fail(conn, request, err);
+}
+
 // A session of a used join ticket is there to be replaced.
 static bool may_by_ticket(
     struct hg_conn *conn, const struct hgp_message_info *info, uint32_t request)
@@ -448,7 +462,7 @@ static bool may_by_ticket(
         return true;
     hg_error_set(&err, HG_E_PERM, info->name, NULL,
         "the join ticket is used up: this session may resume the one it was for, and nothing else");
-    hg_conn_fail(conn, request, &err);
+    forbid(conn, request, &err);
     return false;
 }
 
@@ -459,7 +473,7 @@ static bool may_by_role(struct hg_conn *conn, const struct hgp_message_info *inf
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_PERM, info->name, NULL, "needs the role %s; this session has %s",
         hgp_enum_name("role", info->role), hgp_enum_name("role", conn->session->role));
-    hg_conn_fail(conn, request, &err);
+    forbid(conn, request, &err);
     return false;
 }
 

@@ -8,9 +8,10 @@
 #include <unistd.h>
 
 #include "base/alloc.h"
+#include "base/file.h"
 #include "server/broker/counters.h"
 
-enum { RECORD_BYTES = 16384, TICKET_KEY_BYTES = 80 };
+enum { RECORD_BYTES = 16384, TICKET_KEY_BYTES = 80, CLIENT_CA_BYTES = 16 << 20 };
 
 struct tls {
     struct hg_transport below;
@@ -329,6 +330,28 @@ static enum hg_status load_files(SSL_CTX *context, const struct hg_options *o, s
     return HG_OK;
 }
 
+// Of the authorities' file, as it was just read, and of whether a certificate is required.
+static enum hg_status hash_clients(
+    const struct hg_options *o, uint8_t digest[HG_SHA256_BYTES], struct hg_error *err)
+{
+    uint8_t *data = NULL;
+    size_t size = 0;
+    memset(digest, 0, HG_SHA256_BYTES);
+    if (!o->tls_client_ca)
+        return HG_OK;
+    enum hg_status status = hg_file_read(o->tls_client_ca, CLIENT_CA_BYTES, &data, &size, err);
+    struct hg_sha256 *hasher = status ? NULL : hg_sha256_create();
+    if (hasher) {
+        hg_sha256_update(hasher, o->tls_client_auth, strlen(o->tls_client_auth) + 1);
+        hg_sha256_update(hasher, data, size);
+        hg_sha256_end(hasher, digest);
+    } else if (!status) {
+        status = hg_error_set(err, HG_E_NOMEM, "--tls-client-ca", NULL, "no memory");
+    }
+    hg_free(data);
+    return status;
+}
+
 enum hg_status hg_tls_open(const struct hg_options *o, struct hg_tls *out, struct hg_error *err)
 {
     *out = (struct hg_tls){0};
@@ -342,6 +365,8 @@ enum hg_status hg_tls_open(const struct hg_options *o, struct hg_tls *out, struc
         return hg_error_set(err, HG_E_NOMEM, "--tls-cert", NULL, "no memory");
     set_rules(context);
     enum hg_status status = load_files(context, o, err);
+    if (!status)
+        status = hash_clients(o, out->clients, err);
     if (status)
         SSL_CTX_free(context);
     else
@@ -353,6 +378,7 @@ void hg_tls_replace(struct hg_tls *into, struct hg_tls *from)
 {
     unsigned char keys[TICKET_KEY_BYTES];
     if (into->context && from->context &&
+        memcmp(into->clients, from->clients, sizeof into->clients) == 0 &&
         SSL_CTX_get_tlsext_ticket_keys(into->context, keys, sizeof keys) == 1)
         SSL_CTX_set_tlsext_ticket_keys(from->context, keys, sizeof keys);
     OPENSSL_cleanse(keys, sizeof keys);

@@ -312,13 +312,15 @@ static uint64_t pixels_of(const struct encode_stream *stream)
     return (uint64_t)frame->width * frame->height;
 }
 
-// Under the lock. Deadlines grow with the size, so that small frames do not wait for all large
-// ones, and no large one for ever.
+// Under the lock. Frames in motion are done by when they are due. Deadlines of the others grow with
+// their size, so that small ones do not wait for all large ones, and no large one for ever.
 static void make_ready(struct encode_stream *stream)
 {
     struct encode_queue *q = stream->queue;
     struct encode_stream **link = &q->ready;
-    stream->deadline_ns = hg_clock_now_ns() + DEADLINE_NS_PER_PX * pixels_of(stream);
+    const uint64_t due_ns = stream->first->due_ns;
+    stream->deadline_ns =
+        due_ns ? due_ns : hg_clock_now_ns() + DEADLINE_NS_PER_PX * pixels_of(stream);
     while (*link && (*link)->deadline_ns <= stream->deadline_ns)
         link = &(*link)->next_ready;
     stream->next_ready = *link;

@@ -29,6 +29,7 @@ struct encode_request {
     bool is_legend; // a debug view
     bool parts; // the data may go in parts
     bool key_frame;   // may depend on none before it
+    uint64_t due_ns;  // when the view's next frame is to follow; 0 = when there is time
     uint32_t bitrate; // bit/s that frames with loss may take, 0 = by quality alone
     struct hg_refbuf *pixels;
     struct hg_frame_info info;

@@ -3,8 +3,10 @@
 //
 // A client lists what it can decode, the best first (view_set's codecs). The first one that this
 // build has, that takes frames of the view's size, that the client has not refused since
-// (key_frame), that has not failed here and holds target_fps is used. Where the view has alpha,
-// encodings that keep it come first.
+// (key_frame), that has not failed here and holds target_fps is used. One that does not is tried
+// again after some seconds, longer each time, and when the view has another size. Where the view
+// has alpha, encodings that keep it come first; where the network takes other frames in poor
+// quality only, video does, until it takes twice as much.
 #ifndef HG_SERVER_WORKER_VIEW_CODEC_H
 #define HG_SERVER_WORKER_VIEW_CODEC_H
 
@@ -12,6 +14,8 @@
 
 // Takes over the list; what the client has refused counts no more.
 void hg_codec_set_list(struct view_slot *view, struct hgp_bytes codecs);
+// The view has another size.
+void hg_codec_resized(struct view_slot *view);
 void hg_codec_refuse(struct view_slot *view, uint8_t encoding);
 
 // Chooses again, after any of what it depends on has changed.

@@ -16,6 +16,7 @@
 #define LEAST_MS      4.0f         // of rendering
 #define SLOW          1.5          // times the interval that an encoder takes
 #define SLOW_FRAMES   10u          // of it, at least
+#define POOR_QUALITY  40           // of JPEG
 #define STILL_BYTES   1.5          // a pixel without loss, until one was sent
 #define LEAST_REST_NS 200000000u   // before a frame without loss
 #define MOST_REST_NS  3000000000u
@@ -216,8 +217,19 @@ void hg_control_set_encoding(struct hg_control *c, uint32_t encoding)
     if (encoding == c->encoding)
         return;
     c->encoding = encoding;
+    hg_control_forget_encoder(c);
+}
+
+void hg_control_forget_encoder(struct hg_control *c)
+{
     c->encoded = 0;
     c->usual_bytes = c->encode_ns = 0;
+}
+
+bool hg_control_is_narrow(const struct hg_control *c, float fps)
+{
+    return c->informed && c->rate > 0 && c->encoded >= SLOW_FRAMES &&
+           c->usual_bytes * share_of(POOR_QUALITY) * (double)fps > c->rate * SHARE;
 }
 
 bool hg_control_encoder_is_slow(const struct hg_control *c, float fps)

@@ -101,6 +101,10 @@ void hg_control_set_encoding(struct hg_control *c, uint32_t encoding);
 // Its encoder takes much longer than a frame's interval: the next one of the client's should take
 // its place, if there is one.
 bool hg_control_encoder_is_slow(const struct hg_control *c, float fps);
+// The picture has another size: what was measured of its encoder counts no more.
+void hg_control_forget_encoder(struct hg_control *c);
+// At this frame rate the network takes frames with loss of this encoding in poor quality only.
+bool hg_control_is_narrow(const struct hg_control *c, float fps);
 // How long a view has to rest before a lossless frame of `pixels` is sent: as long as it will be on
 // the wire, where nothing else passes meanwhile. 0 = it is not worth waiting.
 uint64_t hg_control_rest_ns(const struct hg_control *c, uint64_t pixels);

@@ -97,6 +97,9 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
             hg_view_slot_destroy(r->s, r->session, view);
         return status;
     }
+    if (params.width != view->settings.params.width ||
+        params.height != view->settings.params.height)
+        hg_codec_resized(view);
     view->settings.params = params;
     view->settings.has_exposure_mode |= m->has_exposure_mode;
     view->settings.has_temporal |= m->has_temporal;

@@ -101,6 +101,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->bitrate = view->control.now.bitrate && !what->request ? view->control.now.bitrate
                                                                    : view->subscription.bitrate;
     request->key_frame = !what->request && view->subscription.key_frame;
+    request->due_ns = what->request ? 0 : hg_rate_encoded_ns(view);
     request->frame = describe_frame(view, what->encoding);
     request->frame.settled &= what->settled || what->request; // one without loss is still to come
     enum hg_status status = fill_request(s, session, view, request, err);

@@ -73,6 +73,16 @@ uint64_t hg_rate_begin_ns(struct view_slot *view)
         due_ns > work_ns ? due_ns - work_ns : 0);
 }
 
+uint64_t hg_rate_encoded_ns(const struct view_slot *view)
+{
+    const struct view_subscription *sub = &view->subscription;
+    const bool gives_way = sub->target_fps > 0 && sub->target_fps < sub->max_fps;
+    const float fps = gives_way ? sub->target_fps : sub->max_fps;
+    return view->progress.info.settled || !(fps > 0)
+               ? 0
+               : view->progress.began_ns + (uint64_t)(1e9 / (double)fps);
+}
+
 struct hg_control_choice hg_rate_choose(struct view_slot *view, uint32_t sharing)
 {
     const struct view_subscription *sub = &view->subscription;

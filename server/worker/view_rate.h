@@ -16,6 +16,9 @@ bool hg_rate_wants(const struct view_slot *view);
 uint64_t hg_rate_due_ns(struct view_slot *view);
 // When the next picture in motion may begin, likewise.
 uint64_t hg_rate_begin_ns(struct view_slot *view);
+// When the newest frame of a view in motion has to be out, so that the next one keeps the chosen
+// frame rate; 0: no frame of it is waited for like that.
+uint64_t hg_rate_encoded_ns(const struct view_slot *view);
 // What the next subscribed frame is made with; `sharing` views move.
 struct hg_control_choice hg_rate_choose(struct view_slot *view, uint32_t sharing);
 // Takes note of frames that the encoders have finished.

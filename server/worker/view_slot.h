@@ -45,7 +45,10 @@ struct view_settings {
 struct view_codecs {
     uint8_t items[16];
     uint32_t count;
-    uint32_t refused, slow; // 1 << enum hgp_encoding; slow: does not hold target_fps here
+    uint32_t refused, slow; // 1 << enum hgp_encoding; slow: did not hold target_fps here
+    uint64_t slow_until_ns; // when those are tried again
+    uint32_t slow_times;    // that some were, since the size is as it is
+    double narrow_rate; // bytes/s at which frames that are no video were poor; 0 = they were not
     int told;               // encoding that the client was told, or -1
 };
 

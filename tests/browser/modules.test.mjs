@@ -111,6 +111,67 @@ test("an orthographic camera survives a link", () => {
     assert.equal(back.half_height, 3);
 });
 
+test("SHA-256 without the browser's help is the same", async () => {
+    const { sha256, ownSha256 } = await load("sha256.js");
+    const bytes = Uint8Array.from({ length: 5000000 }, (_, i) => i * i >> 3 & 255);
+    const hex = (b) => Buffer.from(b).toString("hex");
+    assert.equal(hex(await ownSha256(new TextEncoder().encode("abc"))),
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"); // FIPS 180-4
+    for (const [at, size] of [[0, 0], [1, 1], [3, 55], [0, 56], [5, 63], [0, 64], [7, 119], [0, 120], [1, 4096],
+        [0, bytes.length]]) {
+        const part = bytes.subarray(at, at + size);
+        assert.equal(hex(await ownSha256(part)), hex(await sha256(part)), `${size} bytes`);
+    }
+    const { crypto } = globalThis;
+    Object.defineProperty(globalThis, "crypto", { value: {}, configurable: true });
+    try {
+        assert.equal(hex(await sha256(bytes.subarray(0, 100))), hex(await ownSha256(bytes.subarray(0, 100))));
+    } finally {
+        Object.defineProperty(globalThis, "crypto", { value: crypto, configurable: true });
+    }
+});
+
+test("SHA-256 without the browser's help is the same", async () => {
+    const { sha256, ownSha256 } = await load("sha256.js");
+    const bytes = Uint8Array.from({ length: 5000000 }, (_, i) => i * i >> 3 & 255);
+    const hex = (b) => Buffer.from(b).toString("hex");
+    assert.equal(hex(await ownSha256(new TextEncoder().encode("abc"))),
+        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"); // FIPS 180-4
+    for (const [at, size] of [[0, 0], [1, 1], [3, 55], [0, 56], [5, 63], [0, 64], [7, 119], [0, 120], [1, 4096],
+        [0, bytes.length]]) {
+        const part = bytes.subarray(at, at + size);
+        assert.equal(hex(await ownSha256(part)), hex(await sha256(part)), `${size} bytes`);
+    }
+    const { crypto } = globalThis;
+    Object.defineProperty(globalThis, "crypto", { value: {}, configurable: true });
+    try {
+        assert.equal(hex(await sha256(bytes.subarray(0, 100))), hex(await ownSha256(bytes.subarray(0, 100))));
+    } finally {
+        Object.defineProperty(globalThis, "crypto", { value: crypto, configurable: true });
+    }
+});
+
+test("the chosen variant is told apart from others", async () => {
+    const { Scene } = await load("scene.js");
+    const asked = [];
+    const connection = { async call(name, message) {
+        asked.push([name, message]);
+        if (message.variant === "missing")
+            throw new RequestError({ code: 4, reason: "no such variant" });
+        return { revision: 2n };
+    } };
+    const scene = new Scene(connection);
+    scene.assets = [{ number: 1, variants: ["red", "blue"], variant: "red" }, { number: 2, variants: ["a"] }];
+    let changes = 0;
+    scene.addEventListener("changed", () => changes++);
+    await scene.setVariant(1, "blue");
+    assert.deepEqual(scene.assets.map((a) => a.variant), ["blue", undefined]);
+    await assert.rejects(scene.setVariant(1, "missing"));
+    assert.equal(scene.assets[0].variant, "blue");
+    assert.equal(changes, 2); // what the panel shows is put right
+    assert.deepEqual(asked[0], ["variant_set", { asset: 1, variant: "blue" }]);
+});
+
 const gltf = (document) => new File([JSON.stringify(document)], "a.gltf");
 const model = { buffers: [{ uri: "data%20one.bin" }, { uri: "data:application/octet-stream;base64,AA==" }],
     images: [{ uri: "../tex/b.png" }, { bufferView: 0 }] };

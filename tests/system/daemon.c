@@ -555,3 +555,28 @@ void peer_end(struct peer *p)
     char byte;
     assert_true(recv(p->fd, &byte, 1, MSG_DONTWAIT) <= 0 && errno != EAGAIN);
 }
+
+// ---- metrics ------------------------------------------------------------------------------------
+
+double daemon_metric(struct daemon *d, const char *name)
+{
+    enum { MOST = 1 << 17 };
+    static const char get[] =
+        "GET /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n";
+    struct peer p = {0};
+    char *text = calloc(MOST, 1), line[256];
+    size_t size = 0;
+    assert_non_null(text);
+    peer_connect(&p, d, true);
+    peer_raw(&p, get, sizeof get - 1);
+    for (ssize_t n; size < MOST - 1 && (n = read(p.fd, text + size, MOST - 1 - size)) > 0;)
+        size += (size_t)n;
+    peer_close(&p);
+    snprintf(line, sizeof line, "\n%s ", name);
+    const char *at = strstr(text, line);
+    if (!at)
+        fail_msg("no metric %s in: %.300s", name, text);
+    const double value = strtod(at + strlen(line), NULL);
+    free(text);
+    return value;
+}

@@ -40,6 +40,7 @@ size_t daemon_file_size(struct daemon *d, const char *name); // 0 = not there
 char *daemon_read(struct daemon *d, const char *name);       // caller frees
 void daemon_wait_log(struct daemon *d, const char *text);    // until the log contains it
 pid_t daemon_worker(struct daemon *d, pid_t other_than);     // newest worker, once it is another
+double daemon_metric(struct daemon *d, const char *name);    // of /metrics, over tcp
 uint64_t daemon_rss_bytes(struct daemon *d);
 uint64_t daemon_allowed(uint64_t bytes); // more under sanitizers, which keep what was freed
 

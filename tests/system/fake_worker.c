@@ -41,7 +41,7 @@ struct scene {
 struct view {
     uint32_t number, credit;
     struct hg_packet *params, *camera;
-    uint64_t frames, sent_ns;
+    uint64_t frames, sent_ns, moved_ns; // moved: when its camera came
     struct hg_packet *looks[64]; // view_clip, view_overrides, view_variant: those that count
     uint32_t look_count;
 };
@@ -251,6 +251,7 @@ static struct hg_packet *make_frame(struct channel *c, struct view *view)
     if (!data)
         abort();
     digest(c, view, data);
+    const uint64_t now_ns = hg_clock_now_ns(), moved_ns = view->moved_ns ? view->moved_ns : now_ns;
     struct hg_packet *packet =
         hg_packet_encode(HGP_T_frame, &(struct hgp_frame){.view = view->number,
                                           .number = ++view->frames,
@@ -261,6 +262,20 @@ static struct hg_packet *make_frame(struct channel *c, struct view *view)
                                           .samples = 1,
                                           .settled = true,
                                           .lossless = true,
+                                          .has_input_ns = true,
+                                          .input_ns = moved_ns,
+                                          .has_taken_ns = true,
+                                          .taken_ns = moved_ns,
+                                          .has_render_begin_ns = true,
+                                          .render_begin_ns = now_ns,
+                                          .has_render_end_ns = true,
+                                          .render_end_ns = now_ns,
+                                          .has_encode_begin_ns = true,
+                                          .encode_begin_ns = now_ns,
+                                          .has_encode_end_ns = true,
+                                          .encode_end_ns = now_ns,
+                                          .has_sent_ns = true,
+                                          .sent_ns = now_ns,
                                           .data = {data, (uint32_t)(size < 32 ? 32 : size)}});
     hg_free(data);
     return packet;
@@ -341,6 +356,7 @@ static void merge_camera(struct view *view, const struct hgp_view_camera *m)
 {
     struct hgp_view_camera camera = *m;
     camera.has_received_ns = false;
+    view->moved_ns = m->has_received_ns ? m->received_ns : 0;
     struct hg_packet *packet = hg_packet_encode(HGP_T_view_camera, &camera);
     fake_merge(&view->camera, packet);
     hg_packet_unref(packet);

@@ -316,9 +316,9 @@ def limits_are_named(session, scene):
 
 
 def check(folder):
-    bind, panel = free_port(), os.path.join(folder, "admin.sock")
+    bind, numbers, panel = free_port(), free_port(), os.path.join(folder, "admin.sock")
     daemons = [Daemon(folder, name) for name in ("d1", "d2")]
-    env = dict(os.environ, HELIO_BIND="%s:%d" % (PROXY, bind), HELIO_ADMIN=panel,
+    env = dict(os.environ, HELIO_BIND="%s:%d" % (PROXY, bind), HELIO_ADMIN=panel, HELIO_METRICS="%s:%d" % (PROXY, numbers),
                **{"HELIO_D%d" % (i + 1): "%s:%d" % (PROXY, d.port) for i, d in enumerate(daemons)})
     proxy = subprocess.Popen(["haproxy", "-db", "-f", os.path.join(SOURCE, "deploy/haproxy/haproxy.cfg")], env=env,
                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -328,6 +328,10 @@ def check(folder):
         until(lambda: is_up(panel, 2), "daemons that pass the checks")
         assert http(bind, "/readyz")[0] == 200
         assert http(bind, "/metrics")[0] == 403
+        for name in ("d1", "d2"):
+            status, said = http(numbers, "/%s/metrics" % name)
+            assert status == 200 and "\nheliod_sessions 0\n" in said, said[:200]
+        assert http(numbers, "/d3/metrics")[0] == http(numbers, "/readyz")[0] == 404
         names, i = {}, 0
         while len(names) < 2:  # two names that hash to different daemons
             name, i = "scene-%d" % i, i + 1

@@ -19,26 +19,64 @@
 
 // ---- flow control -------------------------------------------------------------------------------
 
+// The pictures of a view that nothing changes.
+struct pictures {
+    uint64_t number;
+    uint8_t digest[32]; // of all that it shows
+};
+
+// The next one, the same as before.
+static void check_picture(struct peer *p, struct pictures *seen)
+{
+    assert_int_equal(p->header.type, HGP_T_frame);
+    assert_int_equal(p->m.frame.width, 64);
+    assert_int_equal(p->m.frame.data.size, 64 * 64 * 4);
+    if (seen->number) {
+        assert_int_equal(p->m.frame.number, seen->number + 1);
+        assert_memory_equal(p->m.frame.data.data, seen->digest, sizeof seen->digest);
+    }
+    seen->number = p->m.frame.number;
+    memcpy(seen->digest, p->m.frame.data.data, sizeof seen->digest);
+}
+
+// All frames of a subscription, each of them once.
+static void check_subscribed(struct peer *p, uint32_t count)
+{
+    struct pictures seen = {0};
+    peer_tell(p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = count});
+    for (uint32_t i = 0; i < count; i++) {
+        assert_true(peer_next(p));
+        check_picture(p, &seen);
+    }
+}
+
 static void slow_reader_harms_nobody(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer slow, fast;
+    struct peer slow, fast, other;
+    struct pictures seen = {0};
     daemon_init(&d);
     daemon_option(&d, "output-limit", "4");
     daemon_option(&d, "peer-timeout", "2");
     daemon_start(&d);
-    peer_open_scene(&slow, &d, "");
+    peer_open_scene(&slow, &d, "hall");
     peer_view(&slow, 1, 1024, 1024); // 4 MiB a frame
+    peer_open_scene(&fast, &d, "hall");
+    peer_view(&fast, 1, 64, 64);
+    peer_open_scene(&other, &d, "hall");
+    peer_view(&other, 1, 64, 64);
+    peer_call(&fast, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    check_picture(&fast, &seen);
     uint64_t before = daemon_rss_bytes(&d);
     // All the credit of the world, and it never reads.
     peer_send(&slow, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 1024});
-    peer_open_view(&fast, &d, 64, 64);
     uint64_t worst_ns = 0, most = 0;
     uint64_t start_ns = hg_clock_now_ns();
     for (int i = 0; i < 200; i++) {
         uint64_t sent_ns = hg_clock_now_ns();
         peer_call(&fast, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+        check_picture(&fast, &seen);
         uint64_t took_ns = hg_clock_now_ns() - sent_ns, rss = daemon_rss_bytes(&d);
         worst_ns = took_ns > worst_ns ? took_ns : worst_ns;
         most = rss > most ? rss : most;
@@ -46,12 +84,15 @@ static void slow_reader_harms_nobody(void **state)
     print_message("200 frames beside a slow reader: %.0f ms, worst %.1f ms, memory +%.1f MiB\n",
         (double)(hg_clock_now_ns() - start_ns) * 1e-6, (double)worst_ns * 1e-6,
         (double)(most - before) / 1048576.0);
+    check_subscribed(&other, 200);
     // output-limit + the window of frames (3 of 4 MiB) + what was being received.
     assert_true(most < before + daemon_allowed((4 + 3 * 4 + 8) * 1048576ull));
     // It is closed in the end; the fast one goes on.
     daemon_wait_log(&d, "peer-timeout");
     peer_call(&fast, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    check_picture(&fast, &seen);
     peer_close(&slow);
+    peer_close(&other);
     peer_close(&fast);
     daemon_finish(&d);
 }

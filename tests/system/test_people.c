@@ -451,9 +451,37 @@ static void annotations_survive_a_kill(void **state)
     daemon_finish(&d);
 }
 
+// The first frame that shows an input, and no other.
+static void latencies_are_in_the_metrics(void **state)
+{
+    (void)state;
+    static const char count[] = "heliod_input_latency_seconds_count{stage=\"all\"}";
+    struct daemon d;
+    struct peer p;
+    daemon_init_tokens(&d);
+    daemon_start(&d);
+    peer_enter(&p, &d, "edit-token-1");
+    peer_scene(&p, "hall");
+    peer_view(&p, 1, 16, 16);
+    peer_tell(&p, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 2});
+    await(&p, HGP_T_frame);
+    await(&p, HGP_T_frame);
+    assert_int_equal((int)daemon_metric(&d, count), 0);
+    peer_tell(&p, HGP_T_view_camera, &(struct hgp_view_camera){.view = 1, .input_seq = 5});
+    peer_tell(&p, HGP_T_credit, &(struct hgp_credit){.view = 1, .frames = 3});
+    for (int i = 0; i < 3; i++)
+        await(&p, HGP_T_frame);
+    assert_int_equal(p.m.frame.input_seq, 5);
+    assert_true(p.m.frame.has_input_ns && p.m.frame.sent_ns >= p.m.frame.input_ns);
+    assert_int_equal((int)daemon_metric(&d, count), 1);
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(latencies_are_in_the_metrics),
         cmocka_unit_test(tells_who_is_there),
         cmocka_unit_test(nothing_is_told_unasked),
         cmocka_unit_test(followers_see_what_the_holder_sees),

@@ -35,12 +35,26 @@ static void make(struct peer *p, const struct hgp_join_make *m, struct ticket *o
     take(p, out);
 }
 
-static void begin(struct daemon *d, struct peer *issuer)
+static void start(struct daemon *d, struct peer *issuer)
 {
-    daemon_init_tokens(d);
     daemon_start(d);
     peer_enter(issuer, d, "edit-token-1");
     peer_scene(issuer, "hall");
+}
+
+static void begin(struct daemon *d, struct peer *issuer)
+{
+    daemon_init_tokens(d);
+    start(d, issuer);
+}
+
+static void begin_audited(struct daemon *d, struct peer *issuer)
+{
+    char path[TEST_FOLDER_MAX + 16];
+    daemon_init_tokens(d);
+    snprintf(path, sizeof path, "%s/audit", d->folder);
+    daemon_option(d, "audit", path);
+    start(d, issuer);
 }
 
 // The next message is an error of this status; then the connection ends.
@@ -74,7 +88,7 @@ static void lets_into_one_scene_with_one_role(void **state)
     struct daemon d;
     struct peer issuer, guest, other;
     struct ticket ticket;
-    begin(&d, &issuer);
+    begin_audited(&d, &issuer);
     make(&issuer, &(struct hgp_join_make){.has_label = true, .label = hgp_str_make("Carla")},
         &ticket);
     assert_int_equal(strncmp(ticket.secret, "hj-", 3), 0);
@@ -90,6 +104,15 @@ static void lets_into_one_scene_with_one_role(void **state)
     peer_refused(&guest, HGP_T_node_set, &(struct hgp_node_set){.node = guest.first_id}, HG_E_PERM);
     peer_refused(&guest, HGP_T_join_make, &(struct hgp_join_make){0}, HG_E_PERM);
     peer_refused(&guest, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HG_E_PERM);
+    assert_int_equal((int)daemon_metric(&d, "heliod_refused_total{reason=\"permission\"}"), 2);
+    daemon_wait_log(&d, "may not: node_set: needs the role EDIT");
+    char *audit = daemon_read(&d, "audit");
+    const char *line = strstr(audit, "\"event\":\"refuse\"");
+    assert_non_null(line);
+    assert_non_null(strstr(line, "Carla"));
+    assert_non_null(strstr(line, "not-allowed"));
+    assert_non_null(strstr(line, "node_set: needs the role EDIT"));
+    free(audit);
     is_refused(&other, &d, ticket.secret, HG_E_AUTH); // it was good once
     peer_close(&guest);
     peer_close(&issuer);

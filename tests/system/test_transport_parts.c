@@ -1,4 +1,5 @@
-// test_transport_parts.c - lists of addresses, PROXY headers, lines of tokens for certificates.
+// test_transport_parts.c - lists of addresses, PROXY headers, lines of tokens for certificates,
+// histograms of latencies.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdlib.h>
@@ -9,6 +10,7 @@
 
 #include "server/broker/address_list.h"
 #include "server/broker/auth.h"
+#include "server/broker/latency.h"
 #include "server/broker/proxy_header.h"
 
 static bool has(const char *network, const char *address)
@@ -103,9 +105,59 @@ static void subjects_are_no_tokens(void **state)
     assert_memory_not_equal(subject, token, 32);
 }
 
+static uint32_t bucket_of(const struct hg_latency *before, const struct hg_latency *after)
+{
+    uint32_t bucket = HG_LATENCY_BUCKETS;
+    for (uint32_t i = 0; i < HG_LATENCY_BUCKETS; i++)
+        if (after->counts[i] != before->counts[i])
+            bucket = i;
+    return bucket;
+}
+
+static void latencies_are_counted_by_stage(void **state)
+{
+    (void)state;
+    enum { MS = 1000000, ALL = HG_LATENCY_STAGES - 1 };
+    // 0.5 ms, 1 ms as it is, a little more, 20, 100 and 900 ms: 1022.500001 in all.
+    struct hgp_frame frame = {.has_input_ns = true,
+        .has_taken_ns = true,
+        .has_render_begin_ns = true,
+        .has_render_end_ns = true,
+        .has_encode_begin_ns = true,
+        .has_encode_end_ns = true};
+    frame.input_ns = 7;
+    frame.taken_ns = frame.input_ns + MS / 2;
+    frame.render_begin_ns = frame.taken_ns + MS;
+    frame.render_end_ns = frame.render_begin_ns + MS + 1;
+    frame.encode_begin_ns = frame.render_end_ns + 20 * MS;
+    frame.encode_end_ns = frame.encode_begin_ns + 100 * MS;
+    static const uint32_t buckets[HG_LATENCY_STAGES] = {0, 0, 1, 4, 7, 10, 11};
+    const uint64_t sent_ns = frame.encode_end_ns + 900 * MS;
+    struct hg_latency before[HG_LATENCY_STAGES];
+    memcpy(before, hg_latencies, sizeof before);
+    hg_latency_note(&frame, sent_ns);
+    for (uint32_t i = 0; i < HG_LATENCY_STAGES; i++) {
+        assert_int_equal(bucket_of(&before[i], &hg_latencies[i]), buckets[i]);
+        assert_int_equal(hg_latencies[i].count, before[i].count + 1);
+    }
+    assert_int_equal(hg_latencies[0].sum_ns, before[0].sum_ns + MS / 2);
+    assert_int_equal(hg_latencies[ALL].sum_ns, before[ALL].sum_ns + 1022 * MS + MS / 2 + 1);
+    // Times that run backwards, at each stage, and one that is missing.
+    memcpy(before, hg_latencies, sizeof before);
+    struct hgp_frame bad[] = {frame, frame, frame, frame};
+    bad[0].input_ns = bad[0].taken_ns + 1;
+    bad[1].render_end_ns = bad[1].render_begin_ns - 1;
+    bad[2].encode_end_ns = sent_ns + 1;
+    bad[3].has_encode_begin_ns = false;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        hg_latency_note(&bad[i], sent_ns);
+    assert_memory_equal(before, hg_latencies, sizeof before);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(latencies_are_counted_by_stage),
         cmocka_unit_test(networks_hold_addresses),
         cmocka_unit_test(what_is_no_network_is_named),
         cmocka_unit_test(proxy_headers),

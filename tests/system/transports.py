@@ -233,6 +233,34 @@ class WebSocket:
         return out
 
 
+# What breaks a rule of RFC 6455: bytes behind the handshake, and the code that the daemon closes with.
+BROKEN = [
+    ("reserved bit 1", frame(0xC2), 1002), ("reserved bit 2", frame(0xA2), 1002), ("reserved bit 3", frame(0x92), 1002),
+    ("a deflated text", frame(0xC1, b"\xf2H\xcd"), 1002),
+    *((f"opcode {n}", frame(0x80 | n), 1002) for n in (3, 4, 5, 6, 7, 11, 12, 13, 14, 15)),
+    ("not masked", frame(0x82, b"a", mask=None), 1002),
+    ("an unmasked ping", frame(0x89, mask=None), 1002),
+    ("a fragmented ping", frame(0x09), 1002), ("a fragmented close", frame(0x08), 1002),
+    ("a ping of 126 bytes", frame(0x89, b"a" * 126), 1002), ("a close of 126 bytes", frame(0x88, b"a" * 126), 1002),
+    ("a continuation of nothing", frame(0x80, b"a"), 1002),
+    ("a message within another", frame(0x02, b"a") + frame(0x82, b"b"), 1002),
+    ("a long form of a short length", frame(0x82, b"a", form=16), 1002),
+    ("the longest form of a short length", frame(0x82, b"a" * 126, form=64), 1002),
+    ("a length with its highest bit", b"\x82\xff\x80" + b"\0" * 7 + MASK, 1002),
+    ("a message that is too large", b"\x82\xff\0\0\1" + b"\0" * 5 + MASK, 1009),
+    ("a text that is too large", b"\x81\xff" + struct.pack(">Q", 65537) + MASK, 1009),
+    ("a text", frame(0x81, b"hello"), 1003), ("an empty text", frame(0x81), 1003),
+    ("a text in fragments", frame(0x01, b"\xe2\x82") + frame(0x80, b"\xac"), 1003),
+    ("no UTF-8", frame(0x81, b"\xff"), 1007), ("overlong UTF-8", frame(0x81, b"\xc0\xaf"), 1007),
+    ("a surrogate", frame(0x81, b"\xed\xa0\x80"), 1007), ("a cut sequence", frame(0x81, b"\xe2\x82"), 1007),
+    ("a bad byte before the end", frame(0x01, b"ab\xfe"), 1007),
+    ("a close of one byte", frame(0x88, b"\x03"), 1002),
+    *((f"close code {n}", frame(0x88, struct.pack(">H", n)), 1002)
+      for n in (0, 999, 1004, 1005, 1006, 1015, 1016, 2999, 5000, 65535)),
+    ("a reason that is no UTF-8", frame(0x88, struct.pack(">H", 1000) + b"\xff"), 1007),
+]
+
+
 def is_served(d):
     """An honest client opens a session."""
     ws = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
@@ -353,38 +381,13 @@ def frames_follow_the_rfc(d):
     ws = WebSocket(port, early=frame(0x82, HELLO + auth("guessed-token")))
     assert [kind for kind, _ in ws.hgp(3)][:2] == [0x0102, 0x0105]
     assert ws.close_code() == 1000
-    rows = [
-        ("reserved bit 1", frame(0xC2), 1002), ("reserved bit 2", frame(0xA2), 1002), ("reserved bit 3", frame(0x92), 1002),
-        ("a deflated text", frame(0xC1, b"\xf2H\xcd"), 1002),
-        *((f"opcode {n}", frame(0x80 | n), 1002) for n in (3, 4, 5, 6, 7, 11, 12, 13, 14, 15)),
-        ("not masked", frame(0x82, b"a", mask=None), 1002),
-        ("an unmasked ping", frame(0x89, mask=None), 1002),
-        ("a fragmented ping", frame(0x09), 1002), ("a fragmented close", frame(0x08), 1002),
-        ("a ping of 126 bytes", frame(0x89, b"a" * 126), 1002), ("a close of 126 bytes", frame(0x88, b"a" * 126), 1002),
-        ("a continuation of nothing", frame(0x80, b"a"), 1002),
-        ("a message within another", frame(0x02, b"a") + frame(0x82, b"b"), 1002),
-        ("a long form of a short length", frame(0x82, b"a", form=16), 1002),
-        ("the longest form of a short length", frame(0x82, b"a" * 126, form=64), 1002),
-        ("a length with its highest bit", b"\x82\xff\x80" + b"\0" * 7 + MASK, 1002),
-        ("a message that is too large", b"\x82\xff\0\0\1" + b"\0" * 5 + MASK, 1009),
-        ("a text that is too large", b"\x81\xff" + struct.pack(">Q", 65537) + MASK, 1009),
-        ("a text", frame(0x81, b"hello"), 1003), ("an empty text", frame(0x81), 1003),
-        ("a text in fragments", frame(0x01, b"\xe2\x82") + frame(0x80, b"\xac"), 1003),
-        ("no UTF-8", frame(0x81, b"\xff"), 1007), ("overlong UTF-8", frame(0x81, b"\xc0\xaf"), 1007),
-        ("a surrogate", frame(0x81, b"\xed\xa0\x80"), 1007), ("a cut sequence", frame(0x81, b"\xe2\x82"), 1007),
-        ("a bad byte before the end", frame(0x01, b"ab\xfe"), 1007),
-        ("a close of one byte", frame(0x88, b"\x03"), 1002),
-        *((f"close code {n}", frame(0x88, struct.pack(">H", n)), 1002)
-          for n in (0, 999, 1004, 1005, 1006, 1015, 1016, 2999, 5000, 65535)),
-        ("a reason that is no UTF-8", frame(0x88, struct.pack(">H", 1000) + b"\xff"), 1007),
-    ]
     before = d.metric('heliod_refused_total{reason="websocket"}')
-    for what, data, code in rows:
+    for what, data, code in BROKEN:
         ws = WebSocket(port)
         ws.send(data)
         got = ws.close_code()
         assert got == code, f"{what}: {got}"
-    assert d.metric('heliod_refused_total{reason="websocket"}') == before + len(rows)
+    assert d.metric('heliod_refused_total{reason="websocket"}') == before + len(BROKEN)
     assert "a reserved bit is set" in d.read_log()
 
 
@@ -533,6 +536,41 @@ def certificates_are_reloaded(d, pki):
     assert secure(trusting(pki), d.ports[1]).getpeercert()["subject"] == new.getpeercert()["subject"]
 
 
+def tickets_are_of_their_authorities(d, pki):
+    """Tickets survive a reload, but not one that lets in other clients."""
+    for suffix in (".pem", ".key"):
+        shutil.copy(os.path.join(pki, "localhost" + suffix), os.path.join(pki, "server" + suffix))
+    reloads = d.read_log().count("reloaded:")
+
+    def reload():
+        nonlocal reloads
+        reloads += 1
+        d.process.send_signal(signal.SIGHUP)
+        wait(lambda: d.read_log().count("reloaded:") == reloads, "the reload")
+
+    context = trusting(pki, own="carla")
+    reload()
+    s = secure(context, d.ports[1])
+    assert Http(0, s).get("/healthz")[0] == 200  # the ticket has come
+    reload()
+    again = secure(context, d.ports[1], s.session)
+    assert again.session_reused
+    assert Http(0, again).get("/healthz")[0] == 200
+    # From now on carla's authority counts for nothing.
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", "other.key",
+                    "-out", "clients.pem", "-subj", "/CN=another authority", "-days", "30"], check=True, cwd=pki, capture_output=True)
+    reload()
+    try:
+        refused = secure(context, d.ports[1], again.session)
+        assert not refused.session_reused
+        refused.sendall(HELLO)
+        assert refused.recv(1) == b"", "a certificate of no authority is taken"
+    except (ssl.SSLError, ConnectionError):
+        pass
+    shutil.copy(os.path.join(pki, "ca.pem"), os.path.join(pki, "clients.pem"))
+    reload()
+
+
 def clients_connect(d, pki, helio):
     """helio by every kind of url; and whom it does not trust."""
     plain, tls = d.ports
@@ -578,8 +616,9 @@ def with_tls(heliod, worker, plain, *cases, options=None, tokens=""):
         make_certificates(pki)
         for suffix in (".pem", ".key"):
             shutil.copy(os.path.join(pki, "localhost" + suffix), os.path.join(pki, "server" + suffix))
+        shutil.copy(os.path.join(pki, "ca.pem"), os.path.join(pki, "clients.pem"))
         d = Daemon(heliod, worker, *plain, *(options or MANY), "--listen", "tls:127.0.0.1:0", "--tls-cert", os.path.join(pki, "server.pem"),
-                   "--tls-key", os.path.join(pki, "server.key"), "--tls-client-ca", os.path.join(pki, "ca.pem"),
+                   "--tls-key", os.path.join(pki, "server.key"), "--tls-client-ca", os.path.join(pki, "clients.pem"),
                    tokens="subject:carla admin carla-tenant\n" + tokens)
         try:
             for case in cases:
@@ -678,7 +717,7 @@ def main():
         print("ok proxies_say_for_whom", flush=True)
     finally:
         d.stop()
-    with_tls(heliod, worker, plain, tls_serves, *clients, certificates_are_reloaded)
+    with_tls(heliod, worker, plain, tls_serves, *clients, certificates_are_reloaded, tickets_are_of_their_authorities)
     measure_idle(heliod, worker, plain, 800)
 
 

@@ -12,8 +12,10 @@
 #include <time.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 #include "server/worker/dispatch.h"
 #include "server/worker/encode_queue.h"
+#include "server/worker/view_codec.h"
 
 enum { CHANNEL = 1, SLOW = 1, QUICK = 2, SIDE = 32, SAMPLES = 4, CAMERAS = 12 };
 #define ANSWER_TIMEOUT_NS (UINT64_C(120) * 1000000000)
@@ -27,6 +29,7 @@ static struct {
     bool shut; // encoding waits
     bool fails;
     uint32_t opened, closed, begun;
+    uint32_t views[8]; // whose frames were begun
 } encoder = {.lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
 
 static enum hg_status encoder_open(
@@ -46,8 +49,8 @@ static enum hg_status encoder_encode(void *state, const struct encode_request *r
     struct encode_output *out, struct hg_error *err)
 {
     uint32_t *frames = state;
-    (void)request;
     pthread_mutex_lock(&encoder.lock);
+    encoder.views[encoder.begun % 8] = request->frame.view;
     encoder.begun++;
     pthread_cond_broadcast(&encoder.changed);
     while (encoder.shut)
@@ -505,6 +508,116 @@ static void test_frames_say_what_they_depend_on(void **state)
     }
 }
 
+// ---- parts of it --------------------------------------------------------------------------------
+
+enum { LARGE = 1024 }; // px; no frame for the thread of small ones
+
+static int start_queue(void **state)
+{
+    struct rig *rig = hg_calloc(1, sizeof *rig);
+    assert_non_null(rig);
+    encoder.opened = encoder.closed = encoder.begun = 0;
+    set_encoder(false, false);
+    assert_int_equal(hg_worker_init(&rig->w), HG_OK);
+    assert_int_equal(hg_encode_queue_create(&rig->w, 1, find_encoder, &rig->w.encoders), HG_OK);
+    *state = rig;
+    return 0;
+}
+
+static int stop_queue(void **state)
+{
+    struct rig *rig = *state;
+    set_encoder(false, false);
+    hg_encode_queue_destroy(rig->w.encoders);
+    forget(rig);
+    hg_worker_finish(&rig->w);
+    hg_free(rig);
+    return 0;
+}
+
+static struct encode_stream *push(struct rig *rig, uint32_t view, uint64_t due_ns)
+{
+    struct encode_stream *stream = hg_encode_stream_open(rig->w.encoders);
+    struct encode_request *request = hg_calloc(1, sizeof *request);
+    assert_true(stream && request);
+    request->to = (struct reply_to){.w = &rig->w, .channel = CHANNEL};
+    request->frame.view = view;
+    request->frame.width = request->frame.height = LARGE;
+    request->frame.encoding = HGP_encoding_JPEG;
+    request->due_ns = due_ns;
+    request->pixels = hg_refbuf_create(4);
+    hg_encode_stream_push(stream, request);
+    return stream;
+}
+
+// Not in the order in which they came. Without a due time a frame has some time for its size.
+static void test_frames_are_encoded_by_when_they_are_due(void **state)
+{
+    enum { FRAMES = 5 };
+    struct rig *rig = *state;
+    struct encode_stream *streams[FRAMES];
+    const uint64_t now_ns = hg_clock_now_ns(), hour_ns = UINT64_C(3600000000000);
+    set_encoder(true, false);
+    streams[0] = push(rig, 1, now_ns + 1);
+    await_count(&encoder.begun, 1);
+    streams[1] = push(rig, 2, now_ns + 2 * hour_ns);
+    streams[2] = push(rig, 3, now_ns + hour_ns);
+    streams[3] = push(rig, 4, 0);
+    streams[4] = push(rig, 5, now_ns + 2);
+    set_encoder(false, false);
+    await_count(&encoder.begun, FRAMES);
+    static const uint32_t order[FRAMES] = {1, 5, 4, 3, 2};
+    assert_memory_equal(encoder.views, order, sizeof order);
+    for (int i = 0; i < FRAMES; i++)
+        hg_encode_stream_close(streams[i]);
+    await_count(&encoder.closed, FRAMES);
+}
+
+// A view whose frames its encoder or its network does not hold.
+static void test_codecs_are_left_and_come_back(void **state)
+{
+    struct rig *rig = *state;
+    struct render_state s = {.w = &rig->w};
+    struct view_slot view = {.encoder = hg_encode_stream_open(rig->w.encoders)};
+    struct view_subscription *sub = &view.subscription;
+    const uint8_t codecs[] = {HGP_encoding_JPEG, HGP_encoding_JPEG_444, HGP_encoding_H264};
+    const bool has_video = hg_encoder_find(HGP_encoding_H264) != NULL;
+    sub->encoding = HGP_encoding_RAW_RGBA8;
+    sub->target_fps = sub->max_fps = 30;
+    hg_codec_set_list(&view, (struct hgp_bytes){(uint8_t *)codecs, sizeof codecs});
+    hg_codec_choose(&s, &view);
+    assert_int_equal(sub->motion, HGP_encoding_JPEG);
+    for (int times = 0; times < 3; times++) {
+        view.control.encoded = 20;
+        view.control.encode_ns = 1e9;
+        hg_codec_choose(&s, &view);
+        assert_int_equal(sub->motion, HGP_encoding_JPEG_444);
+        hg_codec_choose(&s, &view); // it stays so
+        assert_int_equal(sub->motion, HGP_encoding_JPEG_444);
+        assert_true(sub->codecs.slow_until_ns > hg_clock_now_ns());
+        if (times == 1) // another size
+            hg_codec_resized(&view);
+        else // after its time
+            sub->codecs.slow_until_ns = hg_clock_now_ns();
+        hg_codec_choose(&s, &view);
+        assert_int_equal(sub->motion, HGP_encoding_JPEG);
+    }
+    // A narrow network: video, until it is twice as wide.
+    view.control.informed = true;
+    view.control.encoded = 20;
+    view.control.usual_bytes = 100000;
+    view.control.rate = 200000;
+    hg_codec_choose(&s, &view);
+    assert_int_equal(sub->motion, has_video ? HGP_encoding_H264 : HGP_encoding_JPEG);
+    view.control.rate = 390000;
+    hg_codec_choose(&s, &view);
+    assert_int_equal(sub->motion, has_video ? HGP_encoding_H264 : HGP_encoding_JPEG);
+    view.control.rate = 4100000;
+    hg_codec_choose(&s, &view);
+    assert_int_equal(sub->motion, HGP_encoding_JPEG);
+    hg_encode_stream_close(view.encoder);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, start, stop)
@@ -517,6 +630,10 @@ int main(void)
         TEST(test_codecs_are_negotiated),
         TEST(test_codecs_of_a_view_without_background),
         TEST(test_frames_say_what_they_depend_on),
+        cmocka_unit_test_setup_teardown(
+            test_frames_are_encoded_by_when_they_are_due, start_queue, stop_queue),
+        cmocka_unit_test_setup_teardown(
+            test_codecs_are_left_and_come_back, start_queue, stop_queue),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

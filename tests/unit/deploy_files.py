@@ -75,6 +75,10 @@ def check_tools():
     env = dict(os.environ, HELIO_ADMIN="/tmp/heliograph-admin.sock")
     said = tool("haproxy", "-c", "-f", os.path.join(DEPLOY, "haproxy", "haproxy.cfg"), env=env)
     expect(not said, "haproxy.cfg: %s" % said)
+    # Pods that have no address yet, as before the first of them is there.
+    env.update(HELIO_D1="heliod-0.heliod.invalid:7400", HELIO_D2="heliod-1.heliod.invalid:7400")
+    said = tool("haproxy", "-c", "-f", os.path.join(DEPLOY, "haproxy", "haproxy.cfg"), env=env)
+    expect(not said, "haproxy.cfg with names: %s" % said)
 
 
 def option_names():
@@ -87,7 +91,7 @@ def check_options():
     for path in (("container", "Containerfile"), ("kubernetes", "heliod.yaml")):
         body = text(*path)
         body = body[body.index("ENTRYPOINT"):] if "ENTRYPOINT" in body else body
-        for name in re.findall(r"--([a-z][a-z-]+)", re.sub(r"(?m)^#.*$", "", body)):
+        for name in re.findall(r"--([a-z][a-z-]+)", re.sub(r'(?m)^#.*$|\["helio".*\]', "", body)):
             expect(name in known, "%s: heliod has no option --%s" % (path[-1], name))
 
 
@@ -114,16 +118,30 @@ def check_pod(name, spec, claims):
         expect({m["name"] for m in c["volumeMounts"]} <= volumes, name + ": mounts a volume that is not there")
         expect(c["securityContext"]["capabilities"]["drop"] == ["ALL"], name + ": keeps capabilities")
         for probe in ("startupProbe", "readinessProbe", "livenessProbe"):
-            for how in c.get(probe, {}).values():
+            for kind, how in c.get(probe, {}).items():
+                if kind == "exec":
+                    expect(how["command"][:2] == ["helio", "ping"], "%s: %s is no ping" % (name, probe))
+                    continue
                 expect(not isinstance(how, dict) or how["port"] in ports, "%s: %s of another port" % (name, probe))
                 expect(not isinstance(how, dict) or how.get("path", "/readyz") in ("/readyz", "/healthz"),
                        "%s: %s of another path" % (name, probe))
+
+
+def check_proxied(found):
+    """HAProxy sends the PROXY protocol exactly where the daemons expect it."""
+    pods = {d["metadata"]["name"]: d["spec"]["template"]["spec"]["containers"][0] for d in found if "template" in d["spec"]}
+    env = {e["name"]: e["value"] for e in pods["haproxy"]["env"]}
+    sends = not env.get("HELIO_PROXY", "send-proxy-v2").startswith("no-")
+    expects = any(a.startswith("--proxy-from=") for a in pods["heliod"]["args"])
+    expect(sends and expects, "the PROXY protocol: sent %s, expected %s" % (sends, expects))
+    expect("httpGet" not in json.dumps(pods["heliod"]), "probes without its header are refused")
 
 
 def check_kubernetes():
     found = documents()
     if found is None:
         return
+    check_proxied(found)
     labels, services = {}, {}
     for d in found:
         kind, name, spec = d["kind"], d["metadata"]["name"], d["spec"]

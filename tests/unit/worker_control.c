@@ -241,6 +241,21 @@ static void test_an_encoder_that_does_not_hold_the_frame_rate(void **state)
     assert_false(hg_control_encoder_is_slow(&c, 30));
 }
 
+// Frames of quality 40 at 30 frames a second need about 900 kB/s here.
+static void test_a_link_is_narrow_where_pictures_are_poor(void **state)
+{
+    (void)state;
+    struct view wide = make_view(2e6, 20), narrow = make_view(0.5e6, 20);
+    run(&wide, 2 * (uint64_t)SECOND_NS);
+    run(&narrow, 2 * (uint64_t)SECOND_NS);
+    assert_false(hg_control_is_narrow(&wide.control, 30));
+    assert_true(hg_control_is_narrow(&narrow.control, 30));
+    assert_false(hg_control_is_narrow(&narrow.control, 5));
+    assert_false(hg_control_is_narrow(&narrow.control, 0)); // nothing gives way
+    hg_control_forget_encoder(&narrow.control);
+    assert_false(hg_control_is_narrow(&narrow.control, 30)); // not known
+}
+
 static void test_a_frame_that_cannot_be_encoded_holds_nothing_up(void **state)
 {
     (void)state;
@@ -289,6 +304,7 @@ int main(void)
         cmocka_unit_test(test_a_client_that_names_no_frames_is_bounded_by_its_credit_alone),
         cmocka_unit_test(test_views_that_move_share_the_time_of_a_frame),
         cmocka_unit_test(test_an_encoder_that_does_not_hold_the_frame_rate),
+        cmocka_unit_test(test_a_link_is_narrow_where_pictures_are_poor),
         cmocka_unit_test(test_a_frame_that_cannot_be_encoded_holds_nothing_up),
         cmocka_unit_test(test_nonsense_from_a_client_does_no_harm),
     };
