@@ -2,9 +2,11 @@
 import { bytesText, h, svg } from "./dom.js";
 import { panelHeader } from "./panels.js";
 
+const VIEW = 1;
 const WINDOW_MS = 2000;
 const GRAPH_FRAMES = 60;
 const DRAW_MS = 250;
+const FLOW_MS = 1000;
 
 // The latency by its stages, in their order.
 const SPLIT = { uplink: "· to the server", wait: "· until rendering", render: "· rendering",
@@ -17,12 +19,32 @@ export function median(values) {
     return sorted.length ? sorted[sorted.length >> 1] : null;
 }
 
+// Rows of the `flow` of stats_query.
+export function flowRows(flow) {
+    if (!flow)
+        return [];
+    const known = (value, text) => value > 0 ? text : "–";
+    return [
+        ["Server: frame rate to hold", known(flow.target_fps, `${flow.target_fps} fps`)],
+        ["· time to render", known(flow.target_ms, ms(flow.target_ms))],
+        ["· quality", known(flow.quality, `${flow.quality} %`)],
+        ["· bit rate", known(flow.bitrate, `${(flow.bitrate / 1e6).toFixed(1)} Mbit/s`)],
+        ["Network: rate", known(flow.rate_mbit_s, `${flow.rate_mbit_s.toFixed(1)} Mbit/s`)],
+        ["· least round trip", known(flow.rtt_ms, ms(flow.rtt_ms))],
+        ["· until delivered", known(flow.delay_ms, ms(flow.delay_ms))],
+        ["· under way", `${flow.under_way} frames, ${bytesText(flow.bytes_under_way)}`],
+        ["· frames held back", String(flow.held)],
+    ];
+}
+
 export class Stats {
     constructor(element, connection, onClose) {
         this.element = element;
         this.connection = connection;
         this.frames = []; // { time_ms, bytes, latency_ms, decode_ms } of the last seconds
         this.latencies = []; // newest last
+        this.flow = null; // of the newest stats_query
+        this.askAt = 0;
         this.graph = svg("svg", { class: "spark", viewBox: `0 0 ${GRAPH_FRAMES} 40`,
             preserveAspectRatio: "none", role: "img", "aria-label": "Latency of the last frames" });
         this.list = h("dl", { tabindex: "0", "aria-label": "Statistics" });
@@ -72,12 +94,23 @@ export class Stats {
             ...last?.exposure_ev === undefined ? []
                 : [["Exposure", `${last.exposure_ev.toFixed(2)} EV`]],
             ["Revision", last ? String(last.scene_revision) : "–"],
+            ...flowRows(this.flow),
         ];
+    }
+
+    // What the server's controller knows and has chosen, once a second while the panel is open.
+    askFlow(now) {
+        if (now < this.askAt)
+            return;
+        this.askAt = now + FLOW_MS;
+        this.connection.call("stats_query", { view: VIEW }).then(
+            ({ text }) => { this.flow = JSON.parse(text).flow; }, () => { this.flow = null; });
     }
 
     draw() {
         if (this.element.hidden)
             return;
+        this.askFlow(performance.now());
         this.trim(performance.now());
         this.list.replaceChildren(...this.rows().flatMap(([name, value]) =>
             [h("dt", { text: name }), h("dd", { text: value })]));

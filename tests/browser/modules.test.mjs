@@ -151,6 +151,18 @@ test("SHA-256 without the browser's help is the same", async () => {
     }
 });
 
+test("statistics have what the server's controller has chosen", async () => {
+    const { flowRows } = await load("stats.js");
+    assert.deepEqual(flowRows(null), []);
+    const rows = Object.fromEntries(flowRows({ target_fps: 30, target_ms: 12.34, quality: 71, bitrate: 4200000, rate_mbit_s: 4.66,
+        rtt_ms: 20, delay_ms: 0, under_way: 2, bytes_under_way: 3000, held: 5 }));
+    assert.equal(rows["· quality"], "71 %");
+    assert.equal(rows["· bit rate"], "4.2 Mbit/s");
+    assert.equal(rows["Network: rate"], "4.7 Mbit/s");
+    assert.equal(rows["· until delivered"], "–"); // not known
+    assert.equal(rows["· frames held back"], "5");
+});
+
 test("the chosen variant is told apart from others", async () => {
     const { Scene } = await load("scene.js");
     const asked = [];

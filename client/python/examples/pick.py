@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
-"""Says what is in the middle of the picture of a scene: pick.py SCENE"""
+"""Says what is in the middle of the picture of a scene: pick.py SCENE [WIDTH HEIGHT]"""
 import os
 import sys
 
 import helio
 
+width, height = (int(a) for a in sys.argv[2:4]) if len(sys.argv) > 3 else (320, 240)
 with helio.connect(asset_roots=[os.path.dirname(os.path.abspath(sys.argv[1]))]) as session:
     scene = session.scene()
     scene.load(sys.argv[1])
-    view = scene.view(320, 240, samples=1)
+    view = scene.view(width, height, samples=1)
     view.fit()
     view.frame()
-    hit = view.pick(160, 120)
+    hit = view.pick(width // 2, height // 2)
     if hit is None:
         sys.exit("nothing")
     names = {node["node"]: node["name"] for node in scene.nodes()}

@@ -2,19 +2,25 @@
 
 HELIO_LIBRARY, HELIO_WORKER and HELIO_TEST_MODEL (a glTF file) come from ctest.
 """
+import contextlib
 import ctypes
+import functools
+import io
 import os
 import re
+import runpy
 import subprocess
 import sys
 import tempfile
 import unittest
+from unittest import mock
 
 SOURCE = os.environ["HELIO_SOURCE_DIR"]
 sys.path.insert(0, os.path.join(SOURCE, "client", "python"))
 
 import helio  # noqa: E402
 from helio import _lib  # noqa: E402
+from helio.scene import Scene  # noqa: E402
 
 MODEL = os.environ.get("HELIO_TEST_MODEL", "demo:")
 SMALL = {"gi": "none", "samples": 1, "temporal": "none"}
@@ -219,6 +225,35 @@ class Examples(unittest.TestCase):
         path = os.path.join(SOURCE, "client", "python", "examples", name)
         return subprocess.run([sys.executable, path, *args], env=env, check=True, stdout=subprocess.PIPE,
                               timeout=300, text=True).stdout
+
+    def run_here(self, session, name, *args):
+        """In this process, with a session that is there already: starting workers takes longest."""
+        view = functools.partialmethod(Scene.view, gi="none", temporal="none")
+        path, out = os.path.join(SOURCE, "client", "python", "examples", name), io.StringIO()
+        with mock.patch.object(helio, "connect", lambda **_: contextlib.nullcontext(session)), \
+                mock.patch.object(Scene, "view", view), mock.patch.object(sys, "argv", [path, *args]), \
+                contextlib.redirect_stdout(out):
+            runpy.run_path(path, run_name="__main__")
+        session.call("asset_unload", "ok", asset=session.scene().first_id)
+        return out.getvalue()
+
+    def test_looking(self):
+        roots = [os.path.dirname(os.path.realpath(MODEL))]
+        with helio.connect(asset_roots=roots, timeout=200, answer_timeout=300) as session, \
+                tempfile.TemporaryDirectory() as folder:
+            self.run_here(session, "orbit.py", MODEL, os.path.join(folder, "%d.png"), "3", "32", "24")
+            pictures = []
+            for name in sorted(os.listdir(folder)):
+                with open(os.path.join(folder, name), "rb") as f:
+                    pictures.append(f.read())
+            self.assertEqual(len(set(pictures)), 3)
+            self.assertTrue(all(p[:4] == b"\x89PNG" for p in pictures))
+            said = self.run_here(session, "pick.py", MODEL, "32", "24")
+            self.assertRegex(said, r"^\S.* at \(.*\), \d+\.\d+ m away\n$")
+            lines = self.run_here(session, "compare.py", MODEL, "2", "32", "24").splitlines()
+        found = {name: float(value) for name, value in (line.split() for line in lines)}
+        self.assertEqual(list(found), ["psnr", "ssim", "flip"])
+        self.assertTrue(5 < found["psnr"] < 100 and 0 < found["ssim"] <= 1 and 0 <= found["flip"] < 1, found)
 
     def test_edit(self):
         with tempfile.TemporaryDirectory() as folder:
