@@ -13,7 +13,7 @@ import tempfile
 import urllib.parse
 import urllib.request
 
-from transports import HELLO, Daemon, WebSocket, auth, frame, wait
+from transport_peers import HELLO, Daemon, WebSocket, auth, frame, wait
 
 RULES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "deploy", "prometheus")
 

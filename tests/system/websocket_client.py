@@ -6,7 +6,7 @@ import asyncio
 import struct
 import sys
 
-from transports import Daemon, HELLO, auth, message
+from transport_peers import Daemon, HELLO, auth, message
 
 try:
     import websockets

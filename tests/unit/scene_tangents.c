@@ -17,6 +17,7 @@
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/mesh_tools.h"
+#include "renderer/scene/xform.h"
 
 enum { MAX_CORNERS = 3 * 2048 };
 
@@ -307,9 +308,101 @@ static void test_mirrored_stripes(void **state)
     check("hills, mirrored stripes", 1e-6);
 }
 
+// --- closed forms --------------------------------------------------------------------------------
+
+static void *copy(const void *data, size_t bytes)
+{
+    void *out = hg_calloc(1, bytes);
+    assert_non_null(out);
+    return memcpy(out, data, bytes);
+}
+
+// A plane z = 0 whose u is |x|: mirrored at x = 0. The image stands upright (v = 1 - y).
+static void test_mirrored_tangents(void **state)
+{
+    (void)state;
+    static const float positions[] = {-1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 1, 0, 0, 1, 0, 1, 1, 0};
+    static const float uv[] = {1, 1, 0, 1, 1, 1, 1, 0, 0, 0, 1, 0};
+    static const float normals[] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
+    static const uint32_t faces[] = {0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4};
+    struct hg_mesh_part part = {.vertex_count = 6,
+        .index_count = 12,
+        .indices = copy(faces, sizeof faces),
+        .positions = copy(positions, sizeof positions),
+        .normals = copy(normals, sizeof normals),
+        .uv = {copy(uv, sizeof uv), NULL}};
+    assert_int_equal(hg_part_make_tangents(&part, 0, 0), HG_OK);
+    assert_int_equal(part.vertex_count, 8); // the two on the seam are split
+    for (uint32_t i = 0; i < part.index_count; i++) {
+        const float *t = part.tangents + (size_t)part.indices[i] * 4;
+        float side = i < 6 ? -1.0f : 1.0f;
+        assert_float_equal(t[0], side, 1e-5f);
+        assert_float_equal(t[1], 0, 1e-5f);
+        assert_float_equal(t[2], 0, 1e-5f);
+        assert_float_equal(t[3], side, 0); // cross(z, t) w = +y, up in the image, on both
+        const float *p = part.positions + (size_t)part.indices[i] * 3;
+        assert_memory_equal(p, positions + (size_t)faces[i] * 3, 3 * sizeof(float));
+    }
+    hg_mesh_part_finish(&part, 0);
+}
+
+enum { RINGS = 24, SEGMENTS = 48, SPHERE_VERTICES = (RINGS + 1) * (SEGMENTS + 1) };
+
+static void make_sphere(struct hg_mesh_part *part)
+{
+    part->positions = hg_calloc(SPHERE_VERTICES, 3 * sizeof(float));
+    part->normals = hg_calloc(SPHERE_VERTICES, 3 * sizeof(float));
+    part->uv[0] = hg_calloc(SPHERE_VERTICES, 2 * sizeof(float));
+    part->indices = hg_calloc((size_t)RINGS * SEGMENTS * 6, sizeof(uint32_t));
+    assert_true(part->positions && part->normals && part->uv[0] && part->indices);
+    for (uint32_t y = 0; y <= RINGS; y++)
+        for (uint32_t x = 0; x <= SEGMENTS; x++) {
+            uint32_t v = part->vertex_count++;
+            float theta = (float)y / RINGS * 3.14159265f, phi = (float)x / SEGMENTS * 6.2831853f;
+            float n[3] = {sinf(theta) * cosf(phi), cosf(theta), -sinf(theta) * sinf(phi)};
+            memcpy(part->positions + (size_t)v * 3, n, sizeof n);
+            memcpy(part->normals + (size_t)v * 3, n, sizeof n);
+            part->uv[0][v * 2] = (float)x / SEGMENTS;
+            part->uv[0][v * 2 + 1] = (float)y / RINGS;
+        }
+    for (uint32_t y = 0; y < RINGS; y++)
+        for (uint32_t x = 0; x < SEGMENTS; x++) {
+            uint32_t a = y * (SEGMENTS + 1) + x, b = a + SEGMENTS + 1;
+            const uint32_t quad[] = {a, b, a + 1, a + 1, b, b + 1};
+            memcpy(part->indices + part->index_count, quad, sizeof quad);
+            part->index_count += 6;
+        }
+}
+
+// Along +u, which is d/dphi of the position; only the poles, where u has no direction, differ.
+static void test_sphere_tangents(void **state)
+{
+    (void)state;
+    struct hg_mesh_part part = {0};
+    make_sphere(&part);
+    assert_int_equal(hg_part_make_tangents(&part, 0, 0), HG_OK);
+    uint32_t checked = 0;
+    for (uint32_t v = 0; v < part.vertex_count; v++) {
+        const float *t = part.tangents + (size_t)v * 4, *n = part.normals + (size_t)v * 3;
+        assert_float_equal(hg_dot3(t, t), 1, 1e-5f);
+        assert_float_equal(hg_dot3(t, n), 0, 1e-5f);
+        float y = part.uv[0][v * 2 + 1] * RINGS, phi = part.uv[0][v * 2] * 6.2831853f;
+        if (y < 1.5f || y > RINGS - 1.5f)
+            continue;
+        const float u[3] = {-sinf(phi), 0, -cosf(phi)};
+        if (hg_dot3(t, u) < 0.996f || t[3] != 1)
+            fail_msg("ring %g, phi %g: cosine %g, w %g", (double)y, (double)phi,
+                (double)hg_dot3(t, u), (double)t[3]);
+        checked++;
+    }
+    assert_true(checked >= (RINGS - 3) * (SEGMENTS + 1));
+    hg_mesh_part_finish(&part, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_plane), cmocka_unit_test(test_cube),
-        cmocka_unit_test(test_seam), cmocka_unit_test(test_mirrored_stripes)};
+        cmocka_unit_test(test_seam), cmocka_unit_test(test_mirrored_stripes),
+        cmocka_unit_test(test_mirrored_tangents), cmocka_unit_test(test_sphere_tangents)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
