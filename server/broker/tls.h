@@ -13,7 +13,7 @@ struct ssl_ctx_st;
 
 // Certificate, key and rules. Connections keep those that they began with.
 struct hg_tls {
-    struct ssl_ctx_st *context; // NULL: there is no certificate
+    struct ssl_ctx_st *context;       // NULL: there is no certificate
     uint8_t clients[HG_SHA256_BYTES]; // hash of who may show a certificate, and must
 };
 

@@ -42,7 +42,7 @@ struct view {
     uint32_t number, credit;
     struct hg_packet *params, *camera;
     uint64_t frames, sent_ns, moved_ns; // moved: when its camera came
-    struct hg_packet *looks[64]; // view_clip, view_overrides, view_variant: those that count
+    struct hg_packet *looks[64];        // view_clip, view_overrides, view_variant: those that count
     uint32_t look_count;
 };
 
