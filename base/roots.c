@@ -12,12 +12,17 @@ static bool lies_under(const char *path, const char *root)
            (path[n] == '/' || path[n] == 0 || (n && root[n - 1] == '/'));
 }
 
-static bool is_allowed(const struct hg_roots *roots, const char *real)
+static bool have(const struct hg_roots *roots, const char *real)
 {
     for (uint32_t i = 0; i < roots->count; i++)
         if (lies_under(real, roots->items[i]))
             return true;
     return false;
+}
+
+static bool is_allowed(const struct hg_roots *roots, const char *real)
+{
+    return have(roots, real) && (!roots->within || have(roots->within, real));
 }
 
 // Real path of `path` under `root`; when the file is missing, that of the nearest folder above it
@@ -79,13 +84,17 @@ enum hg_status hg_roots_resolve(
     for (uint32_t i = 0; i < roots->count && *path; i++) {
         bool missing;
         char *real = resolve_under(roots->items[i], path, &missing);
-        bool allowed = real && is_allowed(roots, real);
-        if (allowed && !missing) {
+        const bool found =
+                       real && !missing && have(roots, real), // the one that the name stands for
+            allowed = real && is_allowed(roots, real);
+        if (found && allowed) {
             *out = real;
             return HG_OK;
         }
         inside |= allowed;
         free(real);
+        if (found)
+            return not_found(roots, path, false, err);
     }
     return not_found(roots, path, inside, err);
 }

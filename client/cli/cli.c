@@ -142,7 +142,10 @@ enum hg_cli_exit hg_cli_report(
     // Limits and rights exceeded by an entry of a file are errors of that file.
     bool in_file = doing == HG_CLI_DOING_INPUT && err->where[0] &&
                    (err->status == HG_E_LIMIT || err->status == HG_E_PERM);
-    return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : in_file ? HG_E_FORMAT : err->status);
+    enum hg_status status = in_file ? HG_E_FORMAT : err->status;
+    if (status == HG_E_CANCELLED) // by the daemon, which ends or is replaced
+        status = HG_E_CLOSED;
+    return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : status);
 }
 
 // ---- arguments of programs that work for this one ----------------------------------------------

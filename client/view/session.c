@@ -63,6 +63,14 @@ static void say_error(struct hg_view_session *s, const struct hg_error *err)
     hg_view_say(s, "%s", text);
 }
 
+// An answer that is an error comes back as a message.
+static enum hg_status send(
+    struct hg_view_session *s, enum hgp_type type, const void *message, struct hg_error *err)
+{
+    uint32_t request;
+    return helio_send(s->work.render.cli.h, type, message, &request, err);
+}
+
 // ---- frames ------------------------------------------------------------------------------------
 
 static void take_facts(const struct hgp_frame *frame, struct hg_view_facts *facts)
@@ -92,19 +100,52 @@ static void take_facts(const struct hgp_frame *frame, struct hg_view_facts *fact
     }
 }
 
-static void show_frame(struct hg_view_session *s, const struct hgp_frame *frame)
+// A frame of a stream that cannot be decoded: the next one is to be a key frame; after some of
+// these in a row the server takes the next encoding of the list.
+static void note_failure(struct hg_view_session *s, const struct hgp_frame *frame)
+{
+    enum { FAILURES_MAX = 3 };
+    struct hg_view_stream *stream = &s->work.stream;
+    struct hgp_key_frame ask = {.view = HG_CLI_VIEW};
+    struct hg_error ignored; // a connection that failed is found out when it is read
+    stream->awaits_key = true;
+    stream->failures += !frame->has_depends;
+    if (stream->failures == FAILURES_MAX) {
+        stream->failures = 0;
+        ask.has_failed = true;
+        ask.failed = (uint8_t)frame->encoding;
+    }
+    (void)send(s, HGP_T_key_frame, &ask, &ignored);
+}
+
+// Into the session's own picture. False: there is nothing to show of it.
+static bool decode_frame(struct hg_view_session *s, const struct hgp_frame *frame)
 {
     struct hg_error err = {0};
     struct hg_view_picture *mine = &s->work.picture;
+    struct hg_view_stream *stream = &s->work.stream;
+    const bool is_stream = hg_view_is_stream(frame->encoding);
     const uint64_t begin_ns = hg_clock_now_ns();
+    if (is_stream && frame->has_depends && stream->awaits_key)
+        return false;
     const enum hg_status status = hg_view_decode(&s->work.decoder, frame, &mine->pixels, &err);
+    if (status && is_stream)
+        note_failure(s, frame);
     if (status) {
         say_error(s, &err);
-        return;
+        return false;
     }
+    if (is_stream)
+        *stream = (struct hg_view_stream){0};
     take_facts(frame, &mine->facts);
     mine->facts.received_ns = begin_ns;
     mine->facts.decode_ns = hg_clock_now_ns() - begin_ns;
+    return true;
+}
+
+static void show_picture(struct hg_view_session *s)
+{
+    struct hg_view_picture *mine = &s->work.picture;
     pthread_mutex_lock(&s->lock);
     const struct hg_view_picture before = s->shown.picture;
     s->shown.picture = *mine;
@@ -147,13 +188,15 @@ static void take_other(struct hg_view_session *s, const struct helio_message *m)
     }
 }
 
-// Of the frames that have come the newest is shown.
+// Of the frames that have come the newest is shown; those that later ones depend on are decoded,
+// too.
 static void take_messages(struct hg_view_session *s)
 {
     struct helio_message *m, *newest = NULL;
     struct hg_error ignored;
     uint32_t frames = 0;
     uint64_t bytes = 0;
+    bool decoded = false;
     while (helio_next(s->work.render.cli.h, &m, &ignored) == HG_OK) {
         if (m->type != HGP_T_frame || m->body->frame.view != HG_CLI_VIEW) {
             take_other(s, m);
@@ -162,31 +205,31 @@ static void take_messages(struct hg_view_session *s)
         }
         if (m->request == 0)
             give_credit(s, m);
-        helio_message_free(newest);
-        newest = m;
         frames++;
         bytes += m->body->frame.data.size;
+        helio_message_free(newest);
+        newest = m;
+        if (hg_view_is_stream(m->body->frame.encoding)) {
+            decoded = decode_frame(s, &m->body->frame);
+            helio_message_free(m);
+            newest = NULL;
+        }
     }
-    if (!newest)
+    if (!frames)
         return;
     pthread_mutex_lock(&s->lock);
     s->shown.status.frames += frames;
     s->shown.status.bytes += bytes;
     s->shown.status.dropped += frames - 1;
     pthread_mutex_unlock(&s->lock);
-    show_frame(s, &newest->body->frame);
+    if (newest)
+        decoded = decode_frame(s, &newest->body->frame);
+    if (decoded)
+        show_picture(s);
     helio_message_free(newest);
 }
 
 // ---- what the window asks for ------------------------------------------------------------------
-
-// An answer that is an error comes back as a message.
-static enum hg_status send(
-    struct hg_view_session *s, enum hgp_type type, const void *message, struct hg_error *err)
-{
-    uint32_t request;
-    return helio_send(s->work.render.cli.h, type, message, &request, err);
-}
 
 static enum hg_status send_camera(struct hg_view_session *s, struct hg_error *err)
 {

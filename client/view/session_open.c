@@ -237,10 +237,13 @@ static bool is_near(const struct hg_cli_options *o)
 static enum hg_status subscribe(struct hg_view_session *s, struct hg_error *err)
 {
     const bool near = is_near(&s->work.options);
+    uint8_t codecs[HG_VIEW_CODECS_MAX];
     const struct hgp_view_set view = {
         .view = HG_CLI_VIEW,
         .has_encoding = true,
         .encoding = near ? HGP_encoding_RAW_RGBA8 : HGP_encoding_JPEG,
+        .has_codecs = !near,
+        .codecs = {codecs, near ? 0 : (uint32_t)hg_view_codecs(codecs)},
         .has_names = true,
         .names = 1,
         .has_still_encoding = true,

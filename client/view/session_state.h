@@ -36,12 +36,19 @@ struct hg_view_shown {
     struct hgp_picked picked;
 };
 
+// Of frames that depend on others: what could not be decoded.
+struct hg_view_stream {
+    bool awaits_key;   // frames are left out until a key frame comes, which was asked for
+    uint32_t failures; // key frames in a row
+};
+
 // Of the session's thread alone.
 struct hg_view_work {
     struct hg_cli_options options;
     char path[HG_VIEW_PATH_BYTES]; // options.args[0] once a file was opened
     struct hg_cli_render render;
     struct hg_view_decoder decoder;
+    struct hg_view_stream stream;
     struct hg_view_picture picture; // being decoded
     uint32_t assets[HG_VIEW_ASSETS_MAX], asset_count;
     struct hg_cli_recorder *recorder; // NULL: nothing is recorded

@@ -20,6 +20,15 @@ static const char *encoding_name(enum hgp_encoding encoding)
         return "zstd";
     case HGP_encoding_JPEG:
         return "jpeg";
+    case HGP_encoding_JPEG_444:
+        return "jpeg 4:4:4";
+    case HGP_encoding_TILES:
+    case HGP_encoding_TILES_JPEG:
+        return "tiles";
+    case HGP_encoding_H264:
+        return "h264";
+    case HGP_encoding_AV1:
+        return "av1";
     default:
         return "other";
     }

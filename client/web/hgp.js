@@ -1413,6 +1413,7 @@ export const messages = {
         fields: [
             { name: "tenant", kind: "str", max: 128, since: 1 },
             { name: "weight", kind: "u32", least: 1, most: 10000, since: 1 },
+            { name: "roots", kind: "str", max: 511, since: 1, optional: true },
         ],
     },
     // before a pulse: what the thread of its busy_ns is at

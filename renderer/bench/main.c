@@ -75,7 +75,7 @@ static bool add_root(struct program *p, const char *path)
     }
     roots[count] = real;
     p->roots = roots;
-    p->host.roots = (struct hg_roots){(const char *const *)roots, count + 1};
+    p->host.roots = (struct hg_roots){.items = (const char *const *)roots, .count = count + 1};
     return true;
 }
 

@@ -57,6 +57,15 @@ static bool parse_pattern(const char *text, char *out, size_t size)
     return *text && (size_t)snprintf(out, size, "%s", text) < size;
 }
 
+// Folders from the root of the file system on.
+static bool parse_roots(const char *text, char *out, size_t size)
+{
+    for (const char *at = text; at; at = strchr(at, ':') ? strchr(at, ':') + 1 : NULL)
+        if (*at != '/')
+            return false;
+    return parse_pattern(text, out, size);
+}
+
 static bool parse_scope(char *word, struct hg_token *out)
 {
     struct hg_token_scope *scope = &out->scope;
@@ -68,6 +77,8 @@ static bool parse_scope(char *word, struct hg_token *out)
         return parse_date(value, &scope->expires_s);
     if (strcmp(word, "scenes") == 0)
         return parse_pattern(value, scope->scenes, sizeof scope->scenes);
+    if (strcmp(word, "roots") == 0)
+        return parse_roots(value, scope->roots, sizeof scope->roots);
     if (strcmp(word, "weight") == 0)
         return parse_count(value, &scope->weight) && scope->weight <= HG_TOKEN_WEIGHT_MAX;
     if (strcmp(word, "pixels") == 0)
@@ -155,7 +166,8 @@ static enum hg_status parse_line(
         else if (!parse_scope(word, out))
             return hg_error_set(err, HG_E_INVAL, NULL, NULL,
                 "'%s' is none of tenant=NAME, expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, "
-                "sessions=COUNT, rate=COUNT, weight=1...10000, pixels=COUNT, tickets=COUNT",
+                "roots=/FOLDER[:/FOLDER...], sessions=COUNT, rate=COUNT, weight=1...10000, "
+                "pixels=COUNT, tickets=COUNT",
                 word);
     }
     out->role = (enum hgp_role)value;

@@ -19,6 +19,7 @@ struct hg_token_scope {
     uint32_t max_tickets;  // join tickets that it may have; 0 = as its role says
     bool is_ticket;        // of a join ticket: `scenes` is the name of the only scene
     char scenes[129];      // pattern (fnmatch) of the names of scenes that may be opened; "" = all
+    char roots[512]; // absolute folders, ':' between them, below which it reads; "" = all roots
 };
 
 struct hg_token {
@@ -37,8 +38,8 @@ struct hg_tokens {
 };
 
 // Reads lines of
-//   TOKEN ROLE [NAME] [tenant=NAME] [expires=DATE] [scenes=PATTERN] [sessions=COUNT] [rate=COUNT]
-//   [weight=COUNT] [pixels=COUNT] [tickets=COUNT]
+//   TOKEN ROLE [NAME] [tenant=NAME] [expires=DATE] [scenes=PATTERN] [roots=FOLDER[:FOLDER...]]
+//   [sessions=COUNT] [rate=COUNT] [weight=COUNT] [pixels=COUNT] [tickets=COUNT]
 // where TOKEN is `subject:` and the common name of a client's certificate, `sha256:` and 64
 // hexadecimal digits, or the token itself; DATE is YYYY-MM-DD or YYYY-MM-DDThh:mm:ssZ. HG_E_INVAL:
 // err->what = the file, err->where = "line N". HG_E_NOTFOUND, HG_E_PERM, HG_E_IO, HG_E_LIMIT,

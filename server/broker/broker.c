@@ -18,6 +18,7 @@
 #include "server/broker/call_filter.h"
 #include "server/broker/address_list.h"
 #include "server/broker/confine.h"
+#include "server/broker/folder_lock.h"
 #include "server/broker/conn_share.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
@@ -95,24 +96,6 @@ static char *join(const char *folder, const char *name)
     if (path)
         snprintf(path, size, "%s/%s", folder, name);
     return path;
-}
-
-static enum hg_status choose_cache_dir(struct hg_options *o, struct hg_error *err)
-{
-    const char *given = getenv("CACHE_DIRECTORY"), *xdg = getenv("XDG_CACHE_HOME"),
-               *home = getenv("HOME");
-    if (o->cache_dir)
-        return HG_OK;
-    if (given && *given)
-        o->cache_dir = hg_strdup(given);
-    else if (xdg && *xdg)
-        o->cache_dir = join(xdg, "heliograph");
-    else if (home && *home)
-        o->cache_dir = join(home, ".cache/heliograph");
-    else
-        return hg_error_set(
-            err, HG_E_INVAL, "--cache-dir", NULL, "name a folder: the environment gives none");
-    return o->cache_dir ? HG_OK : hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
 }
 
 static enum hg_status choose_audit(struct hg_options *o, struct hg_error *err)
@@ -311,7 +294,9 @@ static void reload(struct hg_broker *b)
         "RELOADING=1\nMONOTONIC_USEC=%llu", (unsigned long long)(hg_clock_now_ns() / 1000));
     enum hg_status status = hg_options_parse(b->argc, b->argv, &options, &err);
     if (!status)
-        status = choose_cache_dir(&options, &err); // so that it compares equal
+        status = hg_cache_folder_choose(&options, &err);
+    if (!status && !hg_cache_folder_compare(&b->cache, &b->options, &options))
+        status = hg_error_set(&err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
     if (!status)
         status = choose_audit(&options, &err);
     if (!status)
@@ -469,6 +454,8 @@ static void tick(struct hg_broker *b)
 {
     uint64_t now_ns = b->loop.now_ns;
     hg_conn_share_output(&b->conns);
+    hg_conn_share_input(&b->conns);
+    hg_conn_check_input(&b->conns);
     hg_conn_check_times(&b->conns);
     if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
         b->tokens_checked_ns = now_ns;
@@ -488,8 +475,8 @@ static void tick(struct hg_broker *b)
     hg_shared_scene_check_times(&b->sessions.scenes, now_ns);
     hg_state_tend(&b->sessions);
     watch_accepts(b, now_ns);
-    if (b->watchdog_ns && now_ns - b->watchdog_sent_ns >= b->watchdog_ns / 2) {
-        b->watchdog_sent_ns = now_ns;
+    if (b->watchdog.interval_ns && now_ns - b->watchdog.sent_ns >= b->watchdog.interval_ns / 2) {
+        b->watchdog.sent_ns = now_ns;
         hg_notify_send("WATCHDOG=1");
     }
 }
@@ -506,7 +493,8 @@ static uint64_t round_end(void *user)
     uint64_t now_ns = b->loop.now_ns;
     bool draining = b->sessions.draining;
     hg_worker_pool_end_round(&b->pool, now_ns);
-    bool idle = !b->conns.first && hg_worker_pool_is_up(&b->pool) && !draining && !b->watchdog_ns;
+    bool idle =
+        !b->conns.first && hg_worker_pool_is_up(&b->pool) && !draining && !b->watchdog.interval_ns;
     if (!idle)
         b->tick_ns = sooner(b->tick_ns, now_ns + TICK_NS);
     if (now_ns >= b->tick_ns) {
@@ -545,8 +533,9 @@ static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *er
         return status;
     for (const struct hg_listener *it = b->listeners; it; it = it->next)
         hg_user_own(&user, it->unix_path);
-    if (mkdir(b->options.cache_dir, 0700) != 0 && errno != EEXIST)
-        hg_warn(MAIN, "%s: %s", b->options.cache_dir, strerror(errno));
+    if (hg_folder_make(b->options.cache_dir, err))
+        hg_warn(MAIN, "%s: %s", b->options.cache_dir, err->reason);
+    *err = (struct hg_error){0};
     hg_user_own(&user, b->options.cache_dir);
     hg_user_own(&user, b->options.audit);
     hg_user_own(&user, b->options.state_dir);
@@ -555,6 +544,18 @@ static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *er
         hg_warn(AUTH, "%s cannot read %s: SIGHUP will keep the tokens of now", user.name,
             b->options.tokens);
     return status;
+}
+
+// One that took over has the list of its predecessor: every further one would stay as well.
+static enum hg_status filter_calls(const struct hg_broker *b, struct hg_error *err)
+{
+    if (hg_call_filter_enter())
+        return HG_OK;
+    if (strcmp(b->options.sandbox, "require") == 0)
+        return hg_error_set(err, HG_E_UNSUPPORTED, "heliod", "sandbox",
+            "this kernel has no seccomp filters, which sandbox=require asks for");
+    hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
+    return HG_OK;
 }
 
 static enum hg_status start(struct hg_broker *b, struct hg_error *err)
@@ -566,6 +567,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = hg_tls_open(&b->options, &b->streams.tls, err);
     if (!status && !is_inherited)
         status = listen_and_become(b, err);
+    if (!status) // the launcher and all that follows use it
+        status = hg_cache_folder_open(&b->cache, &b->options, err);
     if (!status) // the launcher has to leave the group that shares out controllers, too
         status = hg_machine_init(&b->machine, &b->options, err);
     if (!status && !hg_launcher_adopt(&b->launcher, &b->machine.group))
@@ -573,9 +576,8 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
     // Before there are threads, each of which has a set of its own.
     if (!status && hg_confine_drop_capabilities())
         status = hg_error_set(err, HG_E_PERM, "heliod", NULL, "cannot give up its capabilities");
-    // One that took over has the list of its predecessor: every further one would stay as well.
-    if (!status && !is_inherited && !hg_call_filter_enter())
-        hg_warn(MAIN, "this kernel has no seccomp filters: the daemon may make any system call");
+    if (!status && !is_inherited)
+        status = filter_calls(b, err);
     if (!status)
         status = watch_signals(b, err);
     if (!status)
@@ -628,6 +630,7 @@ static void stop(struct hg_broker *b)
     hg_tokens_finish(&b->tokens);
     hg_loop_close(&b->loop, &b->signals);
     hg_loop_finish(&b->loop);
+    hg_cache_folder_close(&b->cache);
     hg_options_finish(&b->options);
 }
 
@@ -647,21 +650,23 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     struct hg_error err = {0};
     *b = (struct hg_broker){.options = *options, .argc = argc, .argv = argv};
     *options = (struct hg_options){0};
-    b->signals.fd = b->state_news.fd = b->loop.epoll_fd = b->launcher.fd = -1;
+    b->signals.fd = b->state_news.fd = b->loop.epoll_fd = b->launcher.fd = b->cache.lock_fd = -1;
     b->takeover = (struct hg_takeover){.all = {&b->sessions, &b->conns, &b->listeners},
         .loop = &b->loop,
         .audit = &b->audit,
         .launcher = &b->launcher,
+        .cache = &b->cache,
         .state = &b->state,
         .state_news = &b->state_news,
         .argc = argc,
         .argv = argv};
-    enum hg_status status = choose_cache_dir(&b->options, &err);
+    enum hg_status status = hg_cache_folder_choose(&b->options, &err);
     if (!status) {
         hg_launcher_continue(&b->options, argv);
-        hg_takeover_find(&b->takeover);
-        status = read_tokens(&b->options, &b->tokens, &err);
+        status = hg_takeover_find(&b->takeover, &b->options, &err);
     }
+    if (!status)
+        status = read_tokens(&b->options, &b->tokens, &err);
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
@@ -670,7 +675,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         status = start(b, &err);
     if (!status) {
         b->sessions.started_ns = b->loop.now_ns;
-        b->watchdog_ns = hg_notify_watchdog_ns();
+        b->watchdog.interval_ns = hg_notify_watchdog_ns();
         warn_exposed(b);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);

@@ -5,9 +5,10 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   json counters latency
+//   json counters latency folder_lock
 //   web_files                                    what HTTP serves
 //   loop options audit auth notify list peer_log upload_store    the system's side; contents
+//   cache_folder                                 which one the daemon uses
 //   proxy_header                                 the PROXY protocol
 //   address_list                                 addresses in options
 //   transport state_file upload                  bytes of a peer; of the state log; of a content
@@ -37,6 +38,7 @@
 //   session_sync                                 answers that wait for the disk
 //   session_view session_upload
 //   session_look                                 how views show the scene
+//   suspect                                      by what requests are known again
 //   trial
 //   session_request session_rules session_list    to the worker; what is refused; who is there
 //   session_end
@@ -79,6 +81,7 @@ struct hg_broker {
     struct hg_tokens tokens;
     struct hg_audit audit;
     struct hg_guests guests;
+    struct hg_cache_folder cache;
     struct hg_upload_store *store;
     struct hg_listener *listeners;
     struct hg_source signals;
@@ -92,7 +95,10 @@ struct hg_broker {
     struct hg_machine machine;
     struct hg_worker_pool pool;
     struct hg_takeover takeover;
-    uint64_t tick_ns, tokens_checked_ns, watchdog_ns, watchdog_sent_ns, drain_deadline_ns;
+    struct hg_broker_watchdog {
+        uint64_t interval_ns, sent_ns; // of the service manager; 0 = there is none
+    } watchdog;
+    uint64_t tick_ns, tokens_checked_ns, drain_deadline_ns;
 };
 
 // Runs until drained; returns the exit code. Options are taken over.

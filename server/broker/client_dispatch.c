@@ -158,20 +158,31 @@ static void handle_hello(struct hg_conn *conn, uint32_t request, const struct hg
             .max_message_bytes = (uint32_t)a->options->max_message_bytes});
 }
 
+// A network is many hosts, which may share an address' limit of failures by accident.
+enum { NETWORK_TIMES = 8 };
+
+static uint64_t doubled_ns(const struct hg_peer_entry *entry, uint64_t allowed, uint64_t now_ns)
+{
+    const uint64_t failures = entry ? hg_peer_entry_failures(entry, now_ns) : 0;
+    if (failures < allowed)
+        return 0;
+    return UINT64_C(1000000000) << (failures - allowed < 4 ? failures - allowed : 4);
+}
+
 // How long a token from there waits until it is judged, right or wrong: after auth-failures wrong
-// ones within a minute 1 s, doubled with each further one up to 16 s; 1 s for all while wrong
-// tokens from everywhere are more than auth-failures-total. So guessing is slow, however many
-// connections a source may have, and whoever shares its address and knows a token still gets in.
+// ones within a minute, or eight times as many from its network, 1 s, doubled with each further one
+// up to 16 s; 1 s for all while wrong tokens from everywhere are more than auth-failures-total. So
+// guessing is slow, however many connections and addresses a source may have, and whoever shares
+// them and knows a token still gets in.
 static uint64_t penalty_ns(const struct hg_conn *conn)
 {
     const struct hg_admission *a = conn->table->owner;
-    const uint64_t second_ns = 1000000000;
+    const uint64_t second_ns = 1000000000, allowed = a->options->auth_failures;
     uint64_t now_ns = conn->table->loop->now_ns;
-    uint32_t failures = conn->slot.source ? hg_peer_entry_failures(conn->slot.source, now_ns) : 0;
-    if (failures >= a->options->auth_failures) {
-        uint32_t doublings = failures - a->options->auth_failures;
-        return second_ns << (doublings < 4 ? doublings : 4);
-    }
+    const uint64_t own_ns = doubled_ns(conn->slot.source, allowed, now_ns);
+    const uint64_t all_ns = doubled_ns(conn->slot.network, NETWORK_TIMES * allowed, now_ns);
+    if (own_ns || all_ns)
+        return own_ns > all_ns ? own_ns : all_ns;
     bool flooded = hg_peer_table_all_failures(&conn->table->slots.peers, now_ns) >=
                    a->options->auth_failures_total;
     return flooded ? second_ns : 0;
@@ -181,7 +192,8 @@ static void refuse_token(struct hg_conn *conn)
 {
     uint64_t now_ns = conn->table->loop->now_ns;
     hg_count(HG_COUNT_REFUSED_TOKEN);
-    hg_peer_table_count_failure(&conn->table->slots.peers, conn->slot.source, now_ns);
+    hg_peer_table_count_failure(
+        &conn->table->slots.peers, conn->slot.source, conn->slot.network, now_ns);
     if (hg_peer_log_may(&conn->table->log, now_ns))
         hg_warn(AUTH, "wrong token from %s (client %s), %llu wrong ones in all", conn->peer.name,
             conn->client, (unsigned long long)conn->table->slots.peers.failures);
@@ -298,6 +310,15 @@ static const struct hg_token *find_token(
     return ticket ? out : token;
 }
 
+// What a token allows now; its worker is told what of that is its business.
+static void take_scope(struct hg_session *s, const struct hg_token_scope *scope)
+{
+    const bool told = strcmp(s->scope.roots, scope->roots) == 0 && s->scope.weight == scope->weight;
+    s->scope = *scope;
+    if (!told && s->scene && s->attached)
+        hg_session_request_tell_tenant(s);
+}
+
 void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
 {
     const struct hg_admission *a = conns->owner;
@@ -311,7 +332,7 @@ void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
         const struct hg_token *token = find_token(a, it, now_s, &of_ticket);
         if (token && token->role == it->session->role &&
             strcmp(token->tenant, it->session->tenant) == 0) {
-            it->session->scope = token->scope;
+            take_scope(it->session, &token->scope);
             continue;
         }
         struct hg_error err = {0};

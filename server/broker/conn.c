@@ -22,7 +22,8 @@ static const uint64_t rest_ns = 2000000000;
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
 {
     uint64_t limit = conn->table->options->output_limit_bytes;
-    return conn->output_share && conn->output_share < limit ? conn->output_share : limit;
+    const uint64_t share = conn->budget.output_share;
+    return share && share < limit ? share : limit;
 }
 
 bool hg_conn_is_slow(const struct hg_conn *conn)
@@ -269,6 +270,7 @@ static bool take_message(struct hg_conn *conn)
     if (!packet)
         return false;
     conn->rate.allowance -= 1;
+    conn->budget.fill_ns = 0;
     hg_count(HG_COUNT_MESSAGES_IN);
     if (conn->state < HG_CONN_OPEN && conn->rate.allowance < 0) {
         struct hg_error err = {0};
@@ -340,8 +342,10 @@ static void receive(struct hg_conn *conn)
     const uint64_t before = conn->in.total_bytes;
     enum hg_status status = hg_packet_receive(&conn->in, &conn->transport);
     hg_count_add(HG_COUNT_BYTES_IN, conn->in.total_bytes - before);
-    conn->received_ns = conn->table->loop->now_ns;
-    conn->ping_ns = 0;
+    if (conn->in.total_bytes != before || conn->state < HG_CONN_OPEN) { // not half a TLS record
+        conn->received_ns = conn->table->loop->now_ns;
+        conn->ping_ns = 0;
+    }
     check_stage(conn);
     if (conn->transport.renamed)
         rename_peer(conn);

@@ -39,6 +39,14 @@ struct hg_conn_rate {
     uint64_t since_ns; // when that was counted
 };
 
+// Of memory that connections share (conn_share.h), and of a message that is arriving.
+struct hg_conn_budget {
+    uint64_t output_share;           // of output-total while that is short; 0 = it is not
+    uint64_t input;                  // of all with its token, while input-total is used up
+    uint64_t fill_ns, filled_before; // when a part of it was there first; received until then.
+                                     // fill_ns 0 = none has been, or it is not read
+};
+
 struct hg_conn {
     struct hg_conn *prev, *next;
     struct hg_conn_table *table;
@@ -58,7 +66,7 @@ struct hg_conn {
     uint64_t number;                          // of the session
     uint64_t deadline_ns;                     // handshake, or the end of CLOSING
     uint64_t opened_ns, received_ns, ping_ns; // ping_ns: newest ping sent, 0 = none pending
-    uint64_t output_share;                    // of output-total while that is short; 0 = it is not
+    struct hg_conn_budget budget;
     struct hg_conn_rate rate;
     struct hg_session *session; // of the layer above
 };

@@ -213,6 +213,7 @@ static void save_session(const struct hg_handover *h, const struct hg_session *s
     hg_write_u8(&w, s->scope.is_ticket);
     hg_write_u8(&w, s->resume.only);
     hg_write_u64(&w, s->pace.statistics_ns);
+    put_text(&w, s->scope.roots);
     append(h, &w);
     for (const struct hg_session_view *it = s->views; it; it = it->next)
         save_view(h, s, it);
@@ -399,6 +400,8 @@ static enum hg_status load_session(const struct hg_handover *h, struct hg_reader
     s->scope.is_ticket = hg_read_u8(r) != 0;
     s->resume.only = hg_read_u8(r) != 0;
     s->pace.statistics_ns = hg_read_u64(r);
+    if (!r->failed && r->pos < r->size)
+        take_text(r, s->scope.roots, sizeof s->scope.roots);
     return HG_OK;
 }
 

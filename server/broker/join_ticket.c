@@ -41,7 +41,8 @@ static uint64_t record(struct hg_state_log *log, const struct hg_join_ticket *it
         .tenant = hgp_str_make(it->tenant),
         .issuer = hgp_str_make(it->issuer),
         .scene = hgp_str_make(it->scene),
-        .label = hgp_str_make(it->label)};
+        .label = hgp_str_make(it->label),
+        .roots = hgp_str_make(it->roots)};
     memcpy(m.hash, it->hash, sizeof m.hash);
     memcpy(m.issuer_key, it->issuer_key, sizeof m.issuer_key);
     return hg_state_put_ticket(log, &m);
@@ -129,6 +130,7 @@ void hg_join_ticket_as_token(const struct hg_join_ticket *ticket, struct hg_toke
     snprintf(out->name, sizeof out->name, "%s", ticket->label);
     snprintf(out->tenant, sizeof out->tenant, "%s", ticket->tenant);
     snprintf(out->scope.scenes, sizeof out->scope.scenes, "%s", ticket->scene);
+    snprintf(out->scope.roots, sizeof out->scope.roots, "%s", ticket->roots);
 }
 
 uint32_t hg_join_tickets_of(const struct hg_join_tickets *all, const char *tenant)
@@ -170,6 +172,7 @@ enum hg_status hg_join_ticket_restore(
     take_text(it.issuer, sizeof it.issuer, record->issuer);
     take_text(it.scene, sizeof it.scene, record->scene);
     take_text(it.label, sizeof it.label, record->label);
+    take_text(it.roots, sizeof it.roots, record->roots);
     struct hg_join_ticket *old = hg_join_ticket_by_number(all, it.number);
     if (all->last_number < it.number)
         all->last_number = it.number;

@@ -18,6 +18,7 @@ struct hg_join_ticket {
     enum hgp_role role;     // VIEW or EDIT
     uint32_t uses, used;
     uint32_t weight, max_rate, max_pixels; // of the issuer's scope
+    char roots[512];                       // likewise
     uint64_t until_s;
 };
 

@@ -22,7 +22,8 @@
 enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 10 };
 enum { SOCKET_FD = 3, WORKER_FD = 3, SEED_NICE = 19 };
 
-static const char process_name[] = "HELIOD_LAUNCHER"; // its number: the process is a launcher
+// Its number, where the process is a launcher, and the folder that the daemon keeps its cache in.
+static const char process_name[] = "HELIOD_LAUNCHER";
 // In place of a request, of whatever version: become the program that is on the disk now.
 static const char renew_message = 'R';
 
@@ -271,11 +272,11 @@ static ssize_t receive(int fd, struct request *request, int *link)
     return got;
 }
 
-static void become_new_program(char *const *argv)
+static void become_new_program(const struct hg_options *o, char *const *argv)
 {
-    char number[16];
-    snprintf(number, sizeof number, "%d", (int)getpid());
-    setenv(process_name, number, 1);
+    char text[HG_HOME_PATH + 16];
+    snprintf(text, sizeof text, "%d:%s", (int)getpid(), o->cache_dir);
+    setenv(process_name, text, 1);
     fcntl(SOCKET_FD, F_SETFD, 0);
     execvp(argv[0], argv);
     unsetenv(process_name); // it goes on as it is
@@ -304,7 +305,7 @@ static void serve(const struct hg_options *options, char *const *argv)
     ssize_t got;
     for (int link; (got = receive(SOCKET_FD, &request, &link)) > 0;) {
         if (got == sizeof renew_message) {
-            become_new_program(argv);
+            become_new_program(&o, argv);
             continue;
         }
         if (got != (ssize_t)sizeof request)
@@ -332,11 +333,17 @@ static void run_launcher(const struct hg_options *options, char *const *argv)
 
 void hg_launcher_continue(const struct hg_options *options, char *const *argv)
 {
-    const char *number = getenv(process_name);
-    const bool is_launcher = number && atoi(number) == (int)getpid();
+    const char *text = getenv(process_name);
+    const char *folder = text ? strchr(text, ':') : NULL;
+    struct hg_options o = *options; // as long as the process
+    const bool is_launcher = text && atoi(text) == (int)getpid();
+    if (is_launcher && folder)
+        o.cache_dir = hg_strdup(folder + 1);
     unsetenv(process_name);
+    if (is_launcher && o.cache_dir)
+        run_launcher(&o, argv);
     if (is_launcher)
-        run_launcher(options, argv);
+        _exit(1); // no memory
 }
 
 // ---- the daemon ---------------------------------------------------------------------------------

@@ -93,15 +93,8 @@ uint64_t hg_peer_table_all_failures(const struct hg_peer_table *table, uint64_t 
     return now_ns - table->minute_ns < minute_ns ? table->minute_failures : 0;
 }
 
-void hg_peer_table_count_failure(
-    struct hg_peer_table *table, struct hg_peer_entry *entry, uint64_t now_ns)
+static void count_failure(struct hg_peer_entry *entry, uint64_t now_ns)
 {
-    table->failures++;
-    if (!hg_peer_table_all_failures(table, now_ns)) {
-        table->minute_failures = 0;
-        table->minute_ns = now_ns;
-    }
-    table->minute_failures++;
     if (!entry)
         return; // the daemon's own user
     if (!hg_peer_entry_failures(entry, now_ns)) {
@@ -109,6 +102,19 @@ void hg_peer_table_count_failure(
         entry->window_ns = now_ns;
     }
     entry->failures++;
+}
+
+void hg_peer_table_count_failure(struct hg_peer_table *table, struct hg_peer_entry *source,
+    struct hg_peer_entry *network, uint64_t now_ns)
+{
+    table->failures++;
+    if (!hg_peer_table_all_failures(table, now_ns)) {
+        table->minute_failures = 0;
+        table->minute_ns = now_ns;
+    }
+    table->minute_failures++;
+    count_failure(source, now_ns);
+    count_failure(network, now_ns);
 }
 
 void hg_peer_table_finish(struct hg_peer_table *table)

@@ -37,9 +37,9 @@ struct hg_peer_entry *hg_peer_table_join(
     struct hg_peer_table *table, const char *key) HG_MUST_CHECK;
 // One less; the entry may be gone afterwards. Accepts NULL.
 void hg_peer_table_leave(struct hg_peer_table *table, struct hg_peer_entry *entry, uint64_t now_ns);
-// A wrong token came from there; `entry` has connections.
-void hg_peer_table_count_failure(
-    struct hg_peer_table *table, struct hg_peer_entry *entry, uint64_t now_ns);
+// A wrong token came from that source, in that network, which have connections; NULL: from none.
+void hg_peer_table_count_failure(struct hg_peer_table *table, struct hg_peer_entry *source,
+    struct hg_peer_entry *network, uint64_t now_ns);
 // Wrong tokens of this minute, from everywhere.
 uint64_t hg_peer_table_all_failures(const struct hg_peer_table *table, uint64_t now_ns);
 // Wrong tokens of this minute.

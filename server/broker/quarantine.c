@@ -37,17 +37,36 @@ bool hg_quarantine_refuses(const struct hg_quarantine_entry *entry, uint64_t now
     return now_ns < entry->until_ns;
 }
 
-// An unused one, else the one seen longest ago.
-static struct hg_quarantine_entry *take(struct hg_quarantine *q)
+bool hg_quarantine_has(const struct hg_quarantine *q, const char *tenant, const char *what)
 {
-    struct hg_quarantine_entry *oldest = &q->entries[0];
+    for (uint32_t i = 0; q->used && i < HG_QUARANTINE_ENTRIES; i++)
+        if (q->entries[i].tenant[0] && strcmp(q->entries[i].what, what) == 0 &&
+            strcmp(q->entries[i].tenant, tenant) == 0)
+            return true;
+    return false;
+}
+
+// An unused one, else the one seen longest ago: of the tenant, when it has as many as one may have.
+static struct hg_quarantine_entry *take(struct hg_quarantine *q, const char *tenant)
+{
+    struct hg_quarantine_entry *unused = NULL, *oldest = NULL, *own = NULL;
+    uint32_t count = 0;
     for (uint32_t i = 0; i < HG_QUARANTINE_ENTRIES; i++) {
-        if (!q->entries[i].tenant[0])
-            return &q->entries[i];
-        if (q->entries[i].seen_ns < oldest->seen_ns)
-            oldest = &q->entries[i];
+        struct hg_quarantine_entry *it = &q->entries[i];
+        if (!it->tenant[0]) {
+            unused = it;
+            continue;
+        }
+        oldest = !oldest || it->seen_ns < oldest->seen_ns ? it : oldest;
+        if (strcmp(it->tenant, tenant) != 0)
+            continue;
+        own = !own || it->seen_ns < own->seen_ns ? it : own;
+        count++;
     }
-    return oldest;
+    if (count >= HG_QUARANTINE_OF_TENANT)
+        return own;
+    q->used += unused != NULL;
+    return unused ? unused : oldest;
 }
 
 static uint64_t sentence_ns(uint32_t times)
@@ -100,6 +119,7 @@ static void drop(struct hg_quarantine *q, struct hg_quarantine_entry *entry)
 {
     hg_state_put_suspect_end(q->log, entry->tenant, entry->key);
     *entry = (struct hg_quarantine_entry){0};
+    q->used--;
 }
 
 void hg_quarantine_note(
@@ -107,7 +127,7 @@ void hg_quarantine_note(
 {
     struct hg_quarantine_entry *entry = find(q, file->tenant, file->key);
     if (!entry) {
-        entry = take(q);
+        entry = take(q, file->tenant);
         *entry = *file;
         entry->deaths = 0;
         entry->until_ns = 0;
@@ -154,7 +174,7 @@ void hg_quarantine_restore(
     if (like.seen_ns > now_ns) // the clock was set back
         like.seen_ns = now_ns;
     struct hg_quarantine_entry *entry = find(q, like.tenant, like.key);
-    *(entry ? entry : take(q)) = like;
+    *(entry ? entry : take(q, like.tenant)) = like;
 }
 
 void hg_quarantine_restore_end(struct hg_quarantine *q, const struct hg_state_suspect *file)
@@ -162,8 +182,10 @@ void hg_quarantine_restore_end(struct hg_quarantine *q, const struct hg_state_su
     char tenant[129];
     snprintf(tenant, sizeof tenant, "%.*s", (int)file->tenant.size, file->tenant.data);
     struct hg_quarantine_entry *entry = find(q, tenant, file->key);
-    if (entry)
-        *entry = (struct hg_quarantine_entry){0};
+    if (!entry)
+        return;
+    *entry = (struct hg_quarantine_entry){0};
+    q->used--;
 }
 
 void hg_quarantine_write(const struct hg_quarantine *q, uint64_t now_ns)

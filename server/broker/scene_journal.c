@@ -157,11 +157,11 @@ static void remove_object(struct hg_journal *j, struct object *object)
 
 // ---- uploads ------------------------------------------------------------------------------------
 
-// Keeps (or gives back) the contents that an entry names.
-static enum hg_status hold_uploads(struct hg_journal *j, const struct hg_packet *packet, bool hold)
+enum hg_status hg_journal_hold_uploads(
+    struct hg_upload_store *store, const struct hg_packet *packet, bool hold)
 {
     uint16_t type = packet->header.type;
-    if (!j->store || (type != HGP_T_asset_load && type != HGP_T_environment_set))
+    if (!store || (type != HGP_T_asset_load && type != HGP_T_environment_set))
         return HG_OK;
     struct hg_arena arena = {0};
     union hgp_any any;
@@ -171,17 +171,17 @@ static enum hg_status hold_uploads(struct hg_journal *j, const struct hg_packet 
     uint32_t count = status || type != HGP_T_asset_load ? 0 : load->files.count, done = 0;
     for (; done < count && !(hold && status); done++)
         if (hold)
-            status = hg_upload_store_pin(j->store, load->files.items[done].hash);
+            status = hg_upload_store_pin(store, load->files.items[done].hash);
         else
-            hg_upload_store_unpin(j->store, load->files.items[done].hash);
+            hg_upload_store_unpin(store, load->files.items[done].hash);
     if (!status && type == HGP_T_environment_set && any.environment_set.has_hash) {
         if (hold)
-            status = hg_upload_store_pin(j->store, any.environment_set.hash);
+            status = hg_upload_store_pin(store, any.environment_set.hash);
         else
-            hg_upload_store_unpin(j->store, any.environment_set.hash);
+            hg_upload_store_unpin(store, any.environment_set.hash);
     }
     for (uint32_t i = 0; status && hold && done && i + 1 < done; i++)
-        hg_upload_store_unpin(j->store, load->files.items[i].hash);
+        hg_upload_store_unpin(store, load->files.items[i].hash);
     hg_arena_finish(&arena);
     return status;
 }
@@ -201,7 +201,7 @@ static void remove_entry(struct hg_journal *j, struct entry *e)
     unlink_entry(j, e);
     j->entries--;
     j->bytes -= ENTRY_BYTES + e->packet->header.length;
-    if (hold_uploads(j, e->packet, false)) {
+    if (hg_journal_hold_uploads(j->store, e->packet, false)) {
         // The packet decoded when it was taken; only a lack of memory leads here, and then a pin
         // too many stays, which costs disk space and nothing else.
     }
@@ -219,7 +219,7 @@ static void drop_object(struct hg_journal *j, struct object *object)
 static enum hg_status append(struct hg_journal *j, struct object *object, struct hg_packet *packet)
 {
     struct entry *e = hg_calloc(1, sizeof *e);
-    enum hg_status status = e ? hold_uploads(j, packet, true) : HG_E_NOMEM;
+    enum hg_status status = e ? hg_journal_hold_uploads(j->store, packet, true) : HG_E_NOMEM;
     if (status) {
         hg_free(e);
         return status;
@@ -303,8 +303,8 @@ static enum hg_status strip(struct hg_journal *j, struct entry *e, uint32_t mask
     enum hg_status status = edit_open(e->packet, &edit);
     clear_fields(e->packet->header.type, &edit.any, mask);
     struct hg_packet *packet = status ? NULL : encode(e->packet->header.type, &edit.any);
-    if (packet && hold_uploads(j, packet, true) == HG_OK) {
-        if (hold_uploads(j, e->packet, false) == HG_OK)
+    if (packet && hg_journal_hold_uploads(j->store, packet, true) == HG_OK) {
+        if (hg_journal_hold_uploads(j->store, e->packet, false) == HG_OK)
             replace_packet(j, e, hg_packet_ref(packet));
     }
     hg_packet_unref(packet);

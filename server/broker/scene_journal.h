@@ -35,6 +35,10 @@ bool hg_journal_wants(uint16_t type);
 enum hg_status hg_journal_accept(
     struct hg_journal *journal, struct hg_packet *packet) HG_MUST_CHECK;
 
+// Keeps (or gives back) the contents that an edit names; `store` may be NULL. HG_E_NOMEM.
+enum hg_status hg_journal_hold_uploads(
+    struct hg_upload_store *store, const struct hg_packet *packet, bool hold) HG_MUST_CHECK;
+
 // Calls emit for every entry in order with a reference that emit takes over. Stops at the first
 // failure, of emit or of memory, and returns it.
 enum hg_status hg_journal_play(struct hg_journal *journal,

@@ -40,6 +40,10 @@ static struct hg_request *add_request(
     struct hg_session *s, struct hg_packet *packet, uint32_t client_id)
 {
     struct hg_request *request = hg_calloc(1, sizeof *request);
+    if (request && hg_journal_hold_uploads(s->table->store, packet, true)) { // as the scene will
+        hg_free(request);
+        request = NULL;
+    }
     if (!request)
         return NULL;
     request->packet = hg_packet_ref(packet);
@@ -119,6 +123,9 @@ void hg_session_request_drop(struct hg_session *s, struct hg_request *request)
     give_back(s, request);
     hg_trial_clear(s, request);
     hg_trial_leave(s, request);
+    if (hg_journal_hold_uploads(s->table->store, request->packet, false)) {
+        // No memory to decode it: what it named stays until the daemon ends.
+    }
     hg_packet_unref(request->packet);
     hg_free(request);
 }
@@ -333,7 +340,9 @@ void hg_session_request_tell_tenant(struct hg_session *s)
 {
     hg_link_send(s->scene->link, s->number, 0, HGP_T_session_tenant,
         &(struct hgp_session_tenant){.tenant = hgp_str_make(s->tenant),
-            .weight = s->scope.weight ? s->scope.weight : HG_TOKEN_WEIGHT});
+            .weight = s->scope.weight ? s->scope.weight : HG_TOKEN_WEIGHT,
+            .has_roots = s->scope.roots[0] != 0,
+            .roots = hgp_str_make(s->scope.roots)});
 }
 
 void hg_session_request_attach(struct hg_session *s)

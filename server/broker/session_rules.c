@@ -34,7 +34,20 @@ static enum hg_status check_load(
                 "this content has not been uploaded: %.*s", (int)m->files.items[i].uri.size,
                 m->files.items[i].uri.data);
         }
-    return HG_OK;
+    return hg_session_upload_may_keep(s, "asset_load", m->files.items, m->files.count, err);
+}
+
+static enum hg_status check_environment(
+    struct hg_session *s, const struct hgp_environment_set *m, struct hg_error *err)
+{
+    struct hgp_asset_file file = {0};
+    if (!m->has_hash)
+        return HG_OK;
+    if (!hg_session_upload_has(s, m->hash))
+        return hg_error_set(
+            err, HG_E_NOTFOUND, "environment_set", "hash", "this content has not been uploaded");
+    memcpy(file.hash, m->hash, sizeof file.hash);
+    return hg_session_upload_may_keep(s, "environment_set", &file, 1, err);
 }
 
 // Journals up to here are not added up: their number is limited by that of sessions.
@@ -133,19 +146,18 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
         return hg_error_set(err, HG_E_STATE, name, NULL, "open a scene first (scene_open)");
     if (hg_journal_wants(packet->header.type) && hg_session_rules_may_change(s->table, name, err))
         return err->status;
+    if (hg_trial_check(s, packet, err))
+        return err->status;
     switch (packet->header.type) {
     case HGP_T_bake:
         return hg_error_set(
             err, HG_E_UNSUPPORTED, name, NULL, "runs in a private worker only, not in a daemon");
     case HGP_T_asset_load:
-        if (check_load(s, &m->asset_load, err) || hg_trial_check(s, packet, err))
+        if (check_load(s, &m->asset_load, err))
             return err->status;
         return check_journal(s, packet, err);
     case HGP_T_environment_set:
-        if (m->environment_set.has_hash && !hg_session_upload_has(s, m->environment_set.hash))
-            return hg_error_set(
-                err, HG_E_NOTFOUND, name, "hash", "this content has not been uploaded");
-        return hg_trial_check(s, packet, err);
+        return check_environment(s, &m->environment_set, err);
     case HGP_T_image_query:
         return hg_session_upload_verify(s, &m->image_query, err);
     case HGP_T_view_set:

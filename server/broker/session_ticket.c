@@ -117,6 +117,7 @@ static void fill(
     memcpy(out->issuer_key, s->resume.token, sizeof out->issuer_key);
     snprintf(out->tenant, sizeof out->tenant, "%s", s->tenant);
     snprintf(out->issuer, sizeof out->issuer, "%s", s->name);
+    snprintf(out->roots, sizeof out->roots, "%s", s->scope.roots);
     if (m->has_scene)
         take_text(out->scene, sizeof out->scene, m->scene);
     else

@@ -52,6 +52,27 @@ bool hg_session_upload_has(struct hg_session *s, const uint8_t hash[32])
            hg_upload_store_has(s->table->store, s->table->pool->is_shared ? NULL : owner, hash);
 }
 
+enum hg_status hg_session_upload_may_keep(struct hg_session *s, const char *what,
+    const struct hgp_asset_file *files, uint32_t count, struct hg_error *err)
+{
+    struct hg_upload_store *store = s->table->store;
+    const struct hg_upload_owner *owner = owner_of(s);
+    uint64_t need = 0;
+    if (!owner)
+        return hg_error_set(err, HG_E_NOMEM, what, NULL, "no memory");
+    for (uint32_t i = 0; i < count; i++)
+        need += hg_upload_store_pin_bytes(store, files[i].hash);
+    const uint64_t room = need ? hg_upload_owner_pin_room(store, owner) : 0;
+    if (need <= room)
+        return HG_OK;
+    hg_error_set(err, HG_E_LIMIT, what, NULL,
+        "uploads that scenes use may not take %llu MiB more: this tenant has %llu MiB left of its "
+        "share of the upload store (upload-store, %llu MiB)",
+        (unsigned long long)(need >> 20), (unsigned long long)(room >> 20),
+        (unsigned long long)(s->table->options->upload_store_bytes >> 20));
+    return hg_error_limit(err, "upload-store", 0);
+}
+
 static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
     struct hg_upload ***slot, struct hg_error *err)
 {

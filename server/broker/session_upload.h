@@ -10,6 +10,10 @@ void hg_session_upload_query(
     struct hg_session *session, uint32_t request, const struct hgp_upload_query *m);
 // Whether there is a content that the session's tenant has sent (any, where tenants share).
 bool hg_session_upload_has(struct hg_session *session, const uint8_t hash[32]);
+// Whether a scene may keep these contents, which the session has: of those that scenes use a tenant
+// has its share. HG_E_LIMIT.
+enum hg_status hg_session_upload_may_keep(struct hg_session *session, const char *what,
+    const struct hgp_asset_file *files, uint32_t count, struct hg_error *err) HG_MUST_CHECK;
 // Gives those up that have stopped.
 void hg_session_upload_check_times(struct hg_session *session, uint64_t now_ns);
 void hg_session_upload_abort_all(struct hg_session *session);

@@ -4,17 +4,16 @@
 #include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
+#include "server/broker/folder_lock.h"
 #include "server/broker/state_file.h"
 
-static const char log_name[] = "state.log", new_name[] = "state.log.new", lock_name[] = "lock";
+static const char log_name[] = "state.log", new_name[] = "state.log.new";
 
 static enum hg_status fail_errno(
     const struct hg_state_folder *f, const char *action, struct hg_error *err)
@@ -66,10 +65,6 @@ void hg_state_folder_abort(struct hg_state_folder *f, int fd)
 
 // ---- opening ------------------------------------------------------------------------------------
 
-// A daemon that was killed while it started a worker: the child has its descriptors, the lock among
-// them, until it executes the worker's program.
-enum { LOCK_TRIES = 100, LOCK_STEP_NS = 10000000 };
-
 static enum hg_status lock_folder(struct hg_state_folder *f, struct hg_error *err)
 {
     if (mkdir(f->path, 0700) != 0 && errno != EEXIST)
@@ -77,20 +72,7 @@ static enum hg_status lock_folder(struct hg_state_folder *f, struct hg_error *er
     f->folder_fd = open(f->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (f->folder_fd < 0)
         return fail_errno(f, "open the folder", err);
-    f->lock_fd = openat(f->folder_fd, lock_name, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (f->lock_fd < 0)
-        return fail_errno(f, "write to the folder", err);
-    int failed = flock(f->lock_fd, LOCK_EX | LOCK_NB);
-    for (int i = 0; failed && errno == EWOULDBLOCK && i < LOCK_TRIES; i++) {
-        hg_clock_sleep_ns(LOCK_STEP_NS);
-        failed = flock(f->lock_fd, LOCK_EX | LOCK_NB);
-    }
-    if (!failed)
-        return HG_OK;
-    if (errno == EWOULDBLOCK)
-        return hg_error_set(
-            err, HG_E_BUSY, f->path, NULL, "--state-dir: another heliod uses this folder");
-    return fail_errno(f, "lock the folder", err);
+    return hg_folder_lock(f->path, "--state-dir", true, &f->lock_fd, err);
 }
 
 static enum hg_status make_log(struct hg_state_folder *f, struct hg_error *err)

@@ -193,6 +193,7 @@ uint64_t hg_state_put_ticket(struct hg_state_log *log, const struct hg_state_tic
     put_text(&w, ticket->issuer);
     put_text(&w, ticket->scene);
     put_text(&w, ticket->label);
+    put_text(&w, ticket->roots);
     return hg_state_log_append(log, &w, NULL);
 }
 
@@ -349,6 +350,8 @@ static void take_ticket(struct hg_reader *r, bool ends, struct hg_state_ticket *
     out->issuer = take_text(r);
     out->scene = take_text(r);
     out->label = take_text(r);
+    if (!r->failed && r->pos < r->size) // else of a program before
+        out->roots = take_text(r);
 }
 
 // Of people in scenes and of what their views show.

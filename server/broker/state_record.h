@@ -94,6 +94,7 @@ struct hg_state_ticket {
     uint32_t uses, used, weight, max_rate, max_pixels;
     uint64_t until_s;
     struct hgp_str tenant, issuer, scene, label;
+    struct hgp_str roots; // empty in records of programs before
 };
 
 struct hg_state_block {

@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/alloc.h"
 #include "base/clock.h"
 #include "server/broker/handover.h"
 #include "server/broker/notify.h"
@@ -74,7 +75,7 @@ void hg_takeover_checked(struct hg_takeover *t, int status)
 static void exec_successor(struct hg_takeover *t)
 {
     struct hg_error err = {0};
-    char text[64];
+    char text[4096 + 128];
     int fd;
     if (hg_handover_save(&t->all, &fd, &err)) {
         give_up(t, err.reason);
@@ -86,8 +87,10 @@ static void exec_successor(struct hg_takeover *t)
     hg_audit_write(t->audit, "takeover", NULL, HG_OK, NULL);
     hg_handover_keep_open(&t->all);
     hg_launcher_keep_open(t->launcher);
-    snprintf(text, sizeof text, "%d:%u:%d:%d", fd, t->all.sessions->pool->count, t->launcher->fd,
-        (int)t->launcher->pid);
+    hg_cache_folder_keep_open(t->cache);
+    const struct hg_options *o = t->all.sessions->options;
+    snprintf(text, sizeof text, "%d:%u:%d:%d:%d:%s:%s", fd, t->all.sessions->pool->count,
+        t->launcher->fd, (int)t->launcher->pid, t->cache->lock_fd, o->isolation, o->cache_dir);
     setenv(inherited_name, text, 1);
     execvp(t->argv[0], t->argv);
     hg_log_write(
@@ -113,21 +116,44 @@ void hg_takeover_step(struct hg_takeover *t)
     }
 }
 
-void hg_takeover_find(struct hg_takeover *t)
+// Workers are what they are, and where they are: neither can change under them.
+static enum hg_status keep_options(struct hg_takeover *t, int lock_fd, const char *isolation,
+    const char *cache_dir, struct hg_options *o)
+{
+    if (!hg_cache_folder_inherit(t->cache, o, cache_dir, lock_fd))
+        return HG_E_NOMEM;
+    if (strcmp(o->isolation, isolation) == 0)
+        return HG_OK;
+    char *kept = hg_strdup(isolation);
+    if (!kept)
+        return HG_E_NOMEM;
+    hg_warn(MAIN, "isolation stays %s: to make it %s needs a restart", isolation, o->isolation);
+    hg_free(o->isolation);
+    o->isolation = kept;
+    return HG_OK;
+}
+
+enum hg_status hg_takeover_find(
+    struct hg_takeover *t, struct hg_options *options, struct hg_error *err)
 {
     const char *text = getenv(inherited_name);
-    int launcher_fd, launcher_pid, found = 0;
+    char isolation[16];
+    enum hg_status status = HG_OK;
+    int launcher_fd, launcher_pid, lock_fd, path = 0, found = 0;
     t->inherited_links = 0;
     if (text)
-        found = sscanf(text, "%d:%u:%d:%d", &t->inherited_fd, &t->inherited_links, &launcher_fd,
-            &launcher_pid);
+        found = sscanf(text, "%d:%u:%d:%d:%d:%15[a-z]:%n", &t->inherited_fd, &t->inherited_links,
+            &launcher_fd, &launcher_pid, &lock_fd, isolation, &path);
     if (found < 2)
         t->inherited_fd = -1;
-    if (found == 4) // not that of a program that started another one
+    if (found >= 4) // not that of a program that started another one
         *t->launcher = (struct hg_launcher){.fd = launcher_fd, .pid = launcher_pid};
     if (t->inherited_links > MOST_LINKS) // nothing that we have written
         t->inherited_links = MOST_LINKS;
+    if (path)
+        status = keep_options(t, lock_fd, isolation, text + path, options);
     unsetenv(inherited_name);
+    return status ? hg_error_set(err, status, "SIGUSR2", NULL, "no memory") : HG_OK;
 }
 
 enum hg_status hg_takeover_inherit(struct hg_takeover *t, struct hg_error *err)

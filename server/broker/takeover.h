@@ -7,6 +7,7 @@
 #ifndef HG_BROKER_TAKEOVER_H
 #define HG_BROKER_TAKEOVER_H
 
+#include "server/broker/cache_folder.h"
 #include "server/broker/handover.h"
 
 struct hg_takeover {
@@ -14,6 +15,7 @@ struct hg_takeover {
     struct hg_loop *loop;
     struct hg_audit *audit;
     struct hg_launcher *launcher; // goes along
+    struct hg_cache_folder *cache; // likewise
     struct hg_state_log **state;  // NULL: there is no log
     struct hg_source *state_news;
     int argc;
@@ -25,8 +27,10 @@ struct hg_takeover {
     uint32_t inherited_links;
 };
 
-// In the new program, first: what there is to inherit.
-void hg_takeover_find(struct hg_takeover *t);
+// In the new program, first: what there is to inherit. Of the options that what was inherited
+// depends on, isolation and cache-dir, `options` gets those of the program before. HG_E_NOMEM.
+enum hg_status hg_takeover_find(
+    struct hg_takeover *t, struct hg_options *options, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_takeover_inherit(struct hg_takeover *t, struct hg_error *err) HG_MUST_CHECK;
 void hg_takeover_begin(struct hg_takeover *t);
 void hg_takeover_checked(struct hg_takeover *t, int status); // check_pid has ended

@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "base/log.h"
-#include "base/sha256.h"
 #include "server/broker/session_view.h"
+#include "server/broker/suspect.h"
 
 static const uint64_t least_patience_ns = 250000000u, most_patience_ns = 3000000000u;
 static const uint64_t left_ns = 120000000000u; // after its session a load may still run
@@ -15,79 +15,50 @@ static uint64_t now_of(const struct hg_session *s)
     return s->table->loop->now_ns;
 }
 
-// ---- files --------------------------------------------------------------------------------------
+// ---- what is known ------------------------------------------------------------------------------
 
-static void name(struct hg_quarantine_entry *file, struct hgp_str text)
-{
-    snprintf(file->what, sizeof file->what, "%.*s", (int)text.size, text.size ? text.data : "");
-}
+// What the quarantine says of the things that a request is known by.
+struct inquiry {
+    const struct hg_session *session;
+    const struct hg_quarantine_entry *known;   // one of them is there
+    const struct hg_quarantine_entry *refused; // and may not be tried
+};
 
-static bool hash_load(const struct hgp_asset_load *m, struct hg_quarantine_entry *file)
+static bool inquire(void *user, const struct hg_quarantine_entry *entry)
 {
-    struct hg_sha256 *hasher = m->files.count ? hg_sha256_create() : NULL;
-    name(file, m->files.count ? m->files.items[0].uri : m->path);
-    if (!m->files.count)
-        return hg_sha256(m->path.size ? m->path.data : "", m->path.size, file->key) == HG_OK;
-    if (!hasher)
-        return false;
-    for (uint32_t i = 0; i < m->files.count; i++)
-        hg_sha256_update(hasher, m->files.items[i].hash, 32);
-    hg_sha256_end(hasher, file->key);
-    return true;
-}
-
-static bool hash_environment(const struct hgp_environment_set *m, struct hg_quarantine_entry *file)
-{
-    if (m->has_hash) {
-        memcpy(file->key, m->hash, 32);
-        name(file, hgp_str_make("an environment"));
+    struct inquiry *q = user;
+    const uint64_t now_ns = now_of(q->session);
+    const struct hg_quarantine_entry *known =
+        hg_quarantine_find(q->session->table->quarantine, entry->tenant, entry->key, now_ns);
+    if (!known)
         return true;
-    }
-    if (m->has_path)
-        name(file, m->path);
-    return m->has_path && hg_sha256(m->path.data, m->path.size, file->key) == HG_OK;
-}
-
-// What a request loads. False: nothing.
-static bool find_file(
-    const struct hg_session *s, const struct hg_packet *packet, struct hg_quarantine_entry *file)
-{
-    const uint16_t type = packet->header.type;
-    struct hg_arena arena = {0};
-    union hgp_any any;
-    bool found = false;
-    if (type != HGP_T_asset_load && type != HGP_T_environment_set)
-        return false;
-    *file = (struct hg_quarantine_entry){0};
-    snprintf(file->tenant, sizeof file->tenant, "%s", s->tenant);
-    if (hgp_decode(HGP_VERSION_MAX, type, hg_reader_make(packet->payload, packet->header.length),
-            &arena, &any, NULL) == HG_OK)
-        found = type == HGP_T_asset_load ? hash_load(&any.asset_load, file)
-                                         : hash_environment(&any.environment_set, file);
-    hg_arena_finish(&arena);
-    return found;
+    q->known = known;
+    q->refused = hg_quarantine_refuses(known, now_ns) ? known : NULL;
+    return !q->refused;
 }
 
 enum hg_status hg_trial_check(
     const struct hg_session *s, const struct hg_packet *packet, struct hg_error *err)
 {
-    struct hg_quarantine_entry file;
-    if (!find_file(s, packet, &file))
-        return HG_OK;
-    const struct hg_quarantine_entry *known =
-        hg_quarantine_find(s->table->quarantine, file.tenant, file.key, now_of(s));
-    if (!known || !hg_quarantine_refuses(known, now_of(s)))
+    struct inquiry q = {.session = s};
+    hg_suspect_each(s, packet, true, inquire, &q);
+    if (!q.refused)
         return HG_OK;
     return hg_error_set(err, HG_E_WORKER, hgp_find(packet->header.type)->name, NULL,
-        "this file ended a worker %u times; it is in quarantine for %.0f s more", known->deaths,
-        (double)(known->until_ns - now_of(s)) * 1e-9);
+        "at this (%s) a worker ended %u times; it is in quarantine for %.0f s more",
+        q.refused->what, q.refused->deaths, (double)(q.refused->until_ns - now_of(s)) * 1e-9);
+}
+
+static bool forget(void *user, const struct hg_quarantine_entry *entry)
+{
+    const struct hg_session *s = user;
+    hg_quarantine_forget(s->table->quarantine, entry->tenant, entry->key);
+    return true;
 }
 
 void hg_trial_passed(struct hg_session *s, const struct hg_packet *packet)
 {
-    struct hg_quarantine_entry file;
-    if (find_file(s, packet, &file))
-        hg_quarantine_forget(s->table->quarantine, file.tenant, file.key);
+    hg_suspect_each(s, packet, true, forget, s);
 }
 
 // ---- suspects -----------------------------------------------------------------------------------
@@ -101,9 +72,9 @@ static void suspect(struct hg_session *s, struct hg_request *request)
 
 void hg_trial_meet(struct hg_session *s, struct hg_request *request)
 {
-    struct hg_quarantine_entry file;
-    if (find_file(s, request->packet, &file) &&
-        hg_quarantine_find(s->table->quarantine, file.tenant, file.key, now_of(s)))
+    struct inquiry q = {.session = s};
+    hg_suspect_each(s, request->packet, true, inquire, &q);
+    if (q.known)
         suspect(s, request);
 }
 
@@ -240,16 +211,26 @@ void hg_trial_accuse(struct hg_link *link)
     }
 }
 
+struct charge {
+    struct hg_session *session;
+    bool alone;
+};
+
+static bool note(void *user, const struct hg_quarantine_entry *entry)
+{
+    const struct charge *c = user;
+    hg_quarantine_note(c->session->table->quarantine, entry, c->alone, now_of(c->session));
+    return true;
+}
+
 bool hg_trial_blames(struct hg_session *s, struct hg_request *request)
 {
-    struct hg_quarantine_entry file;
     if (!request->sent || !request->link_id)
         return false;
     const bool alone = is_tried(s, request);
     if (s->scene->link->trial.accused && !alone)
         return false;
-    if (find_file(s, request->packet, &file))
-        hg_quarantine_note(s->table->quarantine, &file, alone, now_of(s));
+    hg_suspect_each(s, request->packet, false, note, &(struct charge){s, alone});
     request->ran_ns = now_of(s) - request->sent_ns;
     request->deaths++;
     suspect(s, request);
@@ -271,14 +252,20 @@ bool hg_trial_blames_view(struct hg_session *s, struct hg_session_view *view)
     return false;
 }
 
+static bool leave(void *user, const struct hg_quarantine_entry *entry)
+{
+    const struct hg_session *s = user;
+    struct hg_link_left *left = &s->scene->link->trial.left;
+    struct hg_quarantine_entry *place = &left->files[left->count++ % HG_LINK_LEFT];
+    *place = *entry;
+    place->seen_ns = now_of(s);
+    return true;
+}
+
 void hg_trial_leave(struct hg_session *s, const struct hg_request *request)
 {
-    struct hg_quarantine_entry file;
-    if (!s->scene || !request->sent || request->answered || !find_file(s, request->packet, &file))
-        return;
-    struct hg_link_left *left = &s->scene->link->trial.left;
-    file.seen_ns = now_of(s);
-    left->files[left->count++ % HG_LINK_LEFT] = file;
+    if (s->scene && request->sent && !request->answered)
+        hg_suspect_each(s, request->packet, false, leave, s);
 }
 
 void hg_trial_end(struct hg_session_table *table, struct hg_link *link)

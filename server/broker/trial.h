@@ -4,7 +4,8 @@
 // Requests and subscriptions that were under way at a death are suspects. When all scenes are in
 // the new worker again each is sent by itself, and nothing else of that worker meanwhile, until it
 // is done or has run for twice as long as before (0.25 to 3 s); so a second death is the fault of
-// the one that ran. What loads a file is remembered beyond its session (quarantine.h).
+// the one that ran. What it brought is remembered beyond its session
+// (suspect.h, quarantine.h).
 #ifndef HG_BROKER_TRIAL_H
 #define HG_BROKER_TRIAL_H
 

@@ -10,9 +10,11 @@
 #include <unistd.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
 #include "base/sha256.h"
+#include "server/broker/folder_lock.h"
 
 enum {
     BUCKETS = 65536,
@@ -28,7 +30,7 @@ struct content {
     struct hg_upload_owner **owners; // [owner_count] who has sent all of it
     size_t owner_count, owner_capacity;
     uint8_t hash[32];
-    uint64_t size;
+    uint64_t size, used_ns; // used_ns 0: by an earlier run
     uint32_t pins;
     bool present;
 };
@@ -38,6 +40,8 @@ struct hg_upload_owner {
     uint8_t key[32];
     char *moved; // where its folder is; NULL = in that of the store
     struct hg_upload_usage usage, quota;
+    uint64_t pinned; // of usage.bytes, contents in use
+    bool tried;      // to make room from it
 };
 
 struct hg_upload_store {
@@ -48,6 +52,9 @@ struct hg_upload_store {
     struct hg_upload_owner *owners;
     uint32_t next_name;
 };
+
+// What a tenant has used within this time is not given up for another one that has as much.
+static const uint64_t recent_ns = 3600000000000;
 
 // On the disk: whole blocks, and one for the file itself.
 static uint64_t disk_bytes(uint64_t size)
@@ -124,6 +131,7 @@ static void unlist(struct hg_upload_store *store, struct content *content)
 static void touch(struct hg_upload_store *store, struct content *content)
 {
     unlist(store, content);
+    content->used_ns = hg_clock_now_ns();
     if (content->pins || !content->present)
         return;
     content->older = store->newest;
@@ -181,6 +189,7 @@ static enum hg_status add_owner(struct content *content, struct hg_upload_owner 
     content->owners[content->owner_count++] = owner;
     owner->usage.bytes += disk_bytes(content->size);
     owner->usage.files++;
+    owner->pinned += content->pins ? disk_bytes(content->size) : 0;
     return HG_OK;
 }
 
@@ -208,6 +217,7 @@ static void disown(struct hg_upload_store *store, struct content *content, size_
     unlink(link_path(store, content, owner, path));
     owner->usage.bytes -= disk_bytes(content->size);
     owner->usage.files--;
+    owner->pinned -= content->pins ? disk_bytes(content->size) : 0;
     content->owners[i] = content->owners[--content->owner_count];
 }
 
@@ -225,18 +235,6 @@ static void drop(struct hg_upload_store *store, struct content *content)
         disown(store, content, content->owner_count - 1);
     content->present = false;
     remove_if_unused(store, content);
-}
-
-static bool make_room(struct hg_upload_store *store, uint64_t need)
-{
-    if (need > store->limit_bytes)
-        return false;
-    while (store->bytes > store->limit_bytes - need) {
-        if (!store->oldest)
-            return false;
-        drop(store, store->oldest);
-    }
-    return true;
 }
 
 // ---- owners -------------------------------------------------------------------------------------
@@ -306,6 +304,66 @@ static void give_up(
         }
 }
 
+// What an owner that gets `need` bytes more will have; `for_owner` NULL: none does.
+static uint64_t wanted(
+    const struct hg_upload_owner *owner, const struct hg_upload_owner *for_owner, uint64_t need)
+{
+    return owner->usage.bytes + (owner == for_owner ? need : 0);
+}
+
+// Of those that have more than `share` and were not tried the one that has most.
+static struct hg_upload_owner *largest_owner(const struct hg_upload_store *store,
+    const struct hg_upload_owner *for_owner, uint64_t need, uint64_t share)
+{
+    struct hg_upload_owner *largest = NULL;
+    uint64_t most = share;
+    for (struct hg_upload_owner *it = store->owners; it; it = it->next) {
+        const uint64_t bytes = wanted(it, for_owner, need);
+        if (bytes > most && !it->tried) {
+            largest = it;
+            most = bytes;
+        }
+    }
+    return largest;
+}
+
+static uint64_t share_of(
+    const struct hg_upload_store *store, const struct hg_upload_owner *for_owner)
+{
+    uint64_t count = 0;
+    for (const struct hg_upload_owner *it = store->owners; it; it = it->next)
+        count += it->usage.files > 0 || it == for_owner;
+    return store->limit_bytes / (count ? count : 1);
+}
+
+// Those that have more than an equal share lose what they used longest ago, the largest first; then
+// goes what is nobody's, or was not used for long.
+static bool make_room(
+    struct hg_upload_store *store, const struct hg_upload_owner *for_owner, uint64_t need)
+{
+    if (need > store->limit_bytes)
+        return false;
+    const uint64_t most = store->limit_bytes - need, share = share_of(store, for_owner);
+    struct hg_upload_owner *owner;
+    for (struct hg_upload_owner *it = store->owners; it; it = it->next)
+        it->tried = false;
+    while (store->bytes > most && (owner = largest_owner(store, for_owner, need, share)) != NULL) {
+        owner->tried = true;
+        for (struct content *it = store->oldest, *newer;
+             it && store->bytes > most && wanted(owner, for_owner, need) > share; it = newer) {
+            newer = it->newer;
+            give_up(store, it, owner);
+        }
+    }
+    const uint64_t now_ns = hg_clock_now_ns();
+    for (struct content *it = store->oldest, *newer; it && store->bytes > most; it = newer) {
+        newer = it->newer;
+        if (!it->owner_count || !it->used_ns || now_ns - it->used_ns > recent_ns)
+            drop(store, it);
+    }
+    return store->bytes <= most;
+}
+
 // Room for so much more of an owner, in its quota and in the store.
 static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_owner *owner,
     uint64_t bytes, uint64_t files, struct hg_error *err)
@@ -325,10 +383,12 @@ static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_ow
         return hg_error_limit(
             err, is_above_quota(owner, bytes, 0) ? "max-upload" : "max-upload-files", RETRY_MS);
     }
-    if (!make_room(store, bytes)) {
+    if (!make_room(store, owner, bytes)) {
         hg_error_set(err, HG_E_LIMIT, "upload", "total",
-            "the upload store of %llu MiB (upload-store) is full of what is in use",
-            (unsigned long long)(store->limit_bytes >> 20));
+            "the upload store of %llu MiB (upload-store) is full of what is in use, or of other "
+            "tenants' parts; this one has %llu MiB of it",
+            (unsigned long long)(store->limit_bytes >> 20),
+            (unsigned long long)(owner->usage.bytes >> 20));
         return hg_error_limit(err, "upload-store", RETRY_MS);
     }
     store->bytes += bytes;
@@ -338,25 +398,6 @@ static enum hg_status reserve(struct hg_upload_store *store, struct hg_upload_ow
 }
 
 // ---- folder -------------------------------------------------------------------------------------
-
-static enum hg_status make_folders(const char *folder, struct hg_error *err)
-{
-    char *path = hg_strdup(folder);
-    if (!path)
-        return hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
-    enum hg_status status = HG_OK;
-    for (char *slash = path; slash && !status;) {
-        slash = strchr(slash + 1, '/');
-        if (slash)
-            *slash = 0;
-        if (mkdir(path, 0700) != 0 && errno != EEXIST)
-            status = fail_errno(err, path, "make the folder");
-        if (slash)
-            *slash = '/';
-    }
-    hg_free(path);
-    return status;
-}
 
 // A link in the folder of an owner, below that of all contents. One without its content is removed.
 static enum hg_status index_link(struct hg_upload_store *store, struct hg_upload_owner *owner,
@@ -408,6 +449,7 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
     content->size = (uint64_t)st.st_size;
     store->bytes += disk_bytes(content->size);
     touch(store, content);
+    content->used_ns = 0;
     return HG_OK;
 }
 
@@ -450,7 +492,7 @@ enum hg_status hg_upload_store_create(
     struct hg_upload_store *store = hg_calloc(1, sizeof *store);
     if (store)
         store->folder = hg_strdup(folder);
-    enum hg_status status = store && store->folder ? make_folders(folder, err) : HG_E_NOMEM;
+    enum hg_status status = store && store->folder ? hg_folder_make(folder, err) : HG_E_NOMEM;
     if (!status && access(folder, W_OK | X_OK) != 0)
         status = fail_errno(err, folder, "write to the folder");
     if (!status)
@@ -488,7 +530,7 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
 void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes)
 {
     store->limit_bytes = limit_bytes;
-    if (!make_room(store, 0))
+    if (!make_room(store, NULL, 0))
         hg_warn(SESSION, "scenes in use hold more uploads than upload-store allows");
 }
 
@@ -512,7 +554,9 @@ enum hg_status hg_upload_store_pin(struct hg_upload_store *store, const uint8_t 
     struct content *content = find_or_add(store, hash);
     if (!content)
         return HG_E_NOMEM;
-    content->pins++;
+    if (!content->pins++)
+        for (size_t i = 0; i < content->owner_count; i++)
+            content->owners[i]->pinned += disk_bytes(content->size);
     unlist(store, content);
     return HG_OK;
 }
@@ -522,8 +566,26 @@ void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32]
     struct content *content = find(store, hash);
     if (!content || !content->pins || --content->pins)
         return;
+    for (size_t i = 0; i < content->owner_count; i++)
+        content->owners[i]->pinned -= disk_bytes(content->size);
     touch(store, content);
     remove_if_unused(store, content);
+}
+
+uint64_t hg_upload_store_pin_bytes(struct hg_upload_store *store, const uint8_t hash[32])
+{
+    const struct content *content = find(store, hash);
+    return content && content->present && !content->pins ? disk_bytes(content->size) : 0;
+}
+
+uint64_t hg_upload_owner_pin_room(
+    const struct hg_upload_store *store, const struct hg_upload_owner *owner)
+{
+    uint64_t count = 2; // itself, and one that is still to come
+    for (const struct hg_upload_owner *it = store->owners; it; it = it->next)
+        count += it->pinned && it != owner;
+    const uint64_t share = store->limit_bytes / count;
+    return share > owner->pinned ? share - owner->pinned : 0;
 }
 
 void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32])

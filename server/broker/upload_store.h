@@ -49,6 +49,12 @@ bool hg_upload_store_has(
 // A pinned content is not evicted. Unknown hashes are remembered as pinned too. HG_E_NOMEM.
 enum hg_status hg_upload_store_pin(
     struct hg_upload_store *store, const uint8_t hash[32]) HG_MUST_CHECK;
+// How much on the disk would be pinned that is not; 0: it is, or is not there.
+uint64_t hg_upload_store_pin_bytes(struct hg_upload_store *store, const uint8_t hash[32]);
+// How much more an owner may have pinned: all that have something share the store equally, with one
+// that is still to come.
+uint64_t hg_upload_owner_pin_room(
+    const struct hg_upload_store *store, const struct hg_upload_owner *owner);
 void hg_upload_store_unpin(struct hg_upload_store *store, const uint8_t hash[32]);
 // Drops a content that turned out to be damaged.
 void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32]);
@@ -65,7 +71,8 @@ struct hg_upload_file {
 // HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upload_owner *owner,
     uint64_t total_bytes, struct hg_upload_file *file, struct hg_error *err) HG_MUST_CHECK;
-// Makes room for so many bytes more. HG_E_LIMIT.
+// Makes room for so many bytes more: owners that have more than an equal part of the store lose
+// what they used longest ago; then goes what was not used for an hour. HG_E_LIMIT.
 enum hg_status hg_upload_store_grow(struct hg_upload_store *store, struct hg_upload_file *file,
     uint64_t bytes, struct hg_error *err) HG_MUST_CHECK;
 // What is in the file is the content of this hash (the caller has verified it). HG_E_IO,

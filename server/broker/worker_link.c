@@ -232,8 +232,8 @@ static void take_ready(struct hg_link *link)
 // It ends by itself, after this.
 static void take_last_words(struct hg_link *link, const struct hgp_error *m)
 {
-    snprintf(link->last_words, sizeof link->last_words, "%.*s: %.*s", (int)m->where.size,
-        m->where.size ? m->where.data : "", (int)m->reason.size,
+    snprintf(link->last_words, sizeof link->last_words, "%.*s%s%.*s", (int)m->where.size,
+        m->where.size ? m->where.data : "", m->where.size ? ": " : "", (int)m->reason.size,
         m->reason.size ? m->reason.data : "");
     link->no_spill |= m->what.size == 5 && memcmp(m->what.data, "spill", 5) == 0;
     hg_warn(WORKER, "worker: %s%s", link->last_words,

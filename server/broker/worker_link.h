@@ -46,8 +46,8 @@ struct hg_link_replay {
     uint64_t start_ns;
 };
 
-// Files whose load was under way when the session that asked for it ended.
-enum { HG_LINK_LEFT = 16 };
+// What was under way when the session that asked for it ended.
+enum { HG_LINK_LEFT = 64 };
 struct hg_link_left {
     struct hg_quarantine_entry files[HG_LINK_LEFT]; // ring
     uint32_t count;

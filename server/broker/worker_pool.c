@@ -18,8 +18,9 @@ enum hg_status hg_worker_pool_init(struct hg_worker_pool *pool, const struct hg_
     bool is_shared = strcmp(o->isolation, "shared") == 0;
     uint32_t count = is_shared ? o->shared_workers : o->max_workers + 1; // and the spare
     count = count < least ? least : count;
-    *pool = (struct hg_worker_pool){
-        .links = hg_calloc(count, sizeof *pool->links), .is_shared = is_shared};
+    *pool = (struct hg_worker_pool){.links = hg_calloc(count, sizeof *pool->links),
+        .is_shared = is_shared,
+        .heaviest = HG_TOKEN_WEIGHT};
     if (!pool->links)
         return HG_E_NOMEM;
     pool->count = count;
@@ -268,17 +269,22 @@ static void share_out(struct hg_worker_pool *pool)
 {
     uint64_t sum = 0;
     for (uint32_t i = 0; i < pool->count; i++)
-        if (pool->links[i].whose.tenant[0] || (pool->is_shared && pool->links[i].whose.wanted))
-            sum += pool->links[i].whose.weight;
+        if (pool->links[i].whose.tenant[0] || (pool->is_shared && pool->links[i].whose.wanted)) {
+            const uint32_t weight = pool->links[i].whose.weight;
+            sum += weight;
+            pool->heaviest = weight > pool->heaviest ? weight : pool->heaviest;
+        }
     for (uint32_t i = 0; i < pool->count; i++) {
         struct hg_link *link = &pool->links[i];
         const struct hg_link_owner *whose = &link->whose;
         if (link->state != HG_LINK_UP || !link->pid)
             continue;
         const bool counted = whose->tenant[0] || pool->is_shared;
-        const struct hg_worker_share share = hg_machine_share(
+        struct hg_worker_share share = hg_machine_share(
             pool->machine, link->options, whose->weight, sum - (counted ? whose->weight : 0));
-        if (share.weight == whose->share.weight && share.memory_bytes == whose->share.memory_bytes)
+        share.heaviest = pool->heaviest;
+        if (share.weight == whose->share.weight && share.heaviest == whose->share.heaviest &&
+            share.memory_bytes == whose->share.memory_bytes)
             continue;
         hg_worker_share_apply(pool->machine, link->options, whose->home.number, link->pid, &share);
         link->whose.share = share;

@@ -17,6 +17,7 @@ struct hg_worker_pool {
     struct hg_link *links; // [count]; those that are not `wanted` have no process
     uint32_t count;
     bool is_shared;
+    uint32_t heaviest; // weight of any worker so far: what gives way cannot take it back
     struct hg_homes homes;
     const struct hg_machine *machine; // shared out among the workers; NULL: no limits
     struct hg_pool_seeder {

@@ -60,11 +60,11 @@ struct hg_worker_share hg_machine_share(
     return (struct hg_worker_share){.memory_bytes = bytes, .weight = weight};
 }
 
-int hg_weight_nice(uint32_t weight)
+int hg_weight_nice(uint32_t weight, uint32_t heaviest)
 {
-    if (weight >= HG_TOKEN_WEIGHT)
+    if (weight >= heaviest)
         return 0;
-    const double steps = log((double)HG_TOKEN_WEIGHT / weight) / log(1.25);
+    const double steps = log((double)heaviest / weight) / log(1.25);
     return steps > 19 ? 19 : (int)lround(steps);
 }
 
@@ -128,5 +128,7 @@ void hg_worker_share_apply(const struct hg_machine *machine, const struct hg_opt
     }
     if (share->memory_bytes && strcmp(o->sandbox, "off") != 0)
         limit_data(pid, share->memory_bytes);
-    give_way(pid, hg_weight_nice(share->weight));
+    const int steps = hg_weight_nice(share->weight, share->heaviest);
+    const int nice = steps + getpriority(PRIO_PROCESS, 0); // the heaviest has the daemon's
+    give_way(pid, !steps ? 0 : nice > 19 ? 19 : nice);
 }

@@ -2,7 +2,7 @@
 // Floor 6 (broker). Thread: the loop.
 //
 // In a control group of its own: cpu.weight and memory.max. Else its private writable memory is
-// limited (RLIMIT_DATA), and threads of tenants below the usual weight give way (nice).
+// limited (RLIMIT_DATA), and threads of tenants give way (nice) to those of the heaviest one.
 #ifndef HG_BROKER_WORKER_SHARE_H
 #define HG_BROKER_WORKER_SHARE_H
 
@@ -19,6 +19,7 @@ struct hg_machine {
 struct hg_worker_share {
     uint64_t memory_bytes; // 0 = no limit
     uint32_t weight;       // 1 to HG_TOKEN_WEIGHT_MAX
+    uint32_t heaviest;     // that any worker has had since the daemon started
 };
 
 // HG_E_PERM, HG_E_NOTFOUND, HG_E_LIMIT: option cgroup.
@@ -29,9 +30,9 @@ uint64_t hg_machine_most_bytes(const struct hg_machine *machine, const struct hg
 // Of a worker beside others whose weights add up to `others`.
 struct hg_worker_share hg_machine_share(const struct hg_machine *machine,
     const struct hg_options *options, uint32_t weight, uint64_t others);
-// How much a process of that weight gives way: 0 to 19. The kernel gives a thread 1.25 times the
-// time of one that is nicer by one (sched(7)).
-int hg_weight_nice(uint32_t weight);
+// How much a process of that weight gives way to one of the heaviest: 0 to 19. The kernel gives a
+// thread 1.25 times the time of one that is nicer by one (sched(7)).
+int hg_weight_nice(uint32_t weight, uint32_t heaviest);
 // Puts it into effect. What the worker has already stays allowed, so that it is not ended by
 // another one that comes.
 void hg_worker_share_apply(const struct hg_machine *machine, const struct hg_options *options,

@@ -205,11 +205,14 @@ static void tell_loss(struct link *l)
     const struct hg_spill_loss *loss = &l->w->loss;
     const uint64_t until_ns = hg_clock_now_ns() + LAST_WORDS_S * 1000000000ull;
     struct hg_error err = {0};
-    hg_error_set(&err, HG_E_WORKER, "spill", loss->folder,
+    const char *what = loss->what[0] ? loss->what : "working memory", *slash = strrchr(what, '/');
+    hg_fault(WORKER, HG_E_IO, "%s: byte %llu of %llu spilled bytes cannot be read back (%s)",
+        loss->folder, (unsigned long long)loss->offset, (unsigned long long)loss->bytes, what);
+    // Clients hear this: neither the folder nor where the asset lies.
+    hg_error_set(&err, HG_E_WORKER, "spill", NULL,
         "byte %llu of %llu spilled bytes cannot be read back (%s): the worker exits",
         (unsigned long long)loss->offset, (unsigned long long)loss->bytes,
-        loss->what[0] ? loss->what : "working memory");
-    hg_fault(WORKER, HG_E_IO, "%s: %s", err.where, err.reason);
+        slash && slash[1] ? slash + 1 : what);
     flush(l, until_ns);
     hg_reply_error((struct reply_to){.w = l->w}, &err);
     flush(l, until_ns);

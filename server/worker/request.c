@@ -30,6 +30,7 @@ static enum hg_status fill_task(const struct request *r, struct task *task, enum
     task->session = r->session->number;
     task->jobs = r->s->jobs;
     task->payload = hg_refbuf_ref(r->payload);
+    task->roots = r->session->roots ? hg_refbuf_ref(r->session->roots) : NULL;
     if (type == HGP_T_image_query) {
         task->file = r->session->file;
         r->session->file = (struct hg_writer){0};

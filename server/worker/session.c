@@ -44,9 +44,16 @@ static void release_tenant(struct render_state *s, struct tenant *tenant)
 enum hg_status hg_session_set_tenant(
     struct render_state *s, struct session *session, const struct hgp_session_tenant *m)
 {
-    struct tenant *tenant = hold_tenant(s, m->tenant);
-    if (!tenant)
+    struct hg_refbuf *roots = m->has_roots ? hg_refbuf_create((size_t)m->roots.size + 1) : NULL;
+    struct tenant *tenant = roots || !m->has_roots ? hold_tenant(s, m->tenant) : NULL;
+    if (!tenant) {
+        hg_refbuf_unref(roots);
         return HG_E_NOMEM;
+    }
+    if (roots && m->roots.size)
+        memcpy(roots->data, m->roots.data, m->roots.size);
+    hg_refbuf_unref(session->roots);
+    session->roots = roots;
     tenant->weight = m->weight;
     release_tenant(s, session->tenant);
     session->tenant = tenant;
@@ -107,6 +114,7 @@ void hg_session_destroy(struct render_state *s, struct session *session)
     while (*link != session)
         link = &(*link)->next;
     *link = session->next;
+    hg_refbuf_unref(session->roots);
     hg_scene_slot_release(s, session->scene);
     release_tenant(s, session->tenant);
     hg_writer_finish(&session->file);

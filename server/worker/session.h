@@ -29,6 +29,7 @@ struct session {
     uint32_t batch_depth;
     bool restoring; // until replay_end
     struct tenant *tenant;
+    struct hg_refbuf *roots; // text of session_tenant; NULL = all asset roots
     struct turn turn;
     struct turn_clock clock; // of its views
     struct view_slot *views;
@@ -53,8 +54,8 @@ void hg_session_edited(struct session *session);
 // Commits the changes of the session's open batch as a revision, if there is one.
 void hg_session_close_batch(struct session *session);
 
-// Its turns are those of this tenant from here on, and the tenant has that weight. HG_E_NOMEM: they
-// stay whose they were.
+// Its turns are those of this tenant from here on, the tenant has that weight, and its files lie
+// under these roots. HG_E_NOMEM: all stays as it was.
 enum hg_status hg_session_set_tenant(struct render_state *s, struct session *session,
     const struct hgp_session_tenant *m) HG_MUST_CHECK;
 

@@ -42,14 +42,6 @@ static bool report_progress(void *user, const char *stage, uint64_t done, uint64
     return !atomic_load(&task->cancel);
 }
 
-// Clients do not learn where files lie: the last name tells them which one it is.
-static void hide_folder(struct hg_error *err)
-{
-    const char *slash = strrchr(err->what, '/');
-    if (err->what[0] == '/' && slash[1])
-        memmove(err->what, slash + 1, strlen(slash));
-}
-
 // Checks a stored upload against its hash, and copies it.
 static enum hg_status take_upload(const char *path, const uint8_t hash[32], const uint8_t *data,
     size_t size, struct hg_refbuf **out, struct hg_error *err)
@@ -82,7 +74,7 @@ static enum hg_status read_upload(const struct worker_options *options, const ui
     if (!status)
         status = take_upload(path, hash, data, size, out, err);
     if (status)
-        hide_folder(err);
+        hg_asset_path_hide(options, (struct hgp_str){0}, NULL, err);
     hg_free(data);
     hg_free(path);
     return status;
@@ -107,12 +99,18 @@ static bool is_demo(struct hgp_str path)
     return path.size == sizeof demo - 1 && memcmp(path.data, demo, sizeof demo - 1) == 0;
 }
 
+static const char *roots_of(const struct task *task)
+{
+    return task->roots ? (const char *)task->roots->data : NULL;
+}
+
 // What to load: the first of the uploaded files, the built-in scene, or a file under the roots.
 static enum hg_status asset_path(struct task *task, char **path)
 {
     const struct hgp_asset_load *m = &task->message.asset_load;
     if (!m->files.count && !is_demo(m->path))
-        return hg_asset_path_resolve(&task->to.w->options, m->path, path, &task->err);
+        return hg_asset_path_resolve(
+            &task->to.w->options, roots_of(task), m->path, path, &task->err);
     *path = m->files.count ? hg_strndup(m->files.items[0].uri.data, m->files.items[0].uri.size)
                            : hg_strdup(demo);
     return *path ? HG_OK
@@ -143,6 +141,9 @@ static enum hg_status load_asset(struct task *task)
         .progress_user = task,
     };
     status = hg_load_asset(&params, &task->asset, &task->err);
+    if (status)
+        hg_asset_path_hide(
+            options, m->files.count ? (struct hgp_str){0} : m->path, path, &task->err);
     hg_free(path);
     return status;
 }
@@ -189,15 +190,15 @@ static enum hg_status load_environment(struct task *task)
     const struct hgp_environment_set *m = &task->message.environment_set;
     const struct worker_options *options = &task->to.w->options;
     char *path;
-    enum hg_status status = m->has_hash
-                                ? hg_asset_path_upload(options, m->hash, &path, &task->err)
-                                : hg_asset_path_resolve(options, m->path, &path, &task->err);
+    enum hg_status status =
+        m->has_hash ? hg_asset_path_upload(options, m->hash, &path, &task->err)
+                    : hg_asset_path_resolve(options, roots_of(task), m->path, &path, &task->err);
     if (!status && m->has_hash)
         status = verify_upload(path, m->hash, &task->err);
     if (!status)
         status = hg_environment_file_read(path, &task->cancel, &task->environment, &task->err);
     if (status)
-        hide_folder(&task->err);
+        hg_asset_path_hide(options, m->has_hash ? (struct hgp_str){0} : m->path, path, &task->err);
     hg_free(path);
     return status;
 }
@@ -217,7 +218,7 @@ static uint64_t most_bytes(const struct worker_options *o)
     return (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
 }
 
-// Both images, the difference, and what the metric keeps of each pixel meanwhile.
+// Both images, the difference, the mask, and what the metric keeps of each pixel meanwhile.
 static enum hg_status check_size(
     const struct task *task, const struct hg_image_info *side, bool as_float, struct hg_error *err)
 {
@@ -226,7 +227,8 @@ static enum hg_status check_size(
         [HG_METRIC_FLIP] = 84,
         [HG_METRIC_RMSE] = 4,
         [HG_METRIC_MAX] = 4};
-    const uint64_t pixel = kept[task->message.compare.metric] + 4 + 2 * (as_float ? 16 : 4);
+    const struct hgp_compare *m = &task->message.compare;
+    const uint64_t pixel = kept[m->metric] + 4 + (m->has_mask ? 4 : 0) + 2 * (as_float ? 16 : 4);
     const uint64_t bytes = (uint64_t)side->width * side->height * pixel;
     const uint64_t most = most_bytes(&task->to.w->options);
     if (bytes <= most)
@@ -237,6 +239,20 @@ static enum hg_status check_size(
         "may have; compare parts",
         side->width, side->height, (unsigned long long)(bytes >> 20),
         (unsigned long long)(most >> 20));
+}
+
+// Before it is decoded: what is as large as the pictures is within their limit.
+static enum hg_status probe_mask(
+    const struct hgp_compare *m, const struct hg_image_info *side, struct hg_error *err)
+{
+    struct hg_image_info mask;
+    enum hg_status status = hg_image_probe_memory(
+        &(struct hg_image_bytes){m->mask.data, m->mask.size, "mask"}, &mask, err);
+    if (status || (mask.width == side->width && mask.height == side->height))
+        return status;
+    return hg_error_set(err, HG_E_INVAL, "compare", "mask",
+        "%u x %u pixels for pictures of %u x %u", mask.width, mask.height, side->width,
+        side->height);
 }
 
 // 8-bit pictures are compared as they are; anything deeper in float.
@@ -250,6 +266,9 @@ static enum hg_status probe_sides(struct task *task, bool *as_float, struct hg_e
         return status;
     status = hg_image_probe_memory(
         &(struct hg_image_bytes){m->b.data, m->b.size, "second image"}, &b, err);
+    if (status)
+        return status;
+    status = m->has_mask ? probe_mask(m, &a, err) : HG_OK;
     if (status)
         return status;
     *as_float = a.is_float || b.is_float || a.is_16bit || b.is_16bit;
@@ -379,5 +398,6 @@ void hg_task_destroy(struct task *task)
     hg_writer_finish(&task->file);
     hg_arena_finish(&task->arena);
     hg_refbuf_unref(task->payload);
+    hg_refbuf_unref(task->roots);
     hg_free(task);
 }

@@ -19,6 +19,7 @@ struct task {
     struct reply_to to;
     uint64_t session;
     struct hg_refbuf *payload; // keeps message alive
+    struct hg_refbuf *roots;   // as of the session
     struct hg_arena arena;     // lists of message
     union hgp_any message;
     struct hg_writer file; // IMAGE: when it came in parts

@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <arpa/inet.h>
+#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -215,6 +217,49 @@ static void guessing_is_slow_and_knowing_is_not_refused(void **state)
     daemon_finish(&d);
 }
 
+// A connection from an address of this machine, of the network 127.0.9.0/24.
+static void connect_from(struct peer *p, struct daemon *d, int host)
+{
+    struct sockaddr_in from = {
+        .sin_family = AF_INET, .sin_addr.s_addr = htonl((uint32_t)(0x7f000900 + host))};
+    struct sockaddr_in to = {.sin_family = AF_INET,
+        .sin_port = htons((uint16_t)d->port),
+        .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    *p = (struct peer){.next_request = 1};
+    p->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    assert_int_equal(bind(p->fd, (const struct sockaddr *)&from, sizeof from), 0);
+    assert_int_equal(connect(p->fd, (const struct sockaddr *)&to, sizeof to), 0);
+    peer_hello(p);
+}
+
+// Other addresses of the network do not help for long.
+static void networks_that_guess_wait(void **state)
+{
+    (void)state;
+    enum { WRONG = 16 }; // eight times auth-failures
+    const uint64_t second_ns = 1000000000;
+    struct daemon d;
+    struct peer p;
+    daemon_init_tokens(&d);
+    daemon_option(&d, "auth-failures", "2");
+    daemon_start(&d);
+    for (int i = 0; i < WRONG; i++) {
+        connect_from(&p, &d, 1 + i);
+        peer_auth(&p, "view-token-2");
+        refused_for(&p, HG_E_AUTH, "not known");
+    }
+    const uint64_t sent_ns = hg_clock_now_ns();
+    connect_from(&p, &d, 1 + WRONG);
+    peer_auth(&p, "view-token-1");
+    assert_true(peer_next(&p));
+    assert_int_equal(p.header.type, HGP_T_auth_ok);
+    assert_true(hg_clock_now_ns() - sent_ns >= second_ns);
+    peer_close(&p);
+    peer_enter(&p, &d, "edit-token-1"); // of another network, and at once
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
 static void revoked_tokens_end_their_sessions(void **state)
 {
     (void)state;
@@ -268,6 +313,59 @@ static void scopes_name_scenes(void **state)
     peer_scene(&p, "hall-2");
     peer_call(&p, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
     peer_scene(&p, ""); // its own
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+static void load_within(struct peer *p, const char *roots, bool accepted)
+{
+    static uint32_t asset;
+    char path[80];
+    snprintf(path, sizeof path, "within=%s", roots);
+    const struct hgp_asset_load m = {.asset = p->first_id + ++asset, .path = hgp_str_make(path)};
+    if (accepted)
+        peer_call(p, HGP_T_asset_load, &m, HGP_T_asset_loaded);
+    else
+        peer_refused(p, HGP_T_asset_load, &m, HG_E_PERM);
+}
+
+// The worker is told where a token's files lie: at once, after SIGHUP, and for its tickets as well.
+static void scopes_name_roots(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p, guest, other;
+    char secret[64];
+    daemon_init_tokens(&d);
+    daemon_write(
+        &d, "tokens", "scoped-token edit anna roots=/srv/a:/srv/b\nother-token edit anna\n");
+    daemon_start(&d);
+    peer_enter(&p, &d, "scoped-token");
+    peer_scene(&p, "hall");
+    load_within(&p, "/srv/a:/srv/b", true);
+    load_within(&p, "", false);
+    peer_call(&p, HGP_T_join_make, &(struct hgp_join_make){.has_role = true, .role = HGP_role_EDIT},
+        HGP_T_join_ticket);
+    snprintf(secret, sizeof secret, "%.*s", (int)p.m.join_ticket.secret.size,
+        (const char *)p.m.join_ticket.secret.data);
+    peer_connect(&guest, &d, true);
+    peer_hello(&guest);
+    peer_auth(&guest, secret);
+    assert_true(peer_next(&guest));
+    assert_int_equal(guest.header.type, HGP_T_join_scene);
+    assert_true(peer_next(&guest));
+    assert_int_equal(guest.header.type, HGP_T_auth_ok);
+    peer_scene(&guest, "hall");
+    load_within(&guest, "/srv/a:/srv/b", true);
+    peer_enter(&other, &d, "other-token");
+    peer_scene(&other, "hall");
+    load_within(&other, "", true);
+    daemon_write(&d, "tokens", "scoped-token edit anna roots=/srv/c\nother-token edit anna\n");
+    assert_int_equal(kill(d.pid, SIGHUP), 0);
+    daemon_wait_log(&d, "reloaded: 2 tokens");
+    load_within(&p, "/srv/c", true);
+    peer_close(&guest);
+    peer_close(&other);
     peer_close(&p);
     daemon_finish(&d);
 }
@@ -354,9 +452,11 @@ int main(void)
         cmocka_unit_test(handshakes_are_dropped_at_random),
         cmocka_unit_test(tokens_have_a_share_of_sessions),
         cmocka_unit_test(guessing_is_slow_and_knowing_is_not_refused),
+        cmocka_unit_test(networks_that_guess_wait),
         cmocka_unit_test(revoked_tokens_end_their_sessions),
         cmocka_unit_test(tokens_expire),
         cmocka_unit_test(scopes_name_scenes),
+        cmocka_unit_test(scopes_name_roots),
         cmocka_unit_test(everything_is_audited),
         cmocka_unit_test(ids_come_back),
     };

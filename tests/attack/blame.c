@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "base/sha256.h"
 #include "tests/system/daemon.h"
 
 static void begin(struct daemon *d)
@@ -205,6 +206,90 @@ static void innocents_are_not_blamed(void **state)
     daemon_finish(&d);
 }
 
+static struct hgp_asset_file file_of(struct peer *p, const char *uri, const char *text)
+{
+    const uint32_t size = (uint32_t)strlen(text);
+    struct hgp_upload content = {.total = size, .data = {(const uint8_t *)text, size}};
+    struct hgp_asset_file file = {.uri = hgp_str_make(uri)};
+    assert_int_equal(hg_sha256(text, size, content.hash), HG_OK);
+    peer_call(p, HGP_T_upload, &content, HGP_T_ok);
+    memcpy(file.hash, content.hash, 32);
+    return file;
+}
+
+// Each file of a load is known: others beside it change nothing.
+static void junk_beside_a_file_does_not_help(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    begin_both(&d, &honest, &hostile);
+    struct hgp_asset_file files[] = {file_of(&hostile, "junk.png", "junk"),
+        file_of(&hostile, "poison.glb", "poison"), file_of(&hostile, "good.glb", "good")};
+    struct hgp_asset_load load = {.asset = hostile.first_id, .files = {&files[1], 1}};
+    daemon_write(&d, "kill.asset_load", "");
+    peer_refused(&hostile, HGP_T_asset_load, &load, HG_E_WORKER);
+    disarm(&d, "kill.asset_load");
+    load.files.items = files; // with a file before it
+    load.files.count = 2;
+    peer_refused(&hostile, HGP_T_asset_load, &load, HG_E_WORKER);
+    assert_true(peer_says(&hostile, "quarantine"));
+    load.files.items = &files[2];
+    load.files.count = 1;
+    peer_call(&hostile, HGP_T_asset_load, &load, HGP_T_asset_loaded);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static struct hgp_mesh_set mesh_of(struct peer *p, struct hgp_mesh_part *part, uint32_t number)
+{
+    return (struct hgp_mesh_set){.mesh = p->first_id + number, .parts = {part, 1}};
+}
+
+// Meshes, textures and comparisons are known by their data, queries by their scene, in whatever
+// session they come.
+static void data_and_queries_are_quarantined(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    static const float poison[] = {1, 2, 3}, good[] = {1, 2, 4};
+    struct hgp_mesh_part part = {
+        .mode = HGP_primitive_mode_POINTS, .positions = {(const uint8_t *)poison, sizeof poison}};
+    const struct hgp_info_query query = {0};
+    begin_both(&d, &honest, &hostile);
+    struct hgp_mesh_set mesh = mesh_of(&hostile, &part, 0);
+    daemon_write(&d, "kill.mesh_set", "");
+    peer_refused(&hostile, HGP_T_mesh_set, &mesh, HG_E_WORKER);
+    disarm(&d, "kill.mesh_set");
+    peer_close(&hostile);
+    peer_enter(&hostile, &d, "admin-token-1");
+    peer_scene(&hostile, "hall");
+    mesh = mesh_of(&hostile, &part, 5); // under another id
+    peer_refused(&hostile, HGP_T_mesh_set, &mesh, HG_E_WORKER);
+    assert_true(peer_says(&hostile, "quarantine"));
+    mesh = mesh_of(&honest, &part, 0); // of another tenant
+    peer_call(&honest, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    part.positions.data = (const uint8_t *)good; // as large
+    mesh = mesh_of(&hostile, &part, 5);
+    peer_call(&hostile, HGP_T_mesh_set, &mesh, HGP_T_ok);
+    daemon_write(&d, "kill.info_query", "");
+    peer_refused(&hostile, HGP_T_info_query, &query, HG_E_WORKER);
+    disarm(&d, "kill.info_query");
+    peer_close(&hostile);
+    peer_enter(&hostile, &d, "admin-token-1");
+    peer_scene(&hostile, "hall");
+    peer_refused(&hostile, HGP_T_info_query, &query, HG_E_WORKER);
+    assert_true(peer_says(&hostile, "quarantine"));
+    peer_close(&hostile);
+    enter(&hostile, &d, "admin-token-1"); // another scene
+    peer_call(&hostile, HGP_T_info_query, &query, HGP_T_json);
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -214,6 +299,8 @@ int main(void)
         cmocka_unit_test(stopped_suspects_hold_nobody_up),
         cmocka_unit_test(what_hangs_is_blamed_at_once),
         cmocka_unit_test(innocents_are_not_blamed),
+        cmocka_unit_test(junk_beside_a_file_does_not_help),
+        cmocka_unit_test(data_and_queries_are_quarantined),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

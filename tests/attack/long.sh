@@ -25,7 +25,7 @@ number_in() { # file
 
 readers() {
     failed=0
-    for name in asset_pack gltf ies image lod obj off page ply stl; do
+    for name in asset_pack gltf heightmap ies image lod obj off page ply stl; do
         total=$(number_in "$folder/$name.total")
         round=$(number_in "$folder/$name.round")
         while [ "$total" -lt "${HELIO_MUTANTS:-1000000}" ]; do

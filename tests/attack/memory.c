@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -139,6 +140,82 @@ static void drips_are_closed(void **state)
     end(&d, &honest, &drip);
 }
 
+// A message of so many bytes, of which so many come.
+static void send_part(struct peer *p, uint32_t length, size_t come)
+{
+    static uint8_t bytes[12 << 20];
+    const struct hgp_header header = {.type = HGP_T_mesh_set, .length = length, .request = 1};
+    hgp_header_encode(&header, bytes);
+    assert_true(come <= sizeof bytes);
+    peer_raw(p, bytes, come);
+}
+
+// Of the token of whose messages most has come the largest is closed, wherever the others are.
+static void parts_of_messages_share_what_there_is(void **state)
+{
+    (void)state;
+    enum { HOSTILE = 4 };
+    struct daemon d;
+    struct peer honest, hostile[HOSTILE];
+    daemon_init_tokens(&d);
+    daemon_option(&d, "input-total", "16");
+    daemon_start(&d);
+    peer_enter(&honest, &d, "edit-token-1");
+    peer_scene(&honest, "");
+    struct hg_writer w = {0};
+    static uint8_t points[7 << 20];
+    struct hgp_mesh_part part = {
+        .mode = HGP_primitive_mode_POINTS, .positions = {points, sizeof points / 12 * 12}};
+    const uint32_t request = honest.next_request++;
+    assert_int_equal(
+        hgp_encode(&w, 1, (struct hgp_envelope){HGP_T_mesh_set, request, 0},
+            &(struct hgp_mesh_set){.mesh = honest.first_id, .parts = {&part, 1}}, NULL),
+        HG_OK);
+    peer_raw(&honest, w.data, w.size - 1); // more than any of the others
+    for (int i = 0; i < HOSTILE; i++) {
+        peer_enter(&hostile[i], &d, "view-token-1");
+        send_part(&hostile[i], 300 << 20, 4 << 20);
+    }
+    daemon_wait_log(&d, "input-total");
+    peer_raw(&honest, w.data + w.size - 1, 1);
+    peer_answer(&honest, request, HGP_T_ok);
+    hg_writer_finish(&w);
+    for (int i = 0; i < HOSTILE; i++)
+        peer_close(&hostile[i]);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static void drips_of_messages_are_closed(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer drip, still, honest;
+    daemon_init(&d);
+    daemon_option(&d, "peer-timeout", "0.5");
+    daemon_option(&d, "min-fill", "4");
+    daemon_start(&d);
+    peer_open_view(&honest, &d, 64, 64);
+    peer_open(&still, &d);
+    peer_open(&drip, &d);
+    send_part(&still, 100, 3); // not even a header
+    send_part(&drip, 1000, 16);
+    for (int i = 0; i < 1000; i++) { // a byte again and again
+        char *log = daemon_read(&d, "log");
+        const char *first = strstr(log, "min-fill");
+        const bool both = first && strstr(first + 1, "min-fill");
+        free(log);
+        if (both)
+            break;
+        assert_true(i < 999);
+        (void)!send(drip.fd, "", 1, MSG_NOSIGNAL); // it may be closed
+        usleep(20000);
+    }
+    peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_close(&still);
+    end(&d, &honest, &drip);
+}
+
 static void slow_readers_share_what_there_is(void **state)
 {
     (void)state;
@@ -226,6 +303,8 @@ int main(void)
         cmocka_unit_test(queries_are_charged_when_granted),
         cmocka_unit_test(views_take_turns),
         cmocka_unit_test(drips_are_closed),
+        cmocka_unit_test(parts_of_messages_share_what_there_is),
+        cmocka_unit_test(drips_of_messages_are_closed),
         cmocka_unit_test(slow_readers_share_what_there_is),
         cmocka_unit_test(idle_sessions_are_small),
         cmocka_unit_test(journals_share_what_there_is),

@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -150,6 +152,64 @@ static void idle_workers_are_stopped(void **state)
     daemon_finish(&d);
 }
 
+// Another daemon that is told the same cache folder, as two `helio serve` of one user are.
+static pid_t start_beside(const struct daemon *d, const char *number)
+{
+    char program[600], listen[300], cache[300], worker[600], port[300], log[300];
+    const char *build = getenv("HELIO_BUILD_DIR");
+    snprintf(program, sizeof program, "%s/bin/heliod", build);
+    snprintf(listen, sizeof listen, "unix:%s/sock%s", d->folder, number);
+    snprintf(cache, sizeof cache, "%s/cache", d->folder);
+    snprintf(worker, sizeof worker, "%s/tests/fake_worker", build);
+    snprintf(port, sizeof port, "%s/port%s", d->folder, number);
+    snprintf(log, sizeof log, "%s/log%s", d->folder, number);
+    const pid_t pid = fork();
+    if (pid == 0) {
+        (void)!freopen(log, "w", stderr);
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        execl(program, program, "--listen", listen, "--cache-dir", cache, "--worker", worker,
+            "--sandbox", "off", "--port-file", port, NULL);
+        _exit(127);
+    }
+    snprintf(port, sizeof port, "port%s", number);
+    for (int i = 0; !daemon_has_file((struct daemon *)d, port); i++) {
+        assert_true(i < 12000 && waitpid(pid, NULL, WNOHANG) == 0);
+        usleep(5000);
+    }
+    return pid;
+}
+
+static void stop_beside(pid_t pid)
+{
+    int status;
+    assert_int_equal(kill(pid, SIGTERM), 0);
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_int_equal(status, 0);
+}
+
+static void daemons_take_nothing_of_each_other(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer anna;
+    struct hgp_upload mine = {.total = 4, .data = {(const uint8_t *)"mine", 4}};
+    assert_int_equal(hg_sha256("mine", 4, mine.hash), HG_OK);
+    begin(&d, "4");
+    tenant_enter(&anna, &d, "anna-token-1", "hall"); // in the first place, the spare's
+    peer_call(&anna, HGP_T_upload, &mine, HGP_T_ok);
+    assert_true(daemon_has_file(&d, "cache/workers/0/owner"));
+    const pid_t second = start_beside(&d, "2"), third = start_beside(&d, "3");
+    assert_true(daemon_has_file(&d, "cache/daemons/2/workers/0/cache"));
+    assert_true(daemon_has_file(&d, "cache/daemons/3/uploads"));
+    assert_true(daemon_has_file(&d, "cache/workers/0/owner"));
+    stop_beside(second);
+    stop_beside(third);
+    assert_true(daemon_has_file(&d, "cache/workers/0/owner"));
+    assert_true(peer_has_upload(&anna, mine.hash));
+    peer_close(&anna);
+    daemon_finish(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -158,6 +218,7 @@ int main(void)
         cmocka_unit_test(uploads_belong_to_tenants),
         cmocka_unit_test(workers_are_limited_and_given_back),
         cmocka_unit_test(idle_workers_are_stopped),
+        cmocka_unit_test(daemons_take_nothing_of_each_other),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

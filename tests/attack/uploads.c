@@ -43,6 +43,94 @@ static void announcements_evict_nothing(void **state)
     daemon_finish(&d);
 }
 
+enum { MIB = 1 << 20 };
+
+// A content of a MiB, and of nothing else that this number names.
+static struct hgp_upload mebibyte(int number)
+{
+    static int data[MIB / sizeof(int) - 1024]; // and its blocks
+    data[0] = number;
+    return content_of(data, sizeof data);
+}
+
+// Whoever fills the store loses what is its own, and not what others have of their part.
+static void floods_evict_nothing_of_others(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer honest, hostile;
+    struct hgp_upload mine[3];
+    daemon_init_tokens(&d);
+    daemon_option(&d, "upload-store", "16");
+    daemon_start(&d);
+    peer_enter(&honest, &d, "edit-token-1");
+    for (int i = 0; i < 3; i++) {
+        mine[i] = mebibyte(i);
+        peer_call(&honest, HGP_T_upload, &mine[i], HGP_T_ok);
+    }
+    peer_enter(&hostile, &d, "admin-token-1");
+    for (int i = 0; i < 24; i++) {
+        struct hgp_upload more = mebibyte(100 + i);
+        peer_call(&hostile, HGP_T_upload, &more, HGP_T_ok);
+    }
+    for (int i = 0; i < 3; i++)
+        assert_true(peer_has_upload(&honest, mine[i].hash));
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
+static uint32_t send_load(struct peer *p, uint32_t number, const uint8_t hash[32])
+{
+    struct hgp_asset_file file = {.uri = hgp_str_make("a.glb")};
+    memcpy(file.hash, hash, 32);
+    return peer_send(p, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = p->first_id + number, .files = {&file, 1}});
+}
+
+// What scenes use cannot be evicted: a tenant has its share of that, also of loads under way.
+static void uses_leave_room_for_others(void **state)
+{
+    (void)state;
+    enum { LOADS = 14 };
+    struct daemon d;
+    struct peer honest, hostile;
+    uint8_t hashes[LOADS][32];
+    uint32_t loaded = 0, requests[LOADS];
+    daemon_init_tokens(&d);
+    daemon_option(&d, "upload-store", "16");
+    daemon_start(&d);
+    peer_enter(&hostile, &d, "admin-token-1");
+    peer_scene(&hostile, "");
+    for (int i = 0; i < LOADS; i++) {
+        struct hgp_upload content = mebibyte(100 + i);
+        memcpy(hashes[i], content.hash, 32);
+        peer_call(&hostile, HGP_T_upload, &content, HGP_T_ok);
+    }
+    for (uint32_t i = 0; i < LOADS; i++)
+        requests[i] = send_load(&hostile, i, hashes[i]);
+    for (int i = 0; i < LOADS; i++) {
+        do
+            assert_true(peer_next(&hostile));
+        while (hostile.header.request < requests[0]);
+        if (hostile.header.type == HGP_T_asset_loaded)
+            loaded++;
+        else
+            assert_true(peer_says(&hostile, "upload-store"));
+    }
+    assert_int_equal(loaded, 8); // half of it
+    peer_enter(&honest, &d, "edit-token-1");
+    peer_scene(&honest, "");
+    for (int i = 0; i < 5; i++) { // a third
+        struct hgp_upload content = mebibyte(i);
+        peer_call(&honest, HGP_T_upload, &content, HGP_T_ok);
+        peer_answer(&honest, send_load(&honest, (uint32_t)i, content.hash), HGP_T_asset_loaded);
+    }
+    peer_close(&hostile);
+    peer_close(&honest);
+    daemon_finish(&d);
+}
+
 static void quotas_survive_reconnecting(void **state)
 {
     (void)state;
@@ -96,6 +184,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(announcements_evict_nothing),
+        cmocka_unit_test(floods_evict_nothing_of_others),
+        cmocka_unit_test(uses_leave_room_for_others),
         cmocka_unit_test(quotas_survive_reconnecting),
         cmocka_unit_test(uploads_that_stop_are_given_up),
     };

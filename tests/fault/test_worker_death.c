@@ -454,6 +454,8 @@ static void files_that_were_verified(void **state)
     peer_refused(&q, HGP_T_image_query, &first, HG_E_WORKER); // given up
     snprintf(wire, sizeof wire, "%s/kill.image_query", d.folder);
     assert_int_equal(unlink(wire), 0);
+    peer_refused(&p, HGP_T_image_query, &first, HG_E_WORKER); // in quarantine
+    peer_call(&p, HGP_T_quarantine_clear, &(struct hgp_quarantine_clear){0}, HGP_T_ok);
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok);
     daemon_write(&d, "die.image_query", "");
     peer_call(&p, HGP_T_image_query, &first, HGP_T_ok); // asked again, and still counts

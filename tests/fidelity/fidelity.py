@@ -6,7 +6,7 @@ usage: fidelity.py --helio PROGRAM --score PROGRAM --out DIR --explanations FILE
                    [--path all|NAME,...] [--path-spp N] [--no-realtime] [--gi WHICH]
 
 Every scenario of fidelity/scenarios.json in the test data is rendered through the command line at the size the
-other engines drew at, reduced to their thumbs' size as theirs were, and scored with the published
+other engines drew at, by one daemon, reduced to their thumbs' size as theirs were, and scored with the published
 metric (see score.h). Rasterisers are compared with rasterisers. A scenario of which at least two of them
 have pictures is compared; it passes when our median distance to the others is no larger than the
 typical distance among them. At least 80 % must pass, and explanations.txt must explain exactly the others, one line each.
@@ -27,6 +27,7 @@ Writes OUT/index.html, OUT/results.json and one line on stdout. Exit code 1 when
 """
 import argparse
 import concurrent.futures
+import contextlib
 import html
 import json
 import math
@@ -38,6 +39,7 @@ import time
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
 import test_data
+from daemon import daemon
 
 RASTERISERS = ("babylon", "filament", "gltf-sample-viewer", "model-viewer")
 PATH_TRACERS = ("blender-cycles", "stellar", "three-gpu-pathtracer", "vray")
@@ -126,7 +128,7 @@ class Harness:
                    "--env", os.path.join(options.data, scenario["environmentFile"]),
                    "--background", "env" if scenario["renderSkybox"] else "none",
                    "--tonemap", "aces", "--exposure", "0", "--mode", mode, "--spp", str(spp), "--gi", options.gi,
-                   "--progress", "none"]
+                   "--progress", "none", "--connect", options.url]
         command += camera_arguments(scenario) + (["--denoise"] if denoise else [])
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
@@ -389,7 +391,9 @@ def main():
     os.makedirs(options.out, exist_ok=True)
     names = [n for n in scenarios if not options.only or any(o in n for o in options.only)]
     harness = Harness(options)
-    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+    cache = os.path.abspath(os.path.join(options.out, "cache"))
+    with daemon(options.helio, [options.data], cache) if options.helio else contextlib.nullcontext() as options.url, \
+            concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         records = list(pool.map(lambda n: harness.run(n, scenarios[n]), names))
     explanations = read_explanations(options.explanations)
     compared, passed, complaints = judge(

@@ -5,7 +5,7 @@ usage: golden.py --helio PROGRAM --models DIR --out DIR [--only NAME]... [--upda
 
 A row that differs leaves OUT/NAME.png and OUT/NAME.diff.png and fails the test; so does a missing
 reference. Rows with `wrong = true` hold a picture that is wrong on purpose: they must be refused,
-which shows that the tolerances bite. --update writes the references anew (never the wrong ones):
+which shows that the tolerances bite. One daemon draws all. --update writes the references anew (never the wrong ones):
 look at them before you commit them. Rows of scenes that are not there are skipped (test_data.py).
 """
 import argparse
@@ -18,6 +18,7 @@ import tomllib
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
 import test_data
+from daemon import daemon
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE = "256x256"
@@ -47,8 +48,7 @@ def run_script(options, row, scene, out):
     lines = ["load " + scene, "set size " + row.get("size", SIZE), "set exposure 0", "set gi none"]
     with open(path, "w") as file:
         file.write("\n".join(lines + row["script"] + ["frame " + out, ""]))
-    code, text = run([options.helio, "run", path, "--device", "llvmpipe", "--progress", "none",
-                      "--cache-dir", os.path.join(options.out, "cache")])
+    code, text = run([options.helio, "run", path, "--connect", options.url, "--progress", "none"])
     return None if code == 0 else "the script failed with %d: %s" % (code, text)
 
 
@@ -61,8 +61,7 @@ def render(options, row, out):
     # What a picture depends on is stated; of an option that is given twice, the last counts.
     command = [options.helio, "render", scene, "-o", out, "--size", row.get("size", SIZE),
                "--exposure", "0", "--background", "env", "--tonemap", "aces", "--gi", "none",
-               "--device", "llvmpipe", "--progress", "none",
-               "--cache-dir", os.path.join(options.out, "cache")]
+               "--connect", options.url, "--progress", "none"]
     if row["scene"] != "demo":  # which has light of its own
         command += ["--env", "auto"]
     for argument in row["arguments"]:
@@ -112,7 +111,8 @@ def main():
     options = parser.parse_args()
     os.makedirs(options.out, exist_ok=True)
     # No cache of an older build may decide what is drawn.
-    shutil.rmtree(os.path.join(options.out, "cache"), ignore_errors=True)
+    cache = os.path.join(options.out, "cache")
+    shutil.rmtree(cache, ignore_errors=True)
     os.makedirs(os.path.join(HERE, "references"), exist_ok=True)
     with open(os.path.join(HERE, "golden.toml"), "rb") as file:
         table = tomllib.load(file)
@@ -126,7 +126,8 @@ def main():
     there = [r for r in rows if all([test_data.find(f) for f in inputs_of(r)])]
     if len(there) < len(rows) and test_data.REQUIRED:
         sys.exit("test data is missing")
-    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+    with daemon(options.helio, [test_data.ROOT, options.models], cache, "llvmpipe") as options.url, \
+            concurrent.futures.ThreadPoolExecutor(2) as pool:
         failures = list(pool.map(lambda r: check(options, r), there))
     for row, failure in zip(there, failures):
         print("%-24s %s" % (row["name"], failure or "ok"))

@@ -10,11 +10,12 @@ import time
 @contextlib.contextmanager
 def daemon(helio, roots, cache=None, device=None):
     """The URL of a heliod beside the program `helio` that reads below the folders `roots`. Its worker has all
-    the time it takes: where pictures take too long is for their test to say."""
+    the time it takes: where pictures take too long is for their test to say. It is
+    a shared one: it takes compiled shaders from $MESA_SHADER_CACHE_DIR, where that of a tenant compiles its own."""
     with tempfile.TemporaryDirectory(prefix="helio-") as folder:  # names of sockets have room for 108 bytes
         url, ready = "unix:%s/socket" % folder, os.path.join(folder, "ready")
         command = [os.path.join(os.path.dirname(helio), "heliod"), "--listen", url, "--port-file", ready,
-                   "--hang-timeout", "3600", "--sandbox", "best-effort", "--log", "warn"]
+                   "--hang-timeout", "3600", "--isolation", "shared", "--sandbox", "best-effort", "--log", "warn"]
         for root in filter(os.path.isdir, roots):  # test data may be missing
             command += ["--asset-root", root]
         command += ["--cache-dir", cache] if cache else []

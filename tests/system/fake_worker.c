@@ -50,6 +50,7 @@ struct channel {
     uint32_t number; // 0 = free
     struct scene *scene;
     uint32_t first_id, id_count;
+    char roots[64]; // of session_tenant
     bool in_batch;
     struct view views[MAX_VIEWS];
     uint64_t blocked_until_ns; // a slow load runs; later messages wait
@@ -186,6 +187,8 @@ static void asset_load(struct channel *c, struct hg_packet *packet, const struct
     snprintf(path, sizeof path, "%.*s", (int)m->path.size, m->path.data ? m->path.data : "");
     if (strcmp(path, "fail") == 0)
         refuse(&packet->header, HG_E_FORMAT, "a broken file");
+    else if (strncmp(path, "within=", 7) == 0 && strcmp(path + 7, c->roots) != 0)
+        refuse(&packet->header, HG_E_PERM, "the session's files lie elsewhere");
     else if (strncmp(path, "slow=", 5) == 0 && !c->blocked_until_ns) {
         c->blocked_until_ns = hg_clock_now_ns() + strtoull(path + 5, NULL, 10) * 1000000;
         c->waiting[c->waiting_count++] = hg_packet_ref(packet);
@@ -463,6 +466,8 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
         detach(c);
         return;
     case HGP_T_session_tenant:
+        snprintf(c->roots, sizeof c->roots, "%.*s", (int)m->session_tenant.roots.size,
+            m->session_tenant.has_roots ? (const char *)m->session_tenant.roots.data : "");
         return;
     case HGP_T_replay_end:
         if (c->scene->revision < m->replay_end.revision)

@@ -212,7 +212,7 @@ static void tokens_have_scopes(void **state)
     assert_int_equal(hg_token_hash(hgp_str_make("hidden-token"), hash), HG_OK);
     hg_sha256_hex(hash, hex);
     snprintf(text, sizeof text,
-        "sha256:%s edit carl expires=2030-01-02 scenes=hall-* sessions=3 rate=500\n"
+        "sha256:%s edit carl expires=2030-01-02 scenes=hall-* sessions=3 rate=500 roots=/srv/a:/b\n"
         "plain-token view expires=1970-01-02T00:00:10Z\n",
         hex);
     test_text_write(folder, "tokens", text);
@@ -223,6 +223,7 @@ static void tokens_have_scopes(void **state)
     assert_string_equal(t->name, "carl");
     assert_int_equal(t->scope.expires_s, 1893542400);
     assert_string_equal(t->scope.scenes, "hall-*");
+    assert_string_equal(t->scope.roots, "/srv/a:/b");
     assert_int_equal(t->scope.max_sessions, 3);
     assert_int_equal(t->scope.max_rate, 500);
     assert_null(find_token(&tokens, "hidden-token", 1893542400));
@@ -234,6 +235,7 @@ static void tokens_have_scopes(void **state)
     static const char *const bad[] = {"sha256:abc view\n", "longenough view x expires=tomorrow\n",
         "longenough view x sessions=0\n", "longenough view x rate=1e3\n",
         "longenough view x scenes=\n", "longenough view x colour=red\n",
+        "longenough view x roots=srv\n", "longenough view x roots=/srv:\n",
         "longenough view expires=2030-01-01 x\n"};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         test_text_write(folder, "tokens", bad[i]);
@@ -250,7 +252,7 @@ static void peers_are_counted(void **state)
     assert_ptr_equal(hg_peer_table_join(&table, "10.0.0.1/32"), a);
     assert_int_equal(a->connections, 2);
     for (int i = 0; i < 3; i++)
-        hg_peer_table_count_failure(&table, a, 100 * s);
+        hg_peer_table_count_failure(&table, a, NULL, 100 * s);
     hg_peer_table_leave(&table, a, 110 * s);
     hg_peer_table_leave(&table, a, 110 * s);
     // It is remembered without a connection, for a minute.
@@ -267,7 +269,7 @@ static void peers_are_counted(void **state)
     for (int i = 0; i < HG_PEER_TABLE_IDLE + 20; i++) {
         snprintf(key, sizeof key, "10.%d.%d.1/32", i >> 8, i & 255);
         a = hg_peer_table_join(&table, key);
-        hg_peer_table_count_failure(&table, a, 200 * s);
+        hg_peer_table_count_failure(&table, a, NULL, 200 * s);
         hg_peer_table_leave(&table, a, 200 * s);
     }
     assert_int_equal(table.idle_count, HG_PEER_TABLE_IDLE);

@@ -349,6 +349,58 @@ static void workers_start_as_before(void **state)
     daemon_finish(&d);
 }
 
+// Another heliod that is told the same cache folder, and has state: it is refused.
+static void expect_locked(struct daemon *d)
+{
+    char command[1200], who[40];
+    snprintf(command, sizeof command,
+        "timeout 60 %s/bin/heliod --listen unix:%s/second --cache-dir %s/cache --state-dir "
+        "%s/second-state 2>%s/second.log",
+        getenv("HELIO_BUILD_DIR"), d->folder, d->folder, d->folder, d->folder);
+    assert_int_equal(WEXITSTATUS(system(command)), 4);
+    snprintf(who, sizeof who, "(process %d)", (int)d->pid);
+    char *log = daemon_read(d, "second.log");
+    assert_non_null(strstr(log, "--cache-dir: another heliod uses this folder"));
+    assert_non_null(strstr(log, who));
+    free(log);
+}
+
+// What workers were started as they stay, and where: both modes of isolation, the folder.
+static void workers_stay_what_they_are(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer anna, bert;
+    char path[TEST_FOLDER_MAX + 16];
+    daemon_init_tokens(&d);
+    daemon_write(&d, "config", "isolation = shared\n");
+    snprintf(path, sizeof path, "--config=%s/config", d.folder);
+    for (int i = 0; i < d.arg_count; i++)
+        if (strcmp(d.args[i], "--isolation=shared") == 0)
+            d.args[i] = strdup(path);
+    daemon_start(&d);
+    peer_enter(&anna, &d, "edit-token-1");
+    peer_scene(&anna, "hall");
+    const pid_t worker = daemon_worker(&d, 0);
+    expect_locked(&d);
+    daemon_write(&d, "config", "isolation = tenant\ncache-limit = 100\n");
+    for (int i = 0; i < 2; i++) {
+        daemon_signal(&d, SIGUSR2);
+        wait_count(&d, "isolation stays shared", i + 1);
+        wait_count(&d, "took over 1 sessions", i + 1);
+    }
+    expect_locked(&d);
+    peer_enter(&bert, &d, "view-token-1"); // another tenant, for which a spare would be
+    peer_scene(&bert, "hall");
+    assert_true(bert.m.scene_opened.existed);
+    assert_int_equal(daemon_worker(&d, 0), worker);
+    daemon_signal(&d, SIGHUP);
+    daemon_wait_log(&d, "a restart is needed for: isolation");
+    peer_close(&anna);
+    peer_close(&bert);
+    daemon_finish(&d);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 1)
@@ -360,6 +412,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(what_is_known_goes_along),
         cmocka_unit_test(takes_over_only_when_it_can),
         cmocka_unit_test(workers_start_as_before),
+        cmocka_unit_test(workers_stay_what_they_are),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include <errno.h>
 #include <linux/magic.h>
 #include <poll.h>
 #include <stdio.h>
@@ -152,6 +153,85 @@ static void test_files_outside_the_roots_are_not_told_apart(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_asset_load, &absent), HG_E_PERM, NULL);
     link_expect_error(rig, link_ask(rig, 1, HGP_T_asset_load, &above), HG_E_PERM, NULL);
     link_expect_error(rig, link_ask(rig, 1, HGP_T_asset_load, &missing), HG_E_NOTFOUND, NULL);
+}
+
+// A session whose token names folders reads below these alone; what lies beside them answers as
+// what lies outside of the roots does, whether it is there or not.
+static void test_sessions_keep_to_their_roots(void **state)
+{
+    static const char file[] = "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,"
+                               "\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}]}";
+    struct rig *rig = *state;
+    char own[600], path[700], text[1300];
+    snprintf(own, sizeof own, "%s/own", rig->root);
+    assert_int_equal(mkdir(own, 0777), 0);
+    test_text_write(own, "mine.gltf", file);
+    test_text_write(rig->root, "beside.gltf", file);
+    snprintf(path, sizeof path, "%s/link.gltf", own);
+    assert_int_equal(symlink("../beside.gltf", path), 0);
+    snprintf(text, sizeof text, "/no/such/folder:%s", own);
+    const struct hgp_session_tenant tenant = {
+        .weight = 100, .has_roots = true, .roots = hgp_str_make(text)};
+    const struct {
+        const char *path;
+        enum hg_status status;
+    } cases[] = {{"own/mine.gltf", HG_OK}, {"own/absent.gltf", HG_E_NOTFOUND},
+        {"beside.gltf", HG_E_PERM}, {"absent.gltf", HG_E_PERM}, {"own/link.gltf", HG_E_PERM},
+        {"own/../beside.gltf", HG_E_PERM}, {"own/../../../../etc/passwd", HG_E_PERM}};
+    for (uint32_t channel = 1; channel <= 2; channel++)
+        link_attach(rig, channel, "a");
+    link_ask(rig, 1, HGP_T_session_tenant, &tenant); // has no answer
+    for (uint32_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct hgp_asset_load m = {
+            .asset = FIRST_ID + i, .path = hgp_str_make(cases[i].path)};
+        const uint32_t request = link_ask(rig, 1, HGP_T_asset_load, &m);
+        if (cases[i].status)
+            link_expect_error(rig, request, cases[i].status, NULL);
+        else
+            link_expect(rig, request, HGP_T_asset_loaded);
+    }
+    const struct hgp_environment_set sky = {.has_kind = true,
+        .kind = HGP_environment_kind_FILE,
+        .has_path = true,
+        .path = hgp_str_make("beside.hdr")};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_environment_set, &sky), HG_E_PERM, NULL);
+    struct hgp_asset_load m = {.asset = FIRST_ID + 1000, .path = hgp_str_make("beside.gltf")};
+    link_expect(rig, link_ask(rig, 2, HGP_T_asset_load, &m), HGP_T_asset_loaded);
+    // Folders that are not there let nothing in.
+    m.asset++;
+    link_ask(rig, 2, HGP_T_session_tenant,
+        &(struct hgp_session_tenant){
+            .weight = 100, .has_roots = true, .roots = hgp_str_make("/no/such/folder")});
+    link_expect_error(rig, link_ask(rig, 2, HGP_T_asset_load, &m), HG_E_PERM, NULL);
+}
+
+static void expect_named(struct rig *rig, const char *path, const char *named)
+{
+    const struct hgp_asset_load load = {.asset = FIRST_ID, .path = hgp_str_make(path)};
+    link_expect(rig, link_ask(rig, 1, HGP_T_asset_load, &load), HGP_T_error);
+    const struct hgp_str what = rig->message.error.what;
+    assert_int_equal(what.size, strlen(named));
+    assert_memory_equal(what.data, named, what.size);
+    const struct hgp_str reason = rig->message.error.reason;
+    assert_null(memmem(reason.data, reason.size, rig->root, strlen(rig->root)));
+}
+
+// Errors name files as clients know them, not by where they lie.
+static void test_errors_do_not_say_where_roots_lie(void **state)
+{
+    struct rig *rig = *state;
+    char path[TEST_FOLDER_MAX + 16];
+    link_attach(rig, 1, "a");
+    snprintf(path, sizeof path, "%s/sub", rig->root);
+    assert_true(mkdir(path, 0700) == 0 || errno == EEXIST);
+    test_text_write(rig->root, "sub/part.gltf",
+        "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"uri\":\"../sub\","
+        "\"byteLength\":4}],\"scenes\":[{}]}");
+    expect_named(rig, ".", ".");
+    expect_named(rig, "sub", "sub");
+    expect_named(rig, "./sub/../sub", "./sub/../sub");
+    expect_named(rig, path, path); // it knows that already
+    expect_named(rig, "sub/part.gltf", "part.gltf");
 }
 
 static void test_messages_behind_a_load_keep_their_order(void **state)
@@ -437,6 +517,13 @@ static void test_huge_comparisons_are_refused(void **state)
         link_ask(rig, 1, HGP_T_compare,
             &(struct hgp_compare){.metric = HGP_metric_FLIP, .a = bytes, .b = bytes}),
         HG_E_LIMIT, NULL);
+    static const char small[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\1\1\1\1";
+    const struct hgp_bytes one = {(const uint8_t *)small, sizeof small - 1};
+    link_expect_error(rig,
+        link_ask(rig, 1, HGP_T_compare,
+            &(struct hgp_compare){
+                .metric = HGP_metric_PSNR, .a = one, .b = one, .has_mask = true, .mask = bytes}),
+        HG_E_INVAL, "mask");
 }
 
 // What the store has under a hash must have it; the error does not tell where that lies.
@@ -474,6 +561,8 @@ int main(void)
         SHARED(test_refused_edits_change_nothing),
         SHARED(test_client_meshes_are_checked_and_bounded),
         SHARED(test_files_outside_the_roots_are_not_told_apart),
+        SHARED(test_sessions_keep_to_their_roots),
+        SHARED(test_errors_do_not_say_where_roots_lie),
         SHARED(test_messages_behind_a_load_keep_their_order),
         SHARED(test_an_assets_transform_moves_it_and_goes_with_it),
         SHARED(test_comparison_of_bytes_that_are_no_image),

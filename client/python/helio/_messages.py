@@ -530,7 +530,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("busy_ns", "U64", "", False), ("rss_bytes", "U64", "", False), ("views", "U32", "", False),
     ]),
     "session_tenant": (0x0506, "B2W", [
-        ("tenant", "STR", "", False), ("weight", "U32", "", False),
+        ("tenant", "STR", "", False), ("weight", "U32", "", False), ("roots", "STR", "", True),
     ]),
     "busy": (0x0507, "W2B", [
         ("channel", "U32", "", False), ("request", "U32", "", False), ("view", "U32", "", False),

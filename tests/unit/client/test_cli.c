@@ -533,6 +533,7 @@ static void test_exit_codes_daemon(void **state)
         {"fail=scene_open:23", 6, NULL},
         {"fail=scene_open:10", 5, NULL},
         {"fail=frame_request:21", 7, NULL},
+        {"fail=frame_request:18", 4, NULL}, // it ended before the frame was done
         {"silent=hello", 4, NULL},
         {"raw=ffffffff010100000000000000000000", 4, "size limit"},
     };
