@@ -175,6 +175,12 @@ static void take_other(struct hg_view_session *s, const struct helio_message *m)
             m->body->notice.reason.data ? m->body->notice.reason.data : "");
     } else if (m->type == HGP_T_drain) {
         hg_view_say(s, "the server stops in %u s", m->body->drain.deadline_ms / 1000);
+    } else if (m->type == HGP_T_json) {
+        struct hg_view_flow flow;
+        hg_view_read_flow(m->body->json.text.data, m->body->json.text.size, &flow);
+        pthread_mutex_lock(&s->lock);
+        s->shown.status.flow = flow;
+        pthread_mutex_unlock(&s->lock);
     } else if (m->type == HGP_T_pong) {
         pthread_mutex_lock(&s->lock);
         s->shown.status.rtt_ns = hg_clock_now_ns() - m->body->pong.nonce;
@@ -383,7 +389,11 @@ static void ping(struct hg_view_session *s)
     helio_get_info(s->work.render.cli.h, &info);
     pthread_mutex_lock(&s->lock);
     s->shown.status.reconnects = info.reconnects;
+    const bool statistics = s->wanted.statistics;
     pthread_mutex_unlock(&s->lock);
+    const struct hgp_stats_query query = {.view = HG_CLI_VIEW};
+    if (statistics)
+        (void)send(s, HGP_T_stats_query, &query, &ignored); // what is wrong the ping says
     if (send(s, HGP_T_ping, &message, &ignored) == HG_E_AGAIN)
         hg_view_say(s, "the connection was lost and is being made again");
 }
@@ -629,6 +639,14 @@ bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request
     pthread_mutex_unlock(&s->lock);
     wake(s);
     return room;
+}
+
+void hg_view_session_want_statistics(struct hg_view_session *s, bool wanted)
+{
+    pthread_mutex_lock(&s->lock);
+    s->wanted.statistics = wanted;
+    s->shown.status.flow.is_known &= wanted;
+    pthread_mutex_unlock(&s->lock);
 }
 
 bool hg_view_session_fitted(struct hg_view_session *s, struct hgp_view_camera *camera)

@@ -40,6 +40,14 @@ struct hg_view_scene {
     struct hgp_view_camera camera; // that the view begins with
 };
 
+// What the server's controller knows of the network and has chosen (`flow` of stats_query).
+struct hg_view_flow {
+    bool is_known;
+    double target_fps, target_ms, rate_mbit_s, rtt_ms, delay_ms;
+    uint32_t quality;
+    uint64_t bitrate, under_way, bytes_under_way, held;
+};
+
 struct hg_view_status {
     enum hg_view_state state;
     char text[HG_VIEW_TEXT_BYTES];
@@ -53,6 +61,7 @@ struct hg_view_status {
     uint64_t frames, bytes, dropped; // received in all; frames that a newer one replaced
     uint64_t rtt_ns;                 // of the newest ping; 0 = none yet
     uint32_t reconnects;
+    struct hg_view_flow flow; // while statistics are wanted
     bool may_edit; // the session's role
     int exit_code; // FAILED: of the error; a refusal later does not count
 };
@@ -125,7 +134,12 @@ uint64_t hg_view_session_camera(struct hg_view_session *s, const struct hgp_view
 void hg_view_session_pose(struct hg_view_session *s, double time_s);
 // False: 64 requests wait already.
 bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request *request);
+// Are the status' `flow` and what else costs a question wanted?
+void hg_view_session_want_statistics(struct hg_view_session *s, bool wanted);
 bool hg_view_session_fitted(struct hg_view_session *s, struct hgp_view_camera *camera);
 bool hg_view_session_picked(struct hg_view_session *s, struct hgp_picked *picked);
+
+// The answer to stats_query; false: it has no flow.
+bool hg_view_read_flow(const char *text, size_t size, struct hg_view_flow *out);
 
 #endif

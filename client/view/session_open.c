@@ -83,6 +83,25 @@ static enum hg_status list_nodes(
     return HG_OK;
 }
 
+bool hg_view_read_flow(const char *text, size_t size, struct hg_view_flow *out)
+{
+    json_t *root = json_loadb(text, size, 0, NULL), *flow = json_object_get(root, "flow");
+    const bool is_known = json_is_object(flow);
+    *out = (struct hg_view_flow){.is_known = is_known,
+        .target_fps = json_number_value(json_object_get(flow, "target_fps")),
+        .target_ms = json_number_value(json_object_get(flow, "target_ms")),
+        .rate_mbit_s = json_number_value(json_object_get(flow, "rate_mbit_s")),
+        .rtt_ms = json_number_value(json_object_get(flow, "rtt_ms")),
+        .delay_ms = json_number_value(json_object_get(flow, "delay_ms")),
+        .quality = (uint32_t)json_integer_value(json_object_get(flow, "quality")),
+        .bitrate = (uint64_t)json_integer_value(json_object_get(flow, "bitrate")),
+        .under_way = (uint64_t)json_integer_value(json_object_get(flow, "under_way")),
+        .bytes_under_way = (uint64_t)json_integer_value(json_object_get(flow, "bytes_under_way")),
+        .held = (uint64_t)json_integer_value(json_object_get(flow, "held"))};
+    json_decref(root);
+    return is_known;
+}
+
 static void note_variants(const json_t *list, struct hg_view_scene *scene)
 {
     for (size_t i = 0; i < json_array_size(list); i++) {

@@ -17,7 +17,7 @@ enum {
 
 // What the window wants, guarded by the lock.
 struct hg_view_wanted {
-    bool stop, open, has_camera, has_pose;
+    bool stop, open, has_camera, has_pose, statistics;
     char path[HG_VIEW_PATH_BYTES]; // of the file to open; "" = the same scene
     struct hgp_view_camera camera;
     double pose_s;

@@ -258,6 +258,7 @@ static bool do_window(struct hg_viewer *v, enum hg_view_action action)
         return true;
     case HG_VIEW_DO_STATISTICS:
         v->statistics = !v->statistics;
+        hg_view_session_want_statistics(v->session, v->statistics);
         v->help = false;
         return true;
     case HG_VIEW_DO_FULL_SCREEN:

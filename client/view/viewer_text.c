@@ -75,6 +75,20 @@ static void add_stages(struct hg_overlay_text *text, const struct hg_view_facts 
             (double)f->stages[i].ns * 1e-6);
 }
 
+static void add_flow(struct hg_overlay_text *text, const struct hg_view_flow *f)
+{
+    if (!f->is_known)
+        return;
+    hg_overlay_add(text, HG_OVERLAY_PLAIN,
+        "server: %.0f frames/s, %.1f ms, quality %u, %.1f Mbit/s", f->target_fps, f->target_ms,
+        f->quality, (double)f->bitrate * 1e-6);
+    hg_overlay_add(text, HG_OVERLAY_PLAIN, "network %.1f Mbit/s  trip %.1f ms  delay %.1f ms",
+        f->rate_mbit_s, f->rtt_ms, f->delay_ms);
+    hg_overlay_add(text, HG_OVERLAY_PLAIN, "under way %llu frames, %llu bytes  held %llu",
+        (unsigned long long)f->under_way, (unsigned long long)f->bytes_under_way,
+        (unsigned long long)f->held);
+}
+
 static void draw_statistics(struct hg_viewer *v)
 {
     static struct hg_overlay_text text;
@@ -103,6 +117,7 @@ static void draw_statistics(struct hg_viewer *v)
             f->missing_clusters);
     hg_overlay_add(&text, HG_OVERLAY_PLAIN, "frames dropped %llu  reconnects %u",
         (unsigned long long)v->status.dropped, v->status.reconnects);
+    add_flow(&text, &v->status.flow);
     add_stages(&text, f);
     hg_overlay_draw(&v->overlay, &text, HG_OVERLAY_TOP_LEFT, v->width, v->height);
 }

@@ -233,6 +233,152 @@ test("clipping planes cut what this view shows", async () => {
     await evaluate(() => window.helio.panels.set("view", false));
 });
 
+// ---- what is in the scene, and how it is shown ---------------------------------------------------
+
+const panel = (name, isOpen) => evaluate((n, is) => window.helio.panels.set(n, is), name, isOpen);
+
+test("the animation bar sets the time, plays and pauses", async () => {
+    await page.waitForSelector("#timeline:not([hidden])");
+    const seek = (share) => evaluate((part) => {
+        const slider = document.querySelector("#timeline input[type=range]");
+        slider.value = String(Number(slider.max) * part);
+        slider.dispatchEvent(new Event("input"));
+    }, share);
+    const isSet = () => !window.helio.timeline.isPending && !window.helio.timeline.isBusy;
+    const before = await settleAfter(() => seek(0), isSet);
+    const after = await settleAfter(() => seek(0.5), isSet);
+    assert.ok(psnr(before, after) < 50, "the time changes nothing");
+    await page.click("#timeline button");
+    await waitFor(page, () => window.helio.timeline.isPlaying);
+    const revision = await evaluate(() => String(window.helio.view.frame.scene_revision));
+    await waitFor(page, (old) => window.helio.view.frame.scene_revision > BigInt(old) + 2n, revision);
+    await page.click("#timeline button");
+    await waitFor(page, () => !window.helio.timeline.isPlaying);
+    await settleAfter(() => seek(0), isSet);
+});
+
+test("switches to path tracing and back", async () => {
+    await panel("view", true);
+    for (const [text, mode] of [["Path traced", "PATH"], ["Real time", "REALTIME"]]) {
+        await settleAfter(() => evaluate((label) => {
+            [...document.querySelectorAll("#panel-view button, #panel-view label")]
+                .find((e) => e.textContent === label).click();
+        }, text), () => window.helio.view.frame?.settled);
+        assert.equal(await evaluate(() => window.helio.view.params.mode), mode);
+        await waitFor(page, (wanted) => (window.helio.view.frame.mode ?? "REALTIME") === wanted, mode);
+    }
+    await panel("view", false);
+});
+
+test("takes a picture of what is shown", async () => {
+    await page.setViewport({ width: 900, height: 480 });
+    await settleAfter(() => {});
+    const session = await page.createCDPSession();
+    await session.send("Browser.setDownloadBehavior", { behavior: "deny" });
+    await evaluate(() => {
+        const make = URL.createObjectURL;
+        URL.createObjectURL = (blob) => {
+            URL.createObjectURL = make;
+            window.saved = blob;
+            return make.call(URL, blob);
+        };
+    });
+    await page.click("#menu button[aria-label=Screenshot]");
+    await waitFor(page, () => window.saved);
+    const base64 = await evaluate(async () => {
+        const bytes = new Uint8Array(await window.saved.arrayBuffer());
+        return btoa(Array.from(bytes, (b) => String.fromCharCode(b)).join(""));
+    });
+    const taken = await filePixels(page, Buffer.from(base64, "base64"));
+    const same = psnr(await shownPixels(page), taken);
+    assert.ok(same > 55, `the picture is another one: ${same} dB`);
+});
+
+test("a link that is shared lets others see the same", async () => {
+    await page.click("#menu button[aria-label=Share]");
+    await page.waitForSelector("dialog[open] input[aria-label=Link]");
+    await page.select("dialog[open] select", "view");
+    await waitFor(page, () => document.querySelector("dialog[open] input.text").value.includes("ticket="));
+    const shared = await page.$eval("dialog[open] input.text", (e) => e.value);
+    const guest = await openPage(await browser.createBrowserContext(), shared);
+    await waitPicture(guest, (d) => d.frame);
+    assert.equal(await guest.evaluate(() => window.helio.connection.canEdit), false);
+    const [mine, theirs] = await Promise.all([page, guest].map((p) => p.evaluate(() => window.helio.view.camera.eye)));
+    assert.ok(mine.every((v, i) => Math.abs(v - theirs[i]) < 1e-4), `${mine} and ${theirs}`);
+    await guest.browserContext().close();
+    // Without a clipboard, as over plain HTTP, the link is there to be copied by hand.
+    await evaluate(() => Object.defineProperty(navigator, "clipboard", { value: undefined, configurable: true }));
+    await page.click("dialog[open] button[value=copy]");
+    await page.waitForSelector("dialog[open] textarea");
+    assert.equal(await page.$eval("dialog[open] textarea", (e) => e.value), shared);
+    await evaluate(() => delete navigator.clipboard);
+    await page.keyboard.press("Escape");
+    await page.waitForSelector("dialog", { hidden: true });
+});
+
+test("one finger turns, two zoom", async () => {
+    const session = await page.createCDPSession();
+    const touch = (type, ...points) => session.send("Input.dispatchTouchEvent",
+        { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+    const at = () => evaluate(() => {
+        const { eye, target } = window.helio.view.camera;
+        return { eye, far: Math.hypot(...eye.map((v, i) => v - target[i])) };
+    });
+    const before = await at();
+    await touch("touchStart", [450, 240]);
+    for (let i = 1; i <= 6; i++)
+        await touch("touchMove", [450 + 10 * i, 240]);
+    await touch("touchEnd");
+    const turned = await at();
+    assert.ok(Math.abs(turned.far - before.far) < 1e-3 * before.far, "the distance is another one");
+    assert.ok(turned.eye.some((v, i) => Math.abs(v - before.eye[i]) > 1e-2 * before.far), "nothing turned");
+    await touch("touchStart", [440, 240], [460, 240]);
+    for (let i = 1; i <= 6; i++)
+        await touch("touchMove", [440 - 10 * i, 240], [460 + 10 * i, 240]);
+    await touch("touchEnd");
+    assert.ok((await at()).far < 0.8 * turned.far, "fingers that part come nearer");
+    await waitExact(page);
+});
+
+test("a codec that fails is left for the next one", async () => {
+    await evaluate(() => {
+        window.ownDecoder = VideoDecoder;
+        window.VideoDecoder = class {
+            constructor({ error }) {
+                this.error = error;
+                this.state = "unconfigured";
+            }
+            configure() {
+                this.state = "configured";
+            }
+            decode() {
+                queueMicrotask(() => this.error(new Error("this decoder always fails")));
+            }
+            close() {
+                this.state = "closed";
+            }
+        };
+        window.VideoDecoder.isConfigSupported = async () => ({ supported: true });
+        return window.helio.view.setCodec("H264");
+    });
+    await catchFrames("JPEG");
+    await page.focus("#picture");
+    await page.keyboard.down("ArrowLeft");
+    try {
+        await waitFor(page, () => window.caught);
+    } finally {
+        await page.keyboard.up("ArrowLeft");
+    }
+    await waitFor(page, () => [...document.querySelectorAll(".toast")]
+        .some((t) => t.textContent.includes("this decoder always fails")));
+    await evaluate(() => {
+        window.VideoDecoder = window.ownDecoder;
+        window.helio.view.removeEventListener("shown", window.catcher);
+        return window.helio.view.setCodec("auto");
+    });
+    await waitExact(page);
+});
+
 test("measures between two picks", async () => {
     await page.focus("#picture");
     await page.keyboard.press("KeyM");
@@ -322,6 +468,57 @@ test("opens a file that is dropped on it", async () => {
     await waitFor(page, () => document.title.includes("panes.glb"));
     await waitExact(page);
     await waitFor(page, () => window.helio.scene.assets.length === 1);
+});
+
+// A square that one variant makes red, the other one blue, and a camera before it.
+function makeVariants() {
+    const floats = new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, -1, 0, 1, 1, 0, -1, 1, 0]);
+    const material = (...color) => ({ emissiveFactor: color, pbrMetallicRoughness: { baseColorFactor: [0, 0, 0, 1] } });
+    const bytes = Buffer.from(floats.buffer);
+    return JSON.stringify({ asset: { version: "2.0" }, extensionsUsed: ["KHR_materials_variants"],
+        extensions: { KHR_materials_variants: { variants: [{ name: "red" }, { name: "blue" }] } },
+        buffers: [{ byteLength: bytes.length, uri: `data:application/octet-stream;base64,${bytes.toString("base64")}` }],
+        bufferViews: [{ buffer: 0, byteLength: bytes.length }],
+        accessors: [{ bufferView: 0, componentType: 5126, count: 6, type: "VEC3", min: [-1, -1, 0], max: [1, 1, 0] }],
+        materials: [material(0, 1, 0), material(1, 0, 0), material(0, 0, 1)],
+        meshes: [{ primitives: [{ attributes: { POSITION: 0 }, material: 0, extensions: { KHR_materials_variants: { mappings: [
+            { material: 1, variants: [0] }, { material: 2, variants: [1] }] } } }] }],
+        cameras: [{ type: "perspective", perspective: { yfov: 0.5, znear: 0.1 } }],
+        nodes: [{ mesh: 0 }, { name: "near", camera: 0, translation: [0, 0, 3] }, { name: "far", camera: 0, translation: [0, 0, 30] }],
+        scenes: [{ nodes: [0, 1, 2] }], scene: 0 });
+}
+
+test("chooses variants and cameras of a file", async () => {
+    await drop([["variants.gltf", makeVariants()]]);
+    await page.waitForSelector("dialog[open] button[value=replace]");
+    await page.click("dialog[open] button[value=replace]");
+    await waitFor(page, () => document.title.includes("variants.gltf"));
+    await panel("scene", true);
+    const row = (label) => evaluate((text) => [...document.querySelectorAll("#panel-scene label")]
+        .find((l) => l.textContent === text)?.htmlFor, label);
+    await until(() => row("Variant"), "a selector of variants");
+    const shown = async () => page.$eval(`#${await row("Variant")}`, (e) => e.value);
+    const middle = async () => {
+        const { width, height } = await picture(page);
+        const at = 4 * (Math.floor(height / 2) * width + Math.floor(width / 2));
+        return [...(await shownPixels(page)).subarray(at, at + 3)];
+    };
+    assert.equal(await shown(), "");
+    const choose = async (label, text) => page.select(`#${await row(label)}`, await page.$eval(`#${await row(label)}`,
+        (e, name) => [...e.options].find((o) => o.textContent === name).value, text));
+    await settleAfter(() => choose("Camera", "near"), () => window.helio.view.node !== 0n);
+    for (const [name, most] of [["red", 0], ["blue", 2]]) {
+        await settleAfter(() => choose("Variant", name), (wanted) => window.helio.scene.assets[0].variant !== undefined);
+        await until(async () => await shown() === name, `${name} is shown as chosen`);
+        const color = await middle();
+        assert.ok(color[most] > 2 * Math.max(...color.filter((_, i) => i !== most)), `${name}: ${color}`);
+    }
+    await evaluate(() => window.helio.scene.refresh()); // as the server has it
+    assert.equal(await shown(), "blue");
+    const near = await evaluate(() => window.helio.view.camera.eye[2]);
+    await settleAfter(() => choose("Camera", "far"), () => window.helio.view.camera.eye[2] > 20);
+    assert.ok(Math.abs(near - 3) < 1e-3, `${near}`);
+    await panel("scene", false);
 });
 
 test("says plainly which file is missing", async () => {

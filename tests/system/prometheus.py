@@ -13,7 +13,8 @@ import tempfile
 import urllib.parse
 import urllib.request
 
-from transport_peers import HELLO, Daemon, WebSocket, auth, frame, wait
+from transport_peers import HELLO, Daemon, WebSocket, auth, wait
+from websocket_frames import frame
 
 RULES = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "deploy", "prometheus")
 

@@ -23,8 +23,9 @@ import sys
 import tempfile
 import time
 
-from transport_peers import (BROKEN, HELLO, PREFACE, Daemon, Http, Stream, WebSocket, auth, connect, frame,
-                             message, read_all, text, wait)
+from transport_peers import (HELLO, PREFACE, Daemon, Http, Stream, WebSocket, auth, connect, message, read_all,
+                             text, wait)
+from websocket_frames import BROKEN, frame
 
 
 def is_served(d):

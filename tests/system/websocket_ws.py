@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """websocket_ws.py HELIOD FAKE_WORKER - the daemon's WebSocket by npm's ws (tests/browser/websocket.mjs): a
-session, refused upgrades, and all rows of transport_peers.py's table of broken rules. Exit code 77: no Node, or
+session, refused upgrades, and all rows of websocket_frames.py's table of broken rules. Exit code 77: no Node, or
 `npm ci --prefix tests/browser` was not run."""
 
 import base64
@@ -10,8 +10,9 @@ import shutil
 import subprocess
 import sys
 
-from transport_peers import BROKEN, HELLO, Daemon, auth
+from transport_peers import HELLO, Daemon, auth
 from transports import is_served
+from websocket_frames import BROKEN
 
 BROWSER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "browser")
 

@@ -5,7 +5,9 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <string.h>
 
+#include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/scene/asset.h"
 #include "scene_corpus.h"
@@ -35,8 +37,24 @@ static void check_part(const char *path, const struct hg_mesh_part *part)
     }
 }
 
+// The description says which variant is chosen.
+static void check_variants(struct hg_asset *asset)
+{
+    for (int32_t v = (int32_t)asset->variants.count - 1; v >= -1; v--) {
+        char *text = NULL;
+        asset->variants.chosen = v;
+        assert_int_equal(hg_asset_describe(asset, &text), HG_OK);
+        const char *chosen = strstr(text, "\"variant\":");
+        assert_int_equal(chosen != NULL, v >= 0);
+        assert_true(v < 0 || strstr(chosen, asset->variants.names[v]) != NULL);
+        hg_free(text);
+    }
+}
+
 static void check_asset(const char *path, struct hg_asset *asset)
 {
+    if (asset->variants.count)
+        check_variants(asset);
     for (uint32_t m = 0; m < asset->mesh_count; m++)
         for (uint32_t p = 0; p < asset->meshes[m]->part_count; p++)
             check_part(path, &asset->meshes[m]->parts[p]);

@@ -11,6 +11,7 @@
 #include <zstd.h>
 
 #include "client/view/decode.h"
+#include "client/view/session.h"
 
 enum { WIDTH = 24, HEIGHT = 16, BYTES = WIDTH * HEIGHT * 4 };
 
@@ -108,9 +109,34 @@ static void test_others(void **state)
     hg_view_decoder_finish(&d);
 }
 
+// What statistics say of the server's controller.
+static void test_flow_is_read(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "{\"frame\":{},\"flow\":{\"target_fps\":30.0,\"target_ms\":28.5,\"rate_mbit_s\":4.5,"
+        "\"rtt_ms\":20.25,\"delay_ms\":61.0,\"quality\":71,\"bitrate\":4200000,\"under_way\":2,"
+        "\"bytes_under_way\":5000000000,\"held\":7}} behind";
+    struct hg_view_flow flow;
+    assert_true(hg_view_read_flow(text, sizeof text - 1 - strlen(" behind"), &flow));
+    assert_true(flow.is_known && flow.target_fps == 30 && flow.target_ms == 28.5);
+    assert_true(flow.rate_mbit_s == 4.5 && flow.rtt_ms == 20.25 && flow.delay_ms == 61);
+    assert_int_equal(flow.quality, 71);
+    assert_int_equal(flow.bitrate, 4200000);
+    assert_int_equal(flow.under_way, 2);
+    assert_true(flow.bytes_under_way == UINT64_C(5000000000));
+    assert_int_equal(flow.held, 7);
+    static const char *const others[] = {"{}", "{\"flow\":3}", "[", ""};
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
+        assert_false(hg_view_read_flow(others[i], strlen(others[i]), &flow));
+        assert_false(flow.is_known);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_raw), cmocka_unit_test(test_zstd),
-        cmocka_unit_test(test_jpeg), cmocka_unit_test(test_others)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_flow_is_read),
+        cmocka_unit_test(test_raw), cmocka_unit_test(test_zstd), cmocka_unit_test(test_jpeg),
+        cmocka_unit_test(test_others)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
