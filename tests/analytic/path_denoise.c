@@ -252,7 +252,7 @@ static void test_fringes(void **state)
     struct rig *rig = *state;
     static const uint32_t samples[] = {1, 4, 8};
     fan(rig);
-    struct hg_refbuf *truth = fan_picture(rig, 256, 99, HG_DENOISE_OFF);
+    struct hg_refbuf *truth = fan_picture(rig, 128, 99, HG_DENOISE_OFF);
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++) {
         struct hg_refbuf *raw = fan_picture(rig, samples[i], 1, HG_DENOISE_OFF);
         struct hg_refbuf *clean = fan_picture(rig, samples[i], 1, HG_DENOISE_STILL);
@@ -269,7 +269,8 @@ static void test_fringes(void **state)
 
 // --- animations ----------------------------------------------------------------------------------
 
-// Frames of one view, each with another seed.
+// Frames of one view, each with another seed. Without a history each stands by itself: the first
+// and the last two will do.
 static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_denoise denoise)
 {
     struct hg_error err = {0};
@@ -279,6 +280,8 @@ static struct hg_refbuf **animation(struct rig *rig, int frames, enum hg_view_de
     struct hg_view *view = open_room(rig, &params);
     assert_non_null(all);
     for (int i = 0; i < frames; i++) {
+        if (denoise != HG_DENOISE_ANIMATION && i > 0 && i < frames - 2)
+            continue;
         params.seed = (uint32_t)i;
         test_ok(hg_view_set_params(view, &params, &err), &err);
         path_rig_settle(view);
@@ -315,12 +318,12 @@ static void drop(struct hg_refbuf **frames, int count)
 static void test_flicker(void **state)
 {
     struct rig *rig = *state;
-    enum { FRAMES = 8 };
+    enum { FRAMES = 8, AGAIN = 4 };
     room(rig);
     struct hg_refbuf **raw = animation(rig, FRAMES, HG_DENOISE_OFF);
     struct hg_refbuf **still = animation(rig, FRAMES, HG_DENOISE_STILL);
     struct hg_refbuf **smooth = animation(rig, FRAMES, HG_DENOISE_ANIMATION);
-    struct hg_refbuf **again = animation(rig, FRAMES, HG_DENOISE_ANIMATION);
+    struct hg_refbuf **again = animation(rig, AGAIN, HG_DENOISE_ANIMATION);
     const double changes[3] = {
         last_change(raw, FRAMES), last_change(still, FRAMES), last_change(smooth, FRAMES)};
     print_message("from frame to frame: raw %.4f, each by itself %.4f, with history %.4f\n",
@@ -330,12 +333,12 @@ static void test_flicker(void **state)
     for (size_t i = 0; i < PIXELS * 4; i++) // the first one has nothing before it
         assert_true(fabsf(floats(still[0])[i] - floats(smooth[0])[i]) <=
                     1e-5f * floats(still[0])[i] + 1e-7f);
-    for (int i = 0; i < FRAMES; i++)
+    for (int i = 0; i < AGAIN; i++)
         assert_memory_equal(smooth[i]->data, again[i]->data, smooth[i]->size);
     drop(raw, FRAMES);
     drop(still, FRAMES);
     drop(smooth, FRAMES);
-    drop(again, FRAMES);
+    drop(again, AGAIN);
 }
 
 // --- what moves ----------------------------------------------------------------------------------

@@ -45,7 +45,7 @@ stat_is skipped_frames 0
 # Other kinds of files.
 start_daemon "$models" "$temp"
 for kind in exr jpg; do
-    one=("$helio" render "$knot" -o "$temp/one.$kind" --size 64x48 --samples 2 --exposure 0 --skip-existing
+    one=("$helio" render "$knot" -o "$temp/one.$kind" --size 64x48 --samples 2 --exposure 0 --gi none --skip-existing
         --stats "$temp/stats.json" --connect "$url")
     expect 0 "${one[@]}"
     stat_is skipped_frames 0
@@ -164,7 +164,8 @@ told 'goes on from [1-9][0-9]* samples'
 same "$temp/whole.exr" "$temp/dies.exr"
 
 # A daemon that is stopped gives its clients the time to keep their films.
-"$heliod" --listen "unix:$temp/brief" --asset-root "$models" --sandbox best-effort --log warn --drain-timeout 60 &
+"$heliod" --listen "unix:$temp/brief" --asset-root "$models" --isolation shared --sandbox best-effort \
+    --log warn --drain-timeout 60 &
 brief=$!
 answers() { "$helio" ping --count 1 --connect "unix:$temp/brief" >/dev/null 2>&1; }
 until_true answers

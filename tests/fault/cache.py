@@ -200,7 +200,7 @@ class Test:
             os.remove(ready)
         child = subprocess.Popen([self.heliod, "--listen", f"unix:{socket}", "--port-file", ready,
                                   "--asset-root", self.folder, "--cache-dir", self.cache,
-                                  "--sandbox", "best-effort", "--log", "error", *more], **how)
+                                  "--sandbox", "best-effort", "--no-seed-shaders", "--log", "error", *more], **how)
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end and child.poll() is None:
             if os.path.exists(ready):

@@ -11,7 +11,7 @@ ordinary_scenes.py makes the files. Of each picture these are checked, and then 
     contrast  the scene differs from the background around it
     upright   of a tower: the foot is below the shaft
 
-What covers is found with a second picture that has no background, of all scenes by one script and one daemon.
+What covers is found with a second picture that has no background, of all scenes by one script. One daemon draws all.
 """
 import argparse
 import concurrent.futures
@@ -120,8 +120,7 @@ class Test:
 
     def render(self, name):
         return self.run("render", os.path.join(self.scenes, name), "-o", self.path(name, ".png"),
-                        *ARGUMENTS.get(name, ()), "--size", SIZE, "--device", "llvmpipe", "--progress", "none",
-                        "--cache-dir", os.path.join(self.options.out, "cache"))
+                        *ARGUMENTS.get(name, ()), "--size", SIZE, "--connect", self.url, "--progress", "none")
 
     def draw_masks(self, names):
         """What the program printed, if drawing the pictures without background failed."""
@@ -132,10 +131,18 @@ class Test:
                     "scene " + name, "load " + os.path.join(self.scenes, name), "set size " + SIZE,
                     *(["camera fit view " + ARGUMENTS[name][1]] if name in ARGUMENTS else []), "set background none", "set samples 4",
                     "set gi none", "frame " + self.path(name, ".mask.png"), "")))
-        cache = os.path.join(self.options.out, "cache")
-        with daemon(self.options.helio, [self.scenes], cache, "llvmpipe") as url:
-            code, text = self.run("run", script, "--connect", url, pictures=len(names))
+        code, text = self.run("run", script, "--connect", self.url, pictures=len(names))
         return "" if code == 0 else "drawing the masks failed with %d: %s" % (code, text)
+
+    def check_all(self, names):
+        """What is wrong with each of the pictures."""
+        cache = os.path.join(self.options.out, "cache")
+        with daemon(self.options.helio, [self.scenes], cache, "llvmpipe") as self.url, \
+                concurrent.futures.ThreadPoolExecutor(2) as pool:
+            failure = self.draw_masks(names)
+            if failure:
+                sys.exit(failure)
+            return dict(zip(names, pool.map(self.check, names)))
 
     def compare(self, a, b, limit):
         return self.run("compare", a, b, "--metric", "flip", "--fail-above", str(limit))
@@ -168,11 +175,7 @@ def main():
     os.makedirs(options.out)
     test = Test(options)
     names = [n for n in SCENES if not options.only or n in options.only]
-    failure = test.draw_masks(names)
-    if failure:
-        sys.exit(failure)
-    with concurrent.futures.ThreadPoolExecutor(2) as pool:
-        found = dict(zip(names, pool.map(test.check, names)))
+    found = test.check_all(names)
     for name in names:
         if name in ALIKE and not found[name] and ALIKE[name][0] in found:
             found[name] = test.check_alike(name)

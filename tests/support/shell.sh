@@ -28,12 +28,13 @@ until_true() { # command...: waits for it, a minute at most
     fail "never came true: $*"
 }
 # A daemon at $url, which ends with the script. Its worker starts once for all pictures, where a private one
-# loads libraries, opens the device and makes pipelines for each.
+# loads libraries, opens the device and makes pipelines for each. A shared worker takes compiled shaders from
+# $MESA_SHADER_CACHE_DIR, where that of a tenant (install.sh has one) compiles its own.
 start_daemon() { # asset roots...
     local root roots=()
     for root; do roots+=(--asset-root "$root"); done
     url=unix:$temp/sock
-    "$heliod" --listen "$url" "${roots[@]}" --hang-timeout 3600 --sandbox best-effort --log warn &
+    "$heliod" --listen "$url" "${roots[@]}" --hang-timeout 3600 --isolation shared --sandbox best-effort --log warn &
     daemon=$!
     answers() { "$helio" ping --count 1 --connect "$url" >/dev/null 2>&1; }
     until_true answers

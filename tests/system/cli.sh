@@ -201,7 +201,7 @@ expect 4 "$helio" render "$knot" -o "$temp/g.png" --connect "unix:$temp/nobody"
 [ -e "$temp/g.png" ] && fail "a refused scene left a file"
 
 # A scene without one of its images: white and a warning, or nothing at all.
-torn=("$helio" render "$temp/torn/knot.gltf" -o "$temp/torn.png" --size 32x32 --samples 1 --connect "$url")
+torn=("$helio" render "$temp/torn/knot.gltf" -o "$temp/torn.png" --size 32x32 --samples 1 --gi none --connect "$url")
 expect 3 "${torn[@]}" --strict
 [ -e "$temp/torn.png" ] && fail "--strict left a file"
 expect 0 "${torn[@]}"

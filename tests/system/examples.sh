@@ -6,7 +6,6 @@
 
 knot=$models/knot/knot.gltf
 for file in "$helio" "$heliod" "$knot"; do need "$file"; done
-url=unix:$temp/heliod.sock
 cp -r "$models/knot" "$temp/models"
 cat >"$temp/models/box.obj" <<'END'
 v -1 0 -1
@@ -19,16 +18,14 @@ f 2 5 3
 f 3 5 4
 f 4 5 1
 END
-"$heliod" --listen "$url" --asset-root "$temp/models" --sandbox best-effort --log warn &
-daemon=$!
-until_true test -S "$temp/heliod.sock"
+start_daemon "$temp/models"
 python=("$PYTHON3" "$HELIO_SOURCE_DIR/docs/examples/client.py")
 node=("${NODE:-}" "$HELIO_SOURCE_DIR/docs/examples/client.mjs")
 for scene in knot.gltf box.obj; do
     expect 0 "$helio" render "$scene" -o "$temp/right.png" --size 640x360 --connect "$url"
     expect 0 "${python[@]}" "$url" "$scene" "$temp/python.png"
     same "$temp/right.png" "$temp/python.png"
-    [ -n "${NODE:-}" ] || continue
+    [ -n "${NODE:-}" ] && [ "$scene" = knot.gltf ] || continue # of the same messages
     expect 0 "${node[@]}" "$url" "$scene" "$temp/node.png"
     same "$temp/right.png" "$temp/node.png"
 done

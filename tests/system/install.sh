@@ -31,7 +31,13 @@ install_package() {
     dpkg-deb -e "$deb" "$temp/control"
     sh -n "$temp/control/postinst" && sh -n "$temp/control/prerm" || fail "its scripts are no scripts"
 }
-if [ "${1:-}" = package ]; then install_package; else install_prefix; fi
+shared=() # the folder's daemon has all defaults: tenants, a worker that compiles its shaders
+if [ "${1:-}" = package ]; then
+    install_package
+    shared=(--isolation shared)
+else
+    install_prefix
+fi
 here=$root$prefix
 
 for file in bin/helio bin/heliod libexec/helio-worker libexec/helio-loader libexec/helio-bench include/helio/helio.h \
@@ -49,7 +55,7 @@ grep -q "^ExecStart=$prefix/bin/heliod " "$here/lib/systemd/system/heliod.servic
 unset HELIO_WORKER HELIO_BENCH
 PATH=/usr/bin:/bin
 expect 0 "$here/bin/helio" render demo: -o "$temp/a.png" --size 64x48 --samples 1
-"$here/bin/heliod" --listen "unix:$temp/sock" --sandbox best-effort --log warn &
+"$here/bin/heliod" --listen "unix:$temp/sock" "${shared[@]}" --sandbox best-effort --log warn &
 daemon=$!
 answers() { "$here/bin/helio" ping --count 1 --connect "unix:$temp/sock" >/dev/null 2>&1; }
 until_true answers

@@ -41,7 +41,7 @@ cmp "$temp/one.png" "$temp/again.png" || fail "view 2 changed view 1"
 grep -q "4 settled frames, 0 differ" "$temp/replay.log" || fail "not all frames were compared"
 "$helio" run --replay "$temp/two.rec" --pace recorded >"$temp/replay.log" 2>&1 || fail "at its pace: $?"
 
-"$build/bin/heliod" --listen "unix:$temp/sock" --asset-root "$build/tests/models" --sandbox best-effort \
+"$build/bin/heliod" --listen "unix:$temp/sock" --asset-root "$build/tests/models" --isolation shared --sandbox best-effort \
     --cache-dir "$temp" >"$temp/daemon.log" 2>&1 &
 daemon=$!
 for ((i = 0; i < 600; i++)); do [ -S "$temp/sock" ] && break; sleep 0.1; done
