@@ -5,7 +5,7 @@ usage: truth.py --helio PROGRAM --out DIR [--only NAME]...
        truth.py --helio PROGRAM --out DIR [--only NAME]... --make [--samples N] [--chunk N] [--threads N]
 
 The first form is the test: each row of truth.toml is rendered, settled, with `--gi auto` and with what
-else the command has by default, and its FLIP to truth/NAME.png may not be above the row's limit. The
+else the command has by default, by one daemon, and its FLIP to truth/NAME.png may not be above the row's limit. The
 aim is printed beside it. Rows of scenes that are not there are skipped (test_data.py). A missing reference is
 a failure.
 
@@ -31,6 +31,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../
 import models
 import png_files
 import test_data
+from daemon import daemon
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE = "480x270"
@@ -53,8 +54,9 @@ def scene_of(options, row):
 
 def render(options, row, scene, out, arguments):
     command = [options.helio, "render", scene, "-o", out, "--size", SIZE, "--background", "env", "--tonemap",
-               "aces", "--device", "llvmpipe", "--progress", "none", "--cache-dir",
-               os.path.join(options.out, "cache")]
+               "aces", "--progress", "none"]
+    command += ["--connect", options.url] if options.url else [
+        "--device", "llvmpipe", "--cache-dir", os.path.join(options.out, "cache")]
     return subprocess.Popen(command + row["arguments"] + arguments)
 
 
@@ -81,6 +83,19 @@ def check(options, row, scene):
     aim = "%.3f" % max(AIM, SEEDS_AIM * seeds) + (" (two seeds: %.4f)" % seeds if seeds else " or more")
     print("%-14s FLIP %.4f, at most %.3f; the aim is %s" % (row["name"], found, row["limit"], aim), flush=True)
     return None if found <= row["limit"] else "FLIP %.4f is above %.3f; see %s" % (found, row["limit"], picture)
+
+
+def check_all(options, rows):
+    """What is wrong, one line each."""
+    failures = []
+    for row in rows:
+        if "limit" not in row:
+            print("%-14s not compared yet: its reference is to be made" % row["name"])
+            continue
+        scene = scene_of(options, row)
+        failure = check(options, row, scene) if scene else test_data.REQUIRED and "no test data"
+        failures += ["%s: %s" % (row["name"], failure)] if failure else []
+    return failures
 
 
 # --- making references ---------------------------------------------------------------------------
@@ -155,18 +170,14 @@ def main():
     options = parser.parse_args()
     with open(os.path.join(HERE, "truth.toml"), "rb") as file:
         rows = [r for r in tomllib.load(file)["row"] if not options.only or r["name"] in options.only]
+    options.url = None
     if options.make:
         make(options, rows)
         return
-    os.makedirs(options.out, exist_ok=True)
-    failures = []
-    for row in rows:
-        if "limit" not in row:
-            print("%-14s not compared yet: its reference is to be made" % row["name"])
-            continue
-        scene = scene_of(options, row)
-        failure = check(options, row, scene) if scene else test_data.REQUIRED and "no test data"
-        failures += ["%s: %s" % (row["name"], failure)] if failure else []
+    made, cache = (os.path.abspath(os.path.join(options.out, name)) for name in ("scenes", "cache"))
+    os.makedirs(made, exist_ok=True)
+    with daemon(options.helio, [test_data.ROOT, made], cache, "llvmpipe") as options.url:
+        failures = check_all(options, rows)
     for failure in failures:
         print("FAILED: " + failure)
     sys.exit(1 if failures else 0)
