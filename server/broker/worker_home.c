@@ -12,6 +12,7 @@
 #include "base/file.h"
 #include "base/log.h"
 #include "base/sha256.h"
+#include "server/broker/folder_lock.h"
 
 enum { DEPTH_MAX = 16, NAME_BYTES = 300 };
 
@@ -72,6 +73,8 @@ enum hg_status hg_home_make(struct hg_home *home, struct hg_error *err)
         ".", "cache", "cache/store", "cache/shaders", "given", "given/uploads"};
     char folder[HG_HOME_PATH];
     enum hg_status status = home_folder(home, folder, err);
+    if (!status) // it may have been removed since the start
+        status = hg_folder_make(home->homes->cache_dir, err);
     if (!status)
         status = make_below(home->homes->cache_dir, above, sizeof above / sizeof *above, err);
     if (!status && !home->key[0] &&
