@@ -200,7 +200,8 @@ static enum hg_status tls_write(
     for (int i = 0; i < count && size < sizeof record; i++) {
         size_t step =
             parts[i].iov_len < sizeof record - size ? parts[i].iov_len : sizeof record - size;
-        memcpy(record + size, parts[i].iov_base, step);
+        if (step) // an answer without a body has no bytes to copy from
+            memcpy(record + size, parts[i].iov_base, step);
         size += step;
     }
     ERR_clear_error();
