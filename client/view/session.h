@@ -62,8 +62,8 @@ struct hg_view_status {
     uint64_t rtt_ns;                 // of the newest ping; 0 = none yet
     uint32_t reconnects;
     struct hg_view_flow flow; // while statistics are wanted
-    bool may_edit; // the session's role
-    int exit_code; // FAILED: of the error; a refusal later does not count
+    bool may_edit;            // the session's role
+    int exit_code;            // FAILED: of the error; a refusal later does not count
 };
 
 // Where a picture comes from.

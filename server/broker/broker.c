@@ -89,18 +89,9 @@ enum hg_status hg_broker_check(const struct hg_options *o, struct hg_error *err)
 
 // ---- start --------------------------------------------------------------------------------------
 
-static char *join(const char *folder, const char *name)
-{
-    size_t size = strlen(folder) + strlen(name) + 2;
-    char *path = hg_calloc(size, 1);
-    if (path)
-        snprintf(path, size, "%s/%s", folder, name);
-    return path;
-}
-
 static enum hg_status choose_audit(struct hg_options *o, struct hg_error *err)
 {
-    if (o->state_dir && !o->audit && !(o->audit = join(o->state_dir, "audit.log")))
+    if (o->state_dir && !o->audit && !(o->audit = hg_folder_path(o->state_dir, "audit.log")))
         return hg_error_set(err, HG_E_NOMEM, "--audit", NULL, "no memory");
     return HG_OK;
 }
@@ -108,7 +99,7 @@ static enum hg_status choose_audit(struct hg_options *o, struct hg_error *err)
 static enum hg_status open_store(struct hg_broker *b, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    char *folder = join(b->options.cache_dir, "uploads");
+    char *folder = hg_folder_path(b->options.cache_dir, "uploads");
     if (!folder)
         status = hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
     if (!status && b->takeover.inherited_fd < 0)

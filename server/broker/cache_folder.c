@@ -12,15 +12,6 @@
 
 enum { DAEMONS_MAX = 64 };
 
-static char *join(const char *folder, const char *name)
-{
-    size_t size = strlen(folder) + strlen(name) + 2;
-    char *path = hg_calloc(size, 1);
-    if (path)
-        snprintf(path, size, "%s/%s", folder, name);
-    return path;
-}
-
 enum hg_status hg_cache_folder_choose(struct hg_options *o, struct hg_error *err)
 {
     const char *given = getenv("CACHE_DIRECTORY"), *xdg = getenv("XDG_CACHE_HOME"),
@@ -30,9 +21,9 @@ enum hg_status hg_cache_folder_choose(struct hg_options *o, struct hg_error *err
     if (given && *given)
         o->cache_dir = hg_strdup(given);
     else if (xdg && *xdg)
-        o->cache_dir = join(xdg, "heliograph");
+        o->cache_dir = hg_folder_path(xdg, "heliograph");
     else if (home && *home)
-        o->cache_dir = join(home, ".cache/heliograph");
+        o->cache_dir = hg_folder_path(home, ".cache/heliograph");
     else
         return hg_error_set(
             err, HG_E_INVAL, "--cache-dir", NULL, "name a folder: the environment gives none");
@@ -53,7 +44,7 @@ static enum hg_status try_others(
     for (int i = 2; i <= DAEMONS_MAX && status == HG_E_BUSY; i++) {
         char name[32];
         snprintf(name, sizeof name, "daemons/%d", i);
-        char *path = join(folder->asked, name);
+        char *path = hg_folder_path(folder->asked, name);
         *err = (struct hg_error){0};
         status = path ? try_folder(folder, path, false, err)
                       : hg_error_set(err, HG_E_NOMEM, "--cache-dir", NULL, "no memory");
@@ -108,14 +99,14 @@ bool hg_cache_folder_inherit(
     return true;
 }
 
-bool hg_cache_folder_compare(
-    const struct hg_cache_folder *folder, const struct hg_options *in_use, struct hg_options *anew)
+bool hg_cache_folder_compare(const struct hg_cache_folder *folder, const struct hg_options *in_use,
+    struct hg_options *reloaded)
 {
-    if (strcmp(anew->cache_dir, folder->asked) != 0)
+    if (strcmp(reloaded->cache_dir, folder->asked) != 0)
         return true;
-    hg_free(anew->cache_dir);
-    anew->cache_dir = hg_strdup(in_use->cache_dir);
-    return anew->cache_dir != NULL;
+    hg_free(reloaded->cache_dir);
+    reloaded->cache_dir = hg_strdup(in_use->cache_dir);
+    return reloaded->cache_dir != NULL;
 }
 
 void hg_cache_folder_keep_open(const struct hg_cache_folder *folder)

@@ -28,9 +28,9 @@ enum hg_status hg_cache_folder_open(
 // in it. False: no memory.
 bool hg_cache_folder_inherit(struct hg_cache_folder *folder, struct hg_options *options,
     const char *used, int lock_fd) HG_MUST_CHECK;
-// Options that are read anew and mean the same folder name it as `in_use` does.
+// Reloaded options that mean the same folder name it as `in_use` does.
 bool hg_cache_folder_compare(const struct hg_cache_folder *folder, const struct hg_options *in_use,
-    struct hg_options *anew) HG_MUST_CHECK;
+    struct hg_options *reloaded) HG_MUST_CHECK;
 void hg_cache_folder_keep_open(const struct hg_cache_folder *folder); // over an exec
 void hg_cache_folder_close(struct hg_cache_folder *folder);
 

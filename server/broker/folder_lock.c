@@ -26,6 +26,15 @@ static enum hg_status fail_errno(
         option ? option : "", option ? ": " : "", action, strerror(e));
 }
 
+char *hg_folder_path(const char *folder, const char *name)
+{
+    size_t size = strlen(folder) + strlen(name) + 2;
+    char *path = hg_calloc(size, 1);
+    if (path)
+        snprintf(path, size, "%s/%s", folder, name);
+    return path;
+}
+
 enum hg_status hg_folder_make(const char *folder, struct hg_error *err)
 {
     char *path = hg_strdup(folder);

@@ -7,6 +7,8 @@
 
 #include "base/status.h"
 
+// `folder`/`name`, freed with hg_free. NULL: no memory.
+char *hg_folder_path(const char *folder, const char *name);
 // Makes the folder and those above it that are not there. HG_E_PERM, HG_E_NOSPACE, HG_E_IO,
 // HG_E_NOMEM.
 enum hg_status hg_folder_make(const char *path, struct hg_error *err) HG_MUST_CHECK;

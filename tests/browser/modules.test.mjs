@@ -131,26 +131,6 @@ test("SHA-256 without the browser's help is the same", async () => {
     }
 });
 
-test("SHA-256 without the browser's help is the same", async () => {
-    const { sha256, ownSha256 } = await load("sha256.js");
-    const bytes = Uint8Array.from({ length: 5000000 }, (_, i) => i * i >> 3 & 255);
-    const hex = (b) => Buffer.from(b).toString("hex");
-    assert.equal(hex(await ownSha256(new TextEncoder().encode("abc"))),
-        "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"); // FIPS 180-4
-    for (const [at, size] of [[0, 0], [1, 1], [3, 55], [0, 56], [5, 63], [0, 64], [7, 119], [0, 120], [1, 4096],
-        [0, bytes.length]]) {
-        const part = bytes.subarray(at, at + size);
-        assert.equal(hex(await ownSha256(part)), hex(await sha256(part)), `${size} bytes`);
-    }
-    const { crypto } = globalThis;
-    Object.defineProperty(globalThis, "crypto", { value: {}, configurable: true });
-    try {
-        assert.equal(hex(await sha256(bytes.subarray(0, 100))), hex(await ownSha256(bytes.subarray(0, 100))));
-    } finally {
-        Object.defineProperty(globalThis, "crypto", { value: crypto, configurable: true });
-    }
-});
-
 test("statistics have what the server's controller has chosen", async () => {
     const { flowRows } = await load("stats.js");
     assert.deepEqual(flowRows(null), []);
