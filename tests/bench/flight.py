@@ -17,8 +17,9 @@ from bench_report import check
 
 WARM_UP = 0.5     # share of the laps before a counter's growth counts: two of every three rests
 LAPS_A_REST = 3   # of the benchmark: each so many laps do the same
-ROOM = 1          # MiB that memory of the process may vary by
-PROCESS = ("rss_bytes", "heap_bytes")
+# MiB that memory of the process may vary by from rest to rest. Resident pages of an allocated heap that has stopped
+# growing are still touched for the first time.
+PROCESS = {"rss_bytes": 4, "heap_bytes": 1}
 BUDGETS = {"texture": 16, "geometry": 64, "host": 64}  # MiB
 # Counts of what was done, that may rise for ever; and highest marks.
 FLOWS = ("read_bytes", "written_bytes", "uploaded_bytes", "pack_bytes", "peak_rss_bytes")
@@ -42,10 +43,10 @@ def judge(laps):
         most = max(dict(counters(lap["stats"])).get(name, 0) for lap in before)
         if value > most:
             grown.append("%s: %d bytes, at most %d in the first %d laps" % (name, value, most, first))
-    for name in PROCESS:
+    for name, room in PROCESS.items():
         each = [lap["stats"]["process"][name] / 2**20 for lap in laps]
         tops = [max(each[k:k + LAPS_A_REST]) for k in range(LAPS_A_REST, len(each) - LAPS_A_REST + 1, LAPS_A_REST)]
-        if len(tops) > 2 and all(after > before + ROOM for before, after in zip(tops, tops[1:])):
+        if len(tops) > 2 and all(after > before + room for before, after in zip(tops, tops[1:])):
             grown.append("process.%s: %s MiB" % (name, ", ".join("%.1f" % value for value in each)))
     return grown
 
@@ -64,8 +65,8 @@ def check_judge():
     check(judge([lap(100, 5)] * 12) == [], "flat laps grow")
     check(judge([lap(100 if k < 8 else 180, 5) for k in range(12)]) == [], "one step grows")
     check(len(judge([lap(100, 5), lap(100, 5), lap(100, 5), lap(100, 6)])) == 1, "a counter that grew")
-    check(len(judge([lap(100 + k, 5) for k in range(12)])) == 1, "resident memory that grew")
-    check(len(judge([lap(100 + 2 * (k // 3), 5) for k in range(12)])) == 1, "memory that grew at each rest")
+    check(len(judge([lap(100 + 2 * k, 5) for k in range(12)])) == 1, "resident memory that grew")
+    check(len(judge([lap(100 + 5 * (k // 3), 5) for k in range(12)])) == 1, "memory that grew at each rest")
 
 
 def main():
@@ -90,6 +91,9 @@ def main():
     laps = report["laps"]
     check(len(laps) >= options.laps and laps[0]["frames"] == 2 * len(poses), len(laps))
     check_budgets(laps[-1]["stats"])
+    grown = judge(laps)
+    for growth in grown:
+        print("grows:", growth)
     for name, value in sorted(counters(laps[-1]["stats"])):
         print("%-36s %10.2f MiB" % (name, value / 2**20))
     for name in PROCESS:
@@ -97,7 +101,6 @@ def main():
     print("%d laps, %d frames, %.1f MiB resident after the first, %.1f after the last" % (
         len(laps), laps[-1]["frames"], laps[0]["stats"]["process"]["rss_bytes"] / 2**20,
         laps[-1]["stats"]["process"]["rss_bytes"] / 2**20))
-    grown = judge(laps)
     check(not grown, *grown)
 
 

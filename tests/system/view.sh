@@ -30,9 +30,10 @@ done
 code=0; HELIO_VIEW=$temp/none "$helio" view "$model" 2>"$temp/a.log" || code=$?
 [ $code = 9 ] && grep -q SDL2 "$temp/a.log" || fail "without the program: $code"
 
-# A display of its own, at a number that is free.
+# A display of its own, at a number that is free. It is not reset when a window closes: while it is,
+# the next one cannot connect.
 exec 3<>"$temp/number"
-Xvfb -displayfd 3 -screen 0 400x300x24 -nolisten tcp >"$temp/xvfb.log" 2>&1 &
+Xvfb -displayfd 3 -screen 0 400x300x24 -nolisten tcp -noreset >"$temp/xvfb.log" 2>&1 &
 server=$!
 wait_for() { # WHAT COMMAND...: until it succeeds
     local what=$1 i; shift
