@@ -72,6 +72,11 @@ char *hg_strdup(const char *text)
     return hg_strndup(text, strlen(text));
 }
 
+size_t hg_alloc_resident_bytes(const void *ptr)
+{
+    return hg_spill_size(ptr) ? 0 : malloc_usable_size((void *)ptr);
+}
+
 void hg_free(void *ptr)
 {
     if (!hg_spill_unref(ptr))

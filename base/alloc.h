@@ -28,6 +28,8 @@ enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t s
 // Gives what is free in the heap back to the system: after much was taken and freed by many threads.
 // Takes milliseconds.
 void hg_alloc_trim(void);
+// What an array takes in memory: 0 for NULL and for one that is spilled (spill.h).
+size_t hg_alloc_resident_bytes(const void *ptr);
 
 // Test hook: let the n-th allocation from now (1 = next) fail once; 0 disarms.
 void hg_alloc_fail_at(uint64_t n);

@@ -40,6 +40,8 @@ enum hg_status hg_asset_transform_roots(
 // Bounds of the chosen scene of an asset that need not be in a hg_scene; skins as modelled.
 // False when there is no geometry.
 bool hg_asset_bounds(const struct hg_asset *asset, float min[3], float max[3]);
+// Memory of objects, arrays and encoded images that are not spilled (base/spill.h).
+uint64_t hg_asset_resident_bytes(const struct hg_asset *asset);
 // Defaults of a zeroed object.
 void hg_node_set_defaults(struct hg_node *node);
 void hg_light_set_defaults(struct hg_light *light);

@@ -119,11 +119,29 @@ static void size_points(const struct hg_load_params *params, struct hg_asset *as
     }
 }
 
+// What readers do not count themselves: objects, and what came of a process.
+static enum hg_status check_resident(
+    const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
+{
+    const uint64_t bytes = hg_asset_resident_bytes(*out), most = params->resident_limit_bytes;
+    (*out)->file.resident_bytes = bytes;
+    if (!most || bytes <= most)
+        return HG_OK;
+    hg_asset_destroy(*out);
+    *out = NULL;
+    hg_error_set(err, HG_E_LIMIT, params->path, NULL,
+        "it takes %llu MiB of memory, and may take %llu", (unsigned long long)(bytes >> 20),
+        (unsigned long long)(most >> 20));
+    return hg_error_limit(err, HG_LOAD_LIMIT_RESIDENT, 0);
+}
+
 static enum hg_status load_spilled(
     const struct hg_load_params *params, struct hg_asset **out, struct hg_error *err)
 {
     hg_spill_begin(params->path);
-    const enum hg_status status = load_main(params, out, err);
+    enum hg_status status = load_main(params, out, err);
+    if (!status)
+        status = check_resident(params, out, err);
     if (!status)
         size_points(params, *out);
     hg_spill_end();

@@ -14,6 +14,8 @@
     "grey "                                                                                        \
     ".png and .tif)"
 
+#define HG_LOAD_LIMIT_RESIDENT "resident"
+
 // Fetches a file that an asset refers to (already percent-decoded, relative to the main file).
 // HG_E_NOTFOUND, HG_E_PERM (outside the roots), HG_E_LIMIT, HG_E_IO with *err filled.
 typedef enum hg_status hg_load_fetch_fn(void *user, const char *uri, uint64_t limit_bytes,
@@ -30,6 +32,9 @@ struct hg_load_params {
     enum hg_up_axis up;          // turned to +Y; 0 = not turned
     float point_scale, point_diameter; // of hg_mesh_part; 0 = by spacing
     uint64_t memory_limit_bytes; // of the decoded asset; 0 = 8 GiB
+    // Of what of it is in memory and not spilled (hg_asset_resident_bytes); 0 = no limit.
+    // HG_E_LIMIT with err->limit HG_LOAD_LIMIT_RESIDENT.
+    uint64_t resident_limit_bytes;
     struct hg_jobs *jobs;        // NULL: single-threaded
     // Progress: stage name, done, total; return false to cancel (HG_E_CANCELLED). May be NULL.
     bool (*progress)(void *user, const char *stage, uint64_t done, uint64_t total);

@@ -313,6 +313,7 @@ struct hg_asset {
         double origin[3];      // its coordinates of the asset's zero: far models are moved there
         enum hg_up_axis up;    // that became +Y; HG_UP_AS_FILE: it was not asked for
         const char *up_reason; // why, for people; NULL as long as up is AS_FILE
+        uint64_t resident_bytes; // that it took as it was loaded (hg_asset_resident_bytes)
     } file;
     struct hg_node **nodes;
     uint32_t node_count; // ids number << 32 | index

@@ -1,6 +1,7 @@
 #include "server/worker/request.h"
 
 #include "base/alloc.h"
+#include "server/worker/load_memory.h"
 
 void hg_request_ok(const struct request *r)
 {
@@ -39,13 +40,16 @@ static enum hg_status fill_task(const struct request *r, struct task *task, enum
         hg_reader_make(r->payload->data, r->payload->size), &task->arena, &task->message, NULL);
 }
 
-static enum hg_status start_task(const struct request *r, enum task_kind kind, enum hgp_type type)
+static enum hg_status start_task(
+    const struct request *r, enum task_kind kind, enum hgp_type type, struct hg_error *err)
 {
     struct task *task = hg_render_state_need_jobs(r->s) ? hg_calloc(1, sizeof *task) : NULL;
     if (!task)
         return HG_E_NOMEM;
     task->kind = kind;
     enum hg_status status = fill_task(r, task, type);
+    if (!status && kind == TASK_ASSET)
+        status = hg_load_memory_left(r->s, r->session, &task->memory_bytes, err);
     if (!status)
         status = hg_task_start(task);
     if (status) {
@@ -59,10 +63,11 @@ static enum hg_status start_task(const struct request *r, enum task_kind kind, e
 
 void hg_request_start_task(const struct request *r, enum task_kind kind, enum hgp_type type)
 {
-    enum hg_status status = start_task(r, kind, type);
+    struct hg_error err = {0};
+    const enum hg_status status = start_task(r, kind, type, &err);
     if (!status)
         return;
-    struct hg_error err = {0};
-    hg_error_set(&err, status, "task", NULL, "cannot start a thread for the request");
+    if (!err.status)
+        hg_error_set(&err, status, "task", NULL, "cannot start a thread for the request");
     hg_reply_error(r->to, &err);
 }

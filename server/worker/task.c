@@ -117,6 +117,19 @@ static enum hg_status asset_path(struct task *task, char **path)
                  : hg_error_set(&task->err, HG_E_NOMEM, "asset_load", NULL, "no memory for a name");
 }
 
+// Says what that limit is here.
+static void explain_limit(struct hg_error *err)
+{
+    const struct hg_error of_load = *err;
+    if (strcmp(err->limit, HG_LOAD_LIMIT_RESIDENT) != 0)
+        return;
+    hg_error_set(err, HG_E_LIMIT, of_load.what, of_load.where,
+        "%.120s; files of a session may have a quarter of its worker's memory, those of all half "
+        "(memory-limit)",
+        of_load.reason);
+    (void)hg_error_limit(err, "memory-limit", 0);
+}
+
 static enum hg_status load_asset(struct task *task)
 {
     const struct hgp_asset_load *m = &task->message.asset_load;
@@ -134,6 +147,7 @@ static enum hg_status load_asset(struct task *task)
         .up = hg_task_up_axis(m->has_up ? m->up : HGP_up_axis_AUTO),
         .point_scale = m->has_point_scale ? m->point_scale : 0,
         .point_diameter = m->has_point_diameter ? m->point_diameter : 0,
+        .resident_limit_bytes = task->memory_bytes,
         .jobs = task->jobs,
         .fetch = m->files.count ? fetch_upload : NULL,
         .fetch_user = task,
@@ -141,6 +155,8 @@ static enum hg_status load_asset(struct task *task)
         .progress_user = task,
     };
     status = hg_load_asset(&params, &task->asset, &task->err);
+    if (status)
+        explain_limit(&task->err);
     if (status)
         hg_asset_path_hide(
             options, m->files.count ? (struct hgp_str){0} : m->path, path, &task->err);

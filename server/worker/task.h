@@ -24,6 +24,7 @@ struct task {
     union hgp_any message;
     struct hg_writer file; // IMAGE: when it came in parts
     struct hg_jobs *jobs;
+    uint64_t memory_bytes; // ASSET: that it may take; 0 = no limit
     _Atomic bool cancel;
     struct watch watch;
     uint64_t progress_sent_ns;

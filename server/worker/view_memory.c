@@ -8,8 +8,7 @@
 // 1024, 462 from there to 2048 x 2048.
 enum { PIXEL_BYTES = 480, SMALL_PART = 16 };
 
-// What the worker may have at this moment. 0 = no limit.
-static uint64_t memory_bytes(const struct render_state *s)
+uint64_t hg_worker_memory_bytes(const struct render_state *s)
 {
     struct rlimit limit;
     uint64_t bytes = s->w->options.memory_limit_bytes;
@@ -31,8 +30,8 @@ static uint64_t pixels_of(const struct session *session, const struct view_slot 
 enum hg_status hg_view_memory_check(const struct render_state *s, const struct session *session,
     const struct view_slot *view, const struct hg_view_params *params, struct hg_error *err)
 {
-    const uint64_t most = memory_bytes(s) / 4 * 3 / PIXEL_BYTES, small = most / SMALL_PART,
-                   pixels = (uint64_t)params->width * params->height,
+    const uint64_t most = hg_worker_memory_bytes(s) / 4 * 3 / PIXEL_BYTES,
+                   small = most / SMALL_PART, pixels = (uint64_t)params->width * params->height,
                    own = pixels_of(session, view) + pixels;
     const struct hg_view_params *now = view ? &view->settings.params : NULL;
     uint64_t all = own, large = own > small ? own : 0;

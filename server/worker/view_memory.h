@@ -11,6 +11,8 @@
 
 #include "server/worker/session.h"
 
+// What the worker may have at this moment; 0 = no limit.
+uint64_t hg_worker_memory_bytes(const struct render_state *s);
 // Whether a view of the session may have that size; `view`: the one that has another one now, NULL
 // for a new one. HG_E_LIMIT.
 enum hg_status hg_view_memory_check(const struct render_state *s, const struct session *session,

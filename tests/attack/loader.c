@@ -66,6 +66,36 @@ static void write_slow(const struct rig *rig, const char *name)
     loading_write_slow(path);
 }
 
+// A small glTF file in which all nodes move by the same keys: each becomes arrays of its own, none
+// of them large enough to be spilled.
+static void write_repeated(const struct rig *rig, const char *name, int nodes)
+{
+    enum { KEYS = 20000 };
+    FILE *file = begin_file(rig, name);
+    fprintf(file,
+        "{\"asset\":{\"version\":\"2.0\"},\"buffers\":[{\"byteLength\":%d,\"uri\":\"keys.bin\"}],"
+        "\"bufferViews\":[{\"buffer\":0,\"byteLength\":%d}],\"accessors\":[{\"bufferView\":0,"
+        "\"componentType\":5126,\"count\":%d,\"type\":\"SCALAR\",\"min\":[0],\"max\":[%d]},"
+        "{\"bufferView\":0,\"byteOffset\":%d,\"componentType\":5126,\"count\":%d,\"type\":\"VEC3\"}"
+        "],"
+        "\"animations\":[{\"samplers\":[{\"input\":0,\"output\":1}],\"channels\":[",
+        KEYS * 16, KEYS * 16, KEYS, KEYS - 1, KEYS * 4, KEYS);
+    for (int i = 0; i < nodes; i++)
+        fprintf(file, "%s{\"sampler\":0,\"target\":{\"node\":%d,\"path\":\"translation\"}}",
+            i ? "," : "", i);
+    fputs("]}],\"nodes\":[", file);
+    for (int i = 0; i < nodes; i++)
+        fprintf(file, "%s{\"name\":\"%d\"}", i ? "," : "", i);
+    fputs("]}", file);
+    assert_int_equal(fclose(file), 0);
+    file = begin_file(rig, "keys.bin");
+    for (int i = 0; i < KEYS * 4; i++) {
+        const float number = (float)i;
+        assert_int_equal(fwrite(&number, sizeof number, 1, file), 1);
+    }
+    assert_int_equal(fclose(file), 0);
+}
+
 // ---- processes ---------------------------------------------------------------------------------
 
 static int oom_score_of(pid_t pid)
@@ -152,6 +182,12 @@ static int start_impatient(void **state)
 {
     static const char *const options[] = {"--loader-timeout", "0.2", NULL};
     return link_start_with(state, options);
+}
+
+static int start_with_limit(void **state)
+{
+    static const char *const options[] = {"--memory-limit", "2048", NULL};
+    return memory_is_limited ? link_start_with(state, options) : link_start(state);
 }
 
 // ---- tests -------------------------------------------------------------------------------------
@@ -258,14 +294,56 @@ static void own_readers_hold(void **state)
     refused(rig, "beyond.obj", HG_E_FORMAT, "");
 }
 
-int main(void)
+static uint32_t load_as(struct rig *rig, uint32_t channel, uint32_t number, const char *name)
 {
+    return link_ask(rig, channel, HGP_T_asset_load,
+        &(struct hgp_asset_load){.asset = FIRST_ID + number, .path = hgp_str_make(name)});
+}
+
+static void refused_for_memory(struct rig *rig, uint32_t request)
+{
+    link_expect_error(rig, request, HG_E_LIMIT, NULL);
+    const struct hgp_str *reason = &rig->message.error.reason;
+    assert_non_null(memmem(reason->data, reason->size, "memory-limit", 12));
+    assert_string_equal(rig->limit, "memory-limit");
+}
+
+// A quarter of the worker's 2 GiB for the files of one session, half for all: others can load, too.
+static void sessions_share_memory(void **state)
+{
+    enum { SOME = 900 }; // nodes of some 310 KiB
+    struct rig *rig = *state;
+    if (!memory_is_limited) {
+        skip();
+        return;
+    }
+    begin(rig);
+    write_repeated(rig, "some.gltf", SOME);
+    write_repeated(rig, "small.gltf", 10);
+    link_expect(rig, load_as(rig, ATTACKER, 1, "some.gltf"), HGP_T_asset_loaded);
+    refused_for_memory(rig, load_as(rig, ATTACKER, 2, "some.gltf"));
+    show(rig);
+    link_expect(rig, load_as(rig, NEIGHBOUR, 0, "small.gltf"), HGP_T_asset_loaded);
+    show(rig);
+    link_expect(rig,
+        link_ask(
+            rig, ATTACKER, HGP_T_asset_unload, &(struct hgp_asset_unload){.asset = FIRST_ID + 1}),
+        HGP_T_ok);
+    link_expect(rig, load_as(rig, ATTACKER, 3, "some.gltf"), HGP_T_asset_loaded);
+    show(rig);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(files_end_by_rule, start, link_stop),
         cmocka_unit_test_setup_teardown(answers_have_a_time, start_impatient, link_stop),
         cmocka_unit_test_setup_teardown(readers_end_with_their_session, link_start, link_stop),
         cmocka_unit_test_setup_teardown(images_end_by_rule, start, link_stop),
         cmocka_unit_test_setup_teardown(own_readers_hold, link_start, link_stop),
+        cmocka_unit_test_setup_teardown(sessions_share_memory, start_with_limit, link_stop),
     };
     return cmocka_run_group_tests_name("attack_loader", tests, NULL, NULL);
 }

@@ -49,6 +49,7 @@ struct hg_gltf {
     uint32_t buffer_count, view_count, image_count, profile_count;
     uint32_t punctual_count; // lights of KHR_lights_punctual
     uint64_t memory_used, memory_limit;
+    uint64_t resident_used;    // of memory_used, what was not spilled
     struct hg_isolated *draco; // decodes compressed meshes; NULL: not started
     bool has_quantization; // KHR_mesh_quantization is declared
 };

@@ -146,6 +146,21 @@ int64_t hg_gltf_index(const struct hg_gltf_at *at, const char *key)
     return (int64_t)value;
 }
 
+// A small file may name an array many times: it ends before all of them are there. What is needed
+// for a moment only is counted, too.
+static bool stays_within(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t resident)
+{
+    const uint64_t most = g->params->resident_limit_bytes;
+    g->resident_used += resident;
+    if (!most || g->resident_used <= most)
+        return true;
+    (void)hg_gltf_fail(g, at, HG_E_LIMIT,
+        "up to here it takes more memory than the %llu MiB it may",
+        (unsigned long long)(most >> 20));
+    (void)hg_error_limit(g->err, HG_LOAD_LIMIT_RESIDENT, 0);
+    return false;
+}
+
 void *hg_gltf_alloc(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t count, size_t size)
 {
     uint64_t bytes, total;
@@ -157,12 +172,16 @@ void *hg_gltf_alloc(struct hg_gltf *g, const struct hg_gltf_at *at, uint64_t cou
         return NULL;
     }
     void *memory = hg_spill_calloc((size_t)count, size);
-    if (!memory)
+    if (!memory) {
         (void)hg_gltf_fail(
             g, at, HG_E_NOMEM, "no memory for %llu bytes", (unsigned long long)bytes);
-    else
-        g->memory_used = total;
-    return memory;
+        return NULL;
+    }
+    g->memory_used = total;
+    if (stays_within(g, at, hg_alloc_resident_bytes(memory)))
+        return memory;
+    hg_free(memory);
+    return NULL;
 }
 
 float hg_gltf_read_extra(struct hg_gltf *g, const struct hg_gltf_at *extras, const char *owner,
