@@ -2,6 +2,7 @@
 // Images are decoded by the browser's own decoders, video by WebCodecs, tiles by both.
 import { sha256 } from "./sha256.js";
 import { VideoStream } from "./video.js";
+import { decodeDepth } from "./warp.js";
 
 const IMAGES = { JPEG: "image/jpeg", JPEG_444: "image/jpeg", PNG8: "image/png" };
 const EXACT = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
@@ -114,8 +115,10 @@ export class FramePainter {
         // Decoding starts at once; showing waits for the frames before.
         const decoded = this.decode(frame);
         decoded.catch(() => {});
+        const grid = frame.depth ? decodeDepth(frame.depth, inflate).catch(() => null) : null;
         this.queue = this.queue.then(async () => {
             try {
+                frame.grid = await grid; // null: none, or this browser cannot read it
                 this.show(frame, await decoded);
                 this.onShown(frame, { decode_ms: performance.now() - begun });
             } catch (error) {
