@@ -196,7 +196,7 @@ guest=$!
 both() { [ "$(xdotool search --onlyvisible --name "settled - orbit" | wc -l)" = 2 ]; }
 wait_for "the guest's picture" both
 host=$window
-window=$(xdotool search --onlyvisible --name "settled - orbit" | grep -vx "$host")
+window=$(xdotool search --onlyvisible --name Heliograph | grep -vx "$host")
 click 115 150
 wait_for "the guest has selected the shaft" says " - shaft - "
 key Tab
