@@ -145,7 +145,7 @@ data = open(sys.argv[1], "rb").read()
 header, = struct.unpack(">I", data[:4])
 colours, = struct.unpack(">I", data[76:80])
 pixels = memoryview(data[header + 12 * colours:][:400 * 300 * 4]).cast("I")
-count = sum(1 for p in pixels if p & 0xffffff == 0xff9628)
+count = sum(1 for p in pixels if p & 0xffffff == 0xffeb3c)
 sys.exit(not (count > int(sys.argv[3]) if sys.argv[2] == "above" else count <= int(sys.argv[3])))
 END
 }
