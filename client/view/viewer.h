@@ -19,6 +19,7 @@ struct hg_viewer_choice {
     double rotation_deg, exposure_ev; // EV is added to the metered one
     uint32_t variant;                 // 0 = the file's own materials, else its number from 1
     int32_t camera;                   // of the scene, -1 = none of them
+    struct hg_cli_size size;          // that the view has
 };
 
 struct hg_viewer_clock {

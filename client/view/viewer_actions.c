@@ -29,17 +29,22 @@ bool hg_viewer_may_edit(struct hg_viewer *v)
     return v->status.may_edit;
 }
 
+static uint32_t side(int px)
+{
+    return (uint32_t)(px < 16 ? 16 : px > 16384 ? 16384 : px);
+}
+
+// Setting what the view has already would begin a new picture, and void questions about the old
+// one.
 void hg_viewer_send_size(struct hg_viewer *v)
 {
-    const struct hgp_view_set view = {.has_width = true,
-        .width = (uint32_t)(v->width < 16      ? 16
-                            : v->width > 16384 ? 16384
-                                               : v->width),
-        .has_height = true,
-        .height = (uint32_t)(v->height < 16      ? 16
-                             : v->height > 16384 ? 16384
-                                                 : v->height)};
-    set_view(v, &view);
+    const struct hg_cli_size size = {side(v->width), side(v->height)};
+    if (size.width == v->choice.size.width && size.height == v->choice.size.height)
+        return;
+    v->choice.size = size;
+    set_view(
+        v, &(struct hgp_view_set){
+               .has_width = true, .width = size.width, .has_height = true, .height = size.height});
 }
 
 void hg_viewer_begin_scene(struct hg_viewer *v)
@@ -52,7 +57,9 @@ void hg_viewer_begin_scene(struct hg_viewer *v)
         .light = HGP_environment_kind_AUTO,
         .rotation_deg = o->env_rotation,
         .exposure_ev = o->has_exposure ? o->exposure.ev : 0,
-        .camera = -1};
+        .camera = -1,
+        .size =
+            o->has_size ? o->size : (struct hg_cli_size){HGP_STANDARD_width, HGP_STANDARD_height}};
     v->clock = (struct hg_viewer_clock){0};
     hg_navigate_set_size(&v->navigate, v->scene->radius);
     if (camera->has_eye && camera->has_target)

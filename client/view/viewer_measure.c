@@ -59,7 +59,7 @@ static void draw_line(struct hg_viewer *v, const double from[2], const double to
         int dx, dy;
         Uint8 red, green, blue;
     } strokes[] = {{-1, 0, 0, 0, 0}, {2, 0, 0, 0, 0}, {0, -1, 0, 0, 0}, {0, 2, 0, 0, 0},
-        {0, 0, 255, 150, 40}, {1, 0, 255, 150, 40}, {0, 1, 255, 150, 40}};
+        {0, 0, 255, 235, 60}, {1, 0, 255, 235, 60}, {0, 1, 255, 235, 60}};
     for (size_t i = 0; i < sizeof strokes / sizeof *strokes; i++) {
         const float x = (float)strokes[i].dx, y = (float)strokes[i].dy;
         SDL_SetRenderDrawColor(v->renderer, strokes[i].red, strokes[i].green, strokes[i].blue, 255);
@@ -73,7 +73,7 @@ static void draw_dot(struct hg_viewer *v, const double at[3])
     const float x = (float)at[0] - DOT_PX / 2.0F, y = (float)at[1] - DOT_PX / 2.0F;
     SDL_SetRenderDrawColor(v->renderer, 0, 0, 0, 255);
     SDL_RenderFillRectF(v->renderer, &(SDL_FRect){x - 1, y - 1, DOT_PX + 2, DOT_PX + 2});
-    SDL_SetRenderDrawColor(v->renderer, 255, 150, 40, 255);
+    SDL_SetRenderDrawColor(v->renderer, 255, 235, 60, 255);
     SDL_RenderFillRectF(v->renderer, &(SDL_FRect){x, y, DOT_PX, DOT_PX});
 }
 
