@@ -7,7 +7,7 @@
 import { axes, cross, dot, scale, sub } from "./camera.js";
 
 const HEAD_BYTES = 12;
-const STEPS = 65534;
+const STEPS = 4094;
 const CELL_PX = 4;
 
 // The cells of a frame's `depth`: { columns, rows, values }, row by row; NaN where nothing is.
