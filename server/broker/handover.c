@@ -91,8 +91,7 @@ static void hurry_session(struct hg_session *s)
     for (size_t i = 0; i < HG_SESSION_UPLOADS; i++) {
         if (!s->uploads[i])
             continue;
-        memcpy(s->failed.hash, hg_upload_hash(s->uploads[i]), 32);
-        s->failed.err = err;
+        hg_session_upload_failed(s, hg_upload_hash(s->uploads[i]), &err);
         if (s->conn)
             hg_conn_fail(s->conn, 0, &err);
         hg_upload_abort(s->uploads[i]);

@@ -383,6 +383,7 @@ void hg_session_destroy(struct hg_session *s)
     hg_pixel_account_unref(&s->table->pixels, s->pace.account);
     HG_LIST_REMOVE(s->table->first, s);
     s->table->count--;
+    hg_free(s->failed);
     hg_free(s);
 }
 

@@ -162,7 +162,7 @@ struct hg_session {
     struct hg_session_view *views;
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
     struct hg_session_bytes bytes;
-    struct hg_session_failed failed;
+    struct hg_session_failed *failed; // NULL: none has
     uint32_t poisons;
     struct hg_session_resume resume;
     struct hg_session_share share;

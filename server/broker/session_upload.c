@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/alloc.h"
 #include "base/sha256.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_sync.h"
@@ -147,14 +148,22 @@ static enum hg_status take_piece(struct hg_session *s, uint32_t request, const s
 // A piece behind one that failed: its sender learns the first reason, once.
 static bool follows_failure(const struct hg_session *s, const struct hgp_upload *m)
 {
-    return s->failed.err.status && m->offset && memcmp(s->failed.hash, m->hash, 32) == 0;
+    return s->failed && m->offset && memcmp(s->failed->hash, m->hash, 32) == 0;
+}
+
+void hg_session_upload_failed(
+    struct hg_session *s, const uint8_t hash[32], const struct hg_error *err)
+{
+    if (!s->failed && !(s->failed = hg_calloc(1, sizeof *s->failed)))
+        return; // pieces behind it are refused for their place
+    memcpy(s->failed->hash, hash, 32);
+    s->failed->err = *err;
 }
 
 static void refuse(
     struct hg_session *s, uint32_t request, const struct hgp_upload *m, const struct hg_error *err)
 {
-    memcpy(s->failed.hash, m->hash, 32);
-    s->failed.err = *err;
+    hg_session_upload_failed(s, m->hash, err);
     hg_conn_fail(s->conn, request, err);
 }
 
@@ -175,7 +184,7 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
     bool running = find_slot(s, m->hash) != NULL, waits = false;
     if (!running && follows_failure(s, m)) {
         if (request)
-            hg_conn_fail(s->conn, request, &s->failed.err);
+            hg_conn_fail(s->conn, request, &s->failed->err);
         return;
     }
     // Another session has sent it meanwhile: nothing is stored twice.
@@ -211,15 +220,16 @@ void hg_session_upload_check_times(struct hg_session *s, uint64_t now_ns)
     const uint64_t timeout_ns = s->table->options->upload_timeout_ns;
     for (size_t i = 0; i < HG_SESSION_UPLOADS && s->conn; i++) {
         struct hg_upload *upload = s->uploads[i];
+        struct hg_error err = {0};
         if (!upload || now_ns < hg_upload_progress_ns(upload) + timeout_ns)
             continue;
-        memcpy(s->failed.hash, hg_upload_hash(upload), 32);
-        hg_error_set(&s->failed.err, HG_E_TIMEOUT, "upload", NULL,
+        hg_error_set(&err, HG_E_TIMEOUT, "upload", NULL,
             "no piece of this content came for %.0f s (upload-timeout); it was given up at %llu of "
             "%llu bytes",
             (double)timeout_ns * 1e-9, (unsigned long long)hg_upload_offset(upload),
             (unsigned long long)hg_upload_total(upload));
-        hg_conn_fail(s->conn, 0, &s->failed.err);
+        hg_session_upload_failed(s, hg_upload_hash(upload), &err);
+        hg_conn_fail(s->conn, 0, &err);
         hg_upload_abort(upload);
         s->uploads[i] = NULL;
     }

@@ -188,7 +188,8 @@ static bool send_packet(
     rights->cmsg_type = SCM_RIGHTS;
     rights->cmsg_len = CMSG_LEN((size_t)count * sizeof(int));
     memcpy(CMSG_DATA(rights), fds, (size_t)count * sizeof(int));
-    return sendmsg(p->fd, &message, MSG_NOSIGNAL) > 0;
+    // A loader that has ended says so in its reply.
+    return sendmsg(p->fd, &message, MSG_NOSIGNAL) > 0 || errno == EPIPE || errno == ECONNRESET;
 }
 
 // *result: the file that it is to be written to.
@@ -307,7 +308,9 @@ static enum hg_status await_reply(struct hg_isolated *p, const struct hg_isolate
             return hg_error_set(err, HG_E_LIMIT, p->name, NULL,
                 "reading it did not end within %g s (loader-timeout)", seconds);
     }
-    const ssize_t n = recv(p->fd, reply, sizeof *reply, MSG_DONTWAIT);
+    ssize_t n = recv(p->fd, reply, sizeof *reply, MSG_DONTWAIT);
+    if (n < 0 && errno == ECONNRESET) // it ended before it read the request; how comes behind that
+        n = recv(p->fd, reply, sizeof *reply, MSG_DONTWAIT);
     if (n != sizeof *reply)
         return describe_end(0, p->name, err);
     return HG_OK;

@@ -14,7 +14,7 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
-#include "tests/system/daemon.h"
+#include "tests/attack/tenant_rig.h"
 
 enum { MIB = 1 << 20 };
 
@@ -68,11 +68,12 @@ static void pings_before_login_are_few(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer flood, honest;
+    struct neighbour honest;
+    struct peer flood;
     signal(SIGPIPE, SIG_IGN);
     daemon_init_tokens(&d);
     daemon_start(&d);
-    peer_open_view(&honest, &d, 32, 32);
+    neighbour_open(&honest, &d, "edit-token-1");
     uint64_t before = daemon_rss_bytes(&d), deadline_ns = hg_clock_now_ns() + 60000000000u;
     for (int i = 0; i < 8; i++) {
         peer_connect(&flood, &d, true);
@@ -81,12 +82,12 @@ static void pings_before_login_are_few(void **state)
         while (!is_stopped(&flood, 1000))
             assert_true(hg_clock_now_ns() < deadline_ns);
         peer_close(&flood);
-        is_served(&honest);
+        neighbour_is_served(&honest);
     }
     uint64_t rss = daemon_rss_bytes(&d);
     print_message("memory +%.1f MiB\n", ((double)rss - (double)before) / MIB);
     assert_true(rss < before + daemon_allowed(4 * MIB));
-    peer_close(&honest);
+    neighbour_close(&honest);
     daemon_finish(&d);
 }
 
@@ -118,10 +119,12 @@ static void addresses_have_a_share(void **state)
 {
     (void)state;
     struct daemon d;
+    struct neighbour own; // whose slots are apart
     struct peer p[3], extra;
     daemon_init_tokens(&d);
     daemon_option(&d, "max-per-address", "3");
     daemon_start(&d);
+    neighbour_open(&own, &d, NULL);
     for (int i = 0; i < 3; i++)
         peer_enter(&p[i], &d, "view-token-1");
     say_hello(&extra, &d);
@@ -138,6 +141,7 @@ static void addresses_have_a_share(void **state)
     }
     peer_close(&p[1]);
     peer_close(&p[2]);
+    neighbour_close(&own);
     daemon_finish(&d);
 }
 
@@ -148,6 +152,7 @@ static void handshakes_are_dropped_at_random(void **state)
     enum { MOST = 40, TRIES = 200 };
     static struct peer p[TRIES];
     struct daemon d;
+    struct neighbour honest;
     int stayed = 0;
     daemon_init_tokens(&d);
     daemon_option(&d, "max-handshakes", "40");
@@ -156,6 +161,7 @@ static void handshakes_are_dropped_at_random(void **state)
     daemon_option(&d, "max-connections", "1000");
     daemon_option(&d, "handshake-timeout", "600");
     daemon_start(&d);
+    neighbour_open(&honest, &d, "edit-token-1");
     for (int i = 0; i < TRIES; i++) {
         say_hello(&p[i], &d);
         assert_true(peer_next(&p[i]));
@@ -167,8 +173,10 @@ static void handshakes_are_dropped_at_random(void **state)
             peer_end(&p[i]);
     }
     assert_in_range(stayed, MOST / 2 + 1, MOST);
+    neighbour_is_served(&honest);
     for (int i = 0; i < TRIES; i++)
         peer_close(&p[i]);
+    neighbour_close(&honest);
     daemon_finish(&d);
 }
 
@@ -199,10 +207,12 @@ static void guessing_is_slow_and_knowing_is_not_refused(void **state)
     (void)state;
     const uint64_t second_ns = 1000000000;
     struct daemon d;
+    struct neighbour honest;
     struct peer p;
     daemon_init_tokens(&d);
     daemon_option(&d, "auth-failures", "2");
     daemon_start(&d);
+    neighbour_open(&honest, &d, "edit-token-1");
     for (int i = 0; i < 3; i++) {
         uint64_t sent_ns = hg_clock_now_ns();
         turned_away(&p, &d, "view-token-2", HG_E_AUTH, "not known");
@@ -214,6 +224,7 @@ static void guessing_is_slow_and_knowing_is_not_refused(void **state)
     assert_true(hg_clock_now_ns() - sent_ns >= 2 * second_ns);
     daemon_wait_log(&d, "3 wrong ones in all");
     peer_close(&p);
+    neighbour_close(&honest);
     daemon_finish(&d);
 }
 
@@ -419,8 +430,11 @@ static void ids_come_back(void **state)
 {
     (void)state;
     struct daemon d;
+    struct neighbour honest;
     struct peer owner, p;
-    daemon_begin(&d);
+    daemon_init_tokens(&d);
+    daemon_start(&d);
+    neighbour_open(&honest, &d, "edit-token-1");
     peer_open_scene(&owner, &d, "shared");
     peer_call(&owner, HGP_T_node_set, &(struct hgp_node_set){.node = owner.first_id}, HGP_T_ok);
     peer_open_scene(&p, &d, "shared");
@@ -440,6 +454,7 @@ static void ids_come_back(void **state)
     peer_call(&p, HGP_T_object_remove, &removal, HGP_T_ok);
     peer_close(&p);
     peer_close(&owner);
+    neighbour_close(&honest);
     daemon_finish(&d);
 }
 

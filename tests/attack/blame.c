@@ -87,9 +87,8 @@ static void leaving_does_not_help(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer hostile;
-    begin(&d);
-    enter(&hostile, &d, "admin-token-1");
+    struct peer honest, hostile;
+    begin_both(&d, &honest, &hostile);
     struct hgp_asset_load poison = load_of(&hostile, "poison");
     pid_t worker = daemon_worker(&d, 0);
     daemon_write(&d, "die.asset_load", "");
@@ -102,7 +101,9 @@ static void leaving_does_not_help(void **state)
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
     peer_refused(&hostile, HGP_T_asset_load, &poison, HG_E_WORKER);
     assert_true(peer_says(&hostile, "quarantine"));
+    peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
     peer_close(&hostile);
+    peer_close(&honest);
     daemon_finish(&d);
 }
 
@@ -237,6 +238,7 @@ static void junk_beside_a_file_does_not_help(void **state)
     load.files.items = &files[2];
     load.files.count = 1;
     peer_call(&hostile, HGP_T_asset_load, &load, HGP_T_asset_loaded);
+    peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
     peer_close(&hostile);
     peer_close(&honest);
     daemon_finish(&d);
@@ -285,6 +287,7 @@ static void data_and_queries_are_quarantined(void **state)
     peer_close(&hostile);
     enter(&hostile, &d, "admin-token-1"); // another scene
     peer_call(&hostile, HGP_T_info_query, &query, HGP_T_json);
+    peer_call(&honest, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
     peer_close(&hostile);
     peer_close(&honest);
     daemon_finish(&d);

@@ -6,17 +6,16 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include <ctype.h>
-#include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "tests/attack/loading.h"
 #include "tests/system/worker_link_rig.h"
 
-enum { ATTACKER = 1, NEIGHBOUR = 2, VIEW = 1, SIDE = 16, DEEP = 200000, LAMPS = 30000 };
+enum { ATTACKER = 1, NEIGHBOUR = 2, VIEW = 1, SIDE = 16, DEEP = 200000 };
 
 #ifdef __SANITIZE_ADDRESS__ // whose own memory is not to be told from the file's
 static const bool memory_is_limited = false;
@@ -25,22 +24,6 @@ static const bool memory_is_limited = true;
 #endif
 
 // ---- files -------------------------------------------------------------------------------------
-
-static const char head[] =
-    "<?xml version=\"1.0\"?><COLLADA xmlns=\"http://www.collada.org/2005/11/COLLADASchema\" "
-    "version=\"1.4.1\"><asset><unit meter=\"1\"/></asset>";
-static const char geometry[] =
-    "<library_geometries><geometry id=\"G\"><mesh><source id=\"P\"><float_array id=\"A\" "
-    "count=\"%s\">0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source=\"#A\" "
-    "count=\"3\" stride=\"3\"><param name=\"X\" type=\"float\"/><param name=\"Y\" type=\"float\"/>"
-    "<param name=\"Z\" type=\"float\"/></accessor></technique_common></source><vertices id=\"V\">"
-    "<input semantic=\"POSITION\" source=\"#P\"/></vertices><triangles count=\"1\"><input "
-    "semantic=\"VERTEX\" source=\"#V\" offset=\"0\"/><p>0 1 2</p></triangles></mesh></geometry>"
-    "</library_geometries>";
-static const char leaf[] = "<node id=\"n\"><instance_geometry url=\"#G\"/></node>";
-static const char tail[] = "</visual_scene></library_visual_scenes><scene><instance_visual_scene "
-                           "url=\"#S\"/></scene></COLLADA>";
-static const char opening[] = "<library_visual_scenes><visual_scene id=\"S\">";
 
 static FILE *begin_file(const struct rig *rig, const char *name)
 {
@@ -54,9 +37,9 @@ static FILE *begin_file(const struct rig *rig, const char *name)
 static void write_collada(const struct rig *rig, const char *name, const char *float_count)
 {
     FILE *file = begin_file(rig, name);
-    fputs(head, file);
-    fprintf(file, geometry, float_count);
-    fprintf(file, "%s%s%s", opening, leaf, tail);
+    fputs(loading_head, file);
+    fprintf(file, loading_geometry, float_count);
+    fprintf(file, "%s%s%s", loading_opening, loading_leaf, loading_tail);
     assert_int_equal(fclose(file), 0);
 }
 
@@ -64,67 +47,26 @@ static void write_collada(const struct rig *rig, const char *name, const char *f
 static void write_deep(const struct rig *rig, const char *name)
 {
     FILE *file = begin_file(rig, name);
-    fputs(head, file);
-    fprintf(file, geometry, "9");
-    fputs(opening, file);
+    fputs(loading_head, file);
+    fprintf(file, loading_geometry, "9");
+    fputs(loading_opening, file);
     for (int i = 0; i < DEEP; i++)
         fputs("<node>", file);
-    fputs(leaf, file);
+    fputs(loading_leaf, file);
     for (int i = 0; i < DEEP; i++)
         fputs("</node>", file);
-    fputs(tail, file);
+    fputs(loading_tail, file);
     assert_int_equal(fclose(file), 0);
 }
 
-// Lamps, whose nodes are looked for by name among all nodes.
 static void write_slow(const struct rig *rig, const char *name)
 {
-    FILE *file = begin_file(rig, name);
-    fputs(head, file);
-    fprintf(file, geometry, "9");
-    fputs("<library_lights>", file);
-    for (int i = 0; i < LAMPS; i++)
-        fprintf(file,
-            "<light id=\"l%d\"><technique_common><point><color>1 1 1</color></point>"
-            "</technique_common></light>",
-            i);
-    fprintf(file, "</library_lights>%s%s", opening, leaf);
-    for (int i = 0; i < LAMPS; i++)
-        fprintf(file,
-            "<node id=\"a node with a long name %d\" name=\"a node with a long name %d\">"
-            "<instance_light url=\"#l%d\"/></node>",
-            i, i, i);
-    fputs(tail, file);
-    assert_int_equal(fclose(file), 0);
+    char path[TEST_FOLDER_MAX + 64];
+    snprintf(path, sizeof path, "%s/%s", rig->root, name);
+    loading_write_slow(path);
 }
 
 // ---- processes ---------------------------------------------------------------------------------
-
-// Processes called helio-loader whose parent is `parent`; *last: one of them.
-static int count_loaders(pid_t parent, pid_t *last)
-{
-    int count = 0;
-    DIR *folder = opendir("/proc");
-    assert_non_null(folder);
-    for (struct dirent *entry; (entry = readdir(folder));) {
-        char path[300], line[200] = "";
-        int pid = atoi(entry->d_name), of = 0;
-        snprintf(path, sizeof path, "/proc/%s/stat", entry->d_name);
-        FILE *file = isdigit((unsigned char)*entry->d_name) ? fopen(path, "r") : NULL;
-        if (!file)
-            continue;
-        const bool read = fgets(line, sizeof line, file) != NULL;
-        fclose(file);
-        const char *end = strrchr(line, ')');
-        if (read && end && strstr(line, "(helio-loader)") && sscanf(end, ") %*c %d", &of) == 1 &&
-            of == parent) {
-            count++;
-            *last = pid;
-        }
-    }
-    closedir(folder);
-    return count;
-}
 
 static int oom_score_of(pid_t pid)
 {
@@ -142,8 +84,8 @@ static int oom_score_of(pid_t pid)
 static int count_files_being_read(const struct rig *rig)
 {
     pid_t spawner = 0, loader = 0;
-    assert_int_equal(count_loaders(rig->pid, &spawner), 1);
-    return count_loaders(spawner, &loader);
+    assert_int_equal(loading_count(rig->pid, &spawner), 1);
+    return loading_count(spawner, &loader);
 }
 
 static void await_files_being_read(const struct rig *rig, int count)
@@ -249,7 +191,7 @@ static void readers_end_with_their_session(void **state)
     load(rig, "slow.dae");
     const uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
     pid_t spawner, loader;
-    while (!count_loaders(rig->pid, &spawner) || !count_loaders(spawner, &loader))
+    while (!loading_count(rig->pid, &spawner) || !loading_count(spawner, &loader))
         assert_true(hg_clock_now_ns() < deadline_ns);
     // The kernel ends it, and not the worker, where memory is short. The spawner has its score for the
     // moment of the fork.

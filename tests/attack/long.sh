@@ -4,7 +4,8 @@
 #
 #   readers   HELIO_MUTANTS (1000000) mutants, in process, for each reader of our own
 #   foreign   HELIO_FOREIGN (20000) mutants of each file of a foreign format, each in a loader
-#   kills     HELIO_ALL_KILLS (1000) kills of the daemon, every fourth with one of its worker, in rounds of 50
+#   kills     HELIO_ALL_KILLS (1000) kills of the daemon, every fourth with one of its worker, in rounds of 50; a
+#             tenth as many of loaders, in rounds of 5, whose worker and daemon are to go on
 #   soak      HELIO_SOAK_SESSIONS (10000) hostile sessions beside 10 honest ones for HELIO_SOAK_SECONDS (900, after
 #             as many of warming up) of the daemon's processor time, HELIO_SOAK_HELD (12000) connections held; with a
 #             BUILD of the preset asan under its sanitizers
@@ -56,7 +57,7 @@ foreign() {
             "$folder/foreign.state" >>"$folder/foreign.log"
         echo "foreign: $count mutants of each file"
     done
-    for outcome in "read" "refused" "crashed" "out of time" "out of memory"; do
+    for outcome in "read" "refused" "crashed" "out of processor time" "out of time" "out of memory"; do
         grep -o "[0-9]* $outcome" "$folder/foreign.log" | awk -v what="$outcome" '{ sum += $1 } END { print "  " sum, what }'
     done
 }
@@ -67,10 +68,13 @@ kills() {
         HELIO_KILLS=50 "$build/tests/test_restarts" >"$folder/kills.round.log" 2>&1 ||
             { cat "$folder/kills.round.log"; return 1; }
         grep ' kills: ' "$folder/kills.round.log" | tee -a "$folder/kills.log"
+        HELIO_KILLS=5 "$build/tests/test_real_restarts" 'killed_loaders*' >"$folder/kills.round.log" 2>&1 ||
+            { cat "$folder/kills.round.log"; return 1; }
+        grep ' kills of loaders: ' "$folder/kills.round.log" | tee -a "$folder/kills.log"
         total=$((total + 50))
         echo "$total" >"$folder/kills.total"
     done
-    echo "kills: $total"
+    echo "kills: $total, and of loaders $((total / 10))"
 }
 
 soak() {

@@ -60,3 +60,53 @@ pid_t tenant_await_worker(struct daemon *d, const char *tenant, pid_t other_than
         usleep(20000);
     }
 }
+
+// ---- neighbours ---------------------------------------------------------------------------------
+
+// The next message is this answer.
+static void answers(struct peer *p, enum hgp_type type, const void *message, enum hgp_type answer)
+{
+    const uint32_t request = peer_send(p, type, message);
+    assert_true(peer_next(p));
+    assert_int_equal(p->header.type, answer);
+    assert_int_equal(p->header.request, request);
+}
+
+static const uint8_t *picture_of(struct peer *p)
+{
+    answers(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    assert_true(p->m.frame.data.size >= 32);
+    return p->m.frame.data.data;
+}
+
+static void edit(struct peer *p, uint32_t number)
+{
+    answers(p, HGP_T_node_set, &(struct hgp_node_set){.node = p->first_id + number}, HGP_T_ok);
+}
+
+void neighbour_open(struct neighbour *n, struct daemon *d, const char *token)
+{
+    if (token)
+        peer_enter(&n->peer, d, token);
+    else
+        peer_open(&n->peer, d);
+    peer_scene(&n->peer, "home");
+    for (uint32_t i = 0; i < 3; i++)
+        edit(&n->peer, i);
+    peer_view(&n->peer, 1, 64, 64);
+    memcpy(n->picture, picture_of(&n->peer), sizeof n->picture);
+}
+
+void neighbour_is_served(struct neighbour *n)
+{
+    answers(&n->peer, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
+    assert_memory_equal(picture_of(&n->peer), n->picture, sizeof n->picture);
+}
+
+void neighbour_close(struct neighbour *n)
+{
+    neighbour_is_served(n);
+    edit(&n->peer, 3);
+    assert_memory_not_equal(picture_of(&n->peer), n->picture, sizeof n->picture);
+    peer_close(&n->peer);
+}

@@ -14,4 +14,18 @@ pid_t tenant_worker(struct daemon *d, const char *tenant);
 // Once it is up, and is another one.
 pid_t tenant_await_worker(struct daemon *d, const char *tenant, pid_t other_than);
 
+// An honest client of another tenant than the attacker's, with a scene of its own.
+struct neighbour {
+    struct peer peer;
+    uint8_t picture[32]; // of its scene, as it was before the attack
+};
+
+// With a token over tcp, as the daemon's own user without one.
+void neighbour_open(struct neighbour *n, struct daemon *d, const char *token);
+// A ping and a frame are answered, and no other message has come: no error, no notice. The picture
+// is the one from before the attack.
+void neighbour_is_served(struct neighbour *n);
+// neighbour_is_served; then its next edit is accepted, which its picture shows, and it disconnects.
+void neighbour_close(struct neighbour *n);
+
 #endif

@@ -1,4 +1,5 @@
-// turns.c - attacks on others' time: pings and small messages do not wait behind data.
+// turns.c - attacks of one tenant on the time of another: pings and small messages do not wait
+// behind data, whether the other one is in the same worker or has its own.
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -10,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "tests/system/daemon.h"
+#include "tests/attack/tenant_rig.h"
 
 enum { MIB = 1 << 20, MESSAGES = 16, HOSTILE = 3, SIDE = 512, FRAMES = 30 };
 
@@ -47,44 +48,92 @@ static pid_t flood(struct peer *p)
     return child;
 }
 
+struct siege {
+    struct peer hostile[HOSTILE];
+    pid_t child[HOSTILE], worker; // the worker does not read
+};
+
+static void begin_siege(struct siege *s, struct daemon *d, const char *isolation)
+{
+    const bool shared = strcmp(isolation, "shared") == 0;
+    for (int i = 0; i < HOSTILE; i++)
+        tenant_enter(&s->hostile[i], d, "anna-token-1", "");
+    s->worker = shared ? daemon_worker(d, 0) : tenant_await_worker(d, "anna", 0);
+    assert_int_equal(kill(s->worker, SIGSTOP), 0);
+    for (int i = 0; i < HOSTILE; i++)
+        s->child[i] = flood(&s->hostile[i]);
+}
+
+// Most of what is sent to it is not taken.
+static void is_under_siege(const struct siege *s)
+{
+    int how;
+    for (int i = 0; i < HOSTILE; i++)
+        assert_int_equal(waitpid(s->child[i], &how, WNOHANG), 0);
+}
+
+static void end_siege(struct siege *s)
+{
+    int how;
+    assert_int_equal(kill(s->worker, SIGCONT), 0);
+    for (int i = 0; i < HOSTILE; i++) {
+        assert_int_equal(waitpid(s->child[i], &how, 0), s->child[i]);
+        assert_int_equal(how, 0);
+        ping(&s->hostile[i]);
+        peer_close(&s->hostile[i]);
+    }
+}
+
+static void begin(struct daemon *d, struct neighbour *honest, const char *isolation)
+{
+    tenant_rig_init(d);
+    daemon_option(d, "isolation", isolation);
+    daemon_option(d, "input-limit", "2");
+    daemon_option(d, "worker-timeout", "600");
+    daemon_start(d);
+    neighbour_open(honest, d, "bert-token-1");
+}
+
 // A worker does not read, and more than input-limit waits for it: those who sent that are not read,
-// another client whose scene is in the same worker is.
+// another tenant whose scene is in the same worker is.
 static void pings_pass_a_full_worker(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer honest, hostile[HOSTILE];
+    struct neighbour honest;
+    struct siege siege;
     const struct hgp_frame_request frame = frame_of_1();
-    pid_t child[HOSTILE];
-    int how;
-    daemon_init(&d);
-    daemon_option(&d, "input-limit", "2");
-    daemon_option(&d, "worker-timeout", "600");
-    daemon_start(&d);
-    peer_open_view(&honest, &d, 8, 8);
-    for (int i = 0; i < HOSTILE; i++)
-        peer_open_scene(&hostile[i], &d, "");
-    const pid_t worker = daemon_worker(&d, 0);
-    assert_int_equal(kill(worker, SIGSTOP), 0);
-    for (int i = 0; i < HOSTILE; i++)
-        child[i] = flood(&hostile[i]);
+    begin(&d, &honest, "shared");
+    begin_siege(&siege, &d, "shared");
     for (int i = 0; i < 100; i++) {
-        ping(&honest);
+        ping(&honest.peer);
         usleep(5000);
     }
-    const uint32_t asked = peer_send(&honest, HGP_T_frame_request, &frame);
-    ping(&honest);
-    for (int i = 0; i < HOSTILE; i++) // most of it was not taken
-        assert_int_equal(waitpid(child[i], &how, WNOHANG), 0);
-    assert_int_equal(kill(worker, SIGCONT), 0);
-    peer_answer(&honest, asked, HGP_T_frame);
-    for (int i = 0; i < HOSTILE; i++) {
-        assert_int_equal(waitpid(child[i], &how, 0), child[i]);
-        assert_int_equal(how, 0);
-        ping(&hostile[i]);
-        peer_close(&hostile[i]);
+    const uint32_t asked = peer_send(&honest.peer, HGP_T_frame_request, &frame);
+    ping(&honest.peer);
+    is_under_siege(&siege);
+    end_siege(&siege);
+    peer_answer(&honest.peer, asked, HGP_T_frame);
+    neighbour_close(&honest);
+    daemon_finish(&d);
+}
+
+// Frames, too, where each tenant has a worker.
+static void frames_pass_another_tenant_s_worker(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct neighbour honest;
+    struct siege siege;
+    begin(&d, &honest, "tenant");
+    begin_siege(&siege, &d, "tenant");
+    for (int i = 0; i < 100; i++) {
+        neighbour_is_served(&honest);
+        usleep(5000);
     }
-    peer_close(&honest);
+    is_under_siege(&siege);
+    end_siege(&siege);
+    neighbour_close(&honest);
     daemon_finish(&d);
 }
 
@@ -93,15 +142,18 @@ static void pongs_pass_frames(void **state)
 {
     (void)state;
     struct daemon d;
+    struct neighbour honest;
     struct peer p;
     const struct hgp_frame_request frame = frame_of_1();
     int before = 0;
-    daemon_begin(&d);
-    peer_open_view(&p, &d, SIDE, SIDE); // a MiB
+    begin(&d, &honest, "tenant");
+    tenant_enter(&p, &d, "anna-token-1", "");
+    peer_view(&p, 1, SIDE, SIDE); // a MiB
     for (int i = 0; i < FRAMES; i++)
         peer_send(&p, HGP_T_frame_request, &frame);
     while (daemon_rss_bytes(&d) < (uint64_t)FRAMES / 2 * MIB) // they wait
         usleep(1000);
+    neighbour_is_served(&honest);
     peer_send(&p, HGP_T_ping, &(struct hgp_ping){.nonce = 1});
     while (peer_next(&p) && p.header.type != HGP_T_pong)
         before += p.header.type == HGP_T_frame;
@@ -111,6 +163,7 @@ static void pongs_pass_frames(void **state)
     for (; before < FRAMES; before += p.header.type == HGP_T_frame)
         assert_true(peer_next(&p));
     peer_close(&p);
+    neighbour_close(&honest);
     daemon_finish(&d);
 }
 
@@ -118,6 +171,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pings_pass_a_full_worker),
+        cmocka_unit_test(frames_pass_another_tenant_s_worker),
         cmocka_unit_test(pongs_pass_frames),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

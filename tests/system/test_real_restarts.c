@@ -1,5 +1,9 @@
-// test_real_restarts.c - a new program and a killed daemon, with real workers of two tenants: the
-// same sessions, views and pictures afterwards, in homes and with weights as before.
+// test_real_restarts.c - a new program, a killed daemon and killed loaders, with real workers of
+// two tenants: the same sessions, views and pictures afterwards, in homes and with weights as
+// before.
+//
+// HELIO_KILLS=100 in the environment kills so many loaders instead of 3; an argument names one
+// test.
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -12,6 +16,7 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
+#include "tests/attack/loading.h"
 #include "tests/attack/tenant_rig.h"
 
 enum { SIDE = 32, FRAME_BYTES = SIDE * SIDE * 4, TENANTS = 2, HEAVY = 3 };
@@ -38,6 +43,7 @@ static void begin(struct daemon *d, struct tenant_client clients[TENANTS])
         "anna-token-1 edit anna weight=300\nbert-token-1 edit bert\nadmin-token-1 admin\n");
     snprintf(path, sizeof path, "%s/state", d->folder);
     daemon_option(d, "state-dir", path);
+    daemon_option(d, "asset-root", d->folder);
     daemon_option(d, "seed-shaders", "false");
     daemon_start(d);
     clients[0] = (struct tenant_client){
@@ -208,6 +214,60 @@ static void a_killed_daemon_goes_on(void **state)
     daemon_finish(&d);
 }
 
+// The loader that reads for a worker, once there is one.
+static pid_t await_loader(pid_t worker)
+{
+    const uint64_t deadline_ns = hg_clock_now_ns() + 60000000000u;
+    pid_t spawner, loader;
+    while (!loading_count(worker, &spawner) || !loading_count(spawner, &loader)) {
+        assert_true(hg_clock_now_ns() < deadline_ns);
+        usleep(2000);
+    }
+    return loader;
+}
+
+// The file is refused; worker, scene and session go on, and the other tenant's.
+static void kill_loader(struct tenant_client *c, uint32_t asset)
+{
+    const struct hgp_asset_load load = {.asset = asset, .path = hgp_str_make("slow.dae")};
+    const uint32_t request = peer_send(&c->peer, HGP_T_asset_load, &load);
+    assert_int_equal(kill(await_loader(c->worker), SIGKILL), 0);
+    peer_error(&c->peer, request, HG_E_LIMIT);
+    assert_true(peer_says(&c->peer, "was killed"));
+    const struct hgp_str *what = &c->peer.m.error.what;
+    assert_non_null(memmem(what->data, what->size, "slow.dae", 8));
+}
+
+static void killed_loaders_take_nothing_along(void **state)
+{
+    (void)state;
+    static struct tenant_client clients[TENANTS];
+    struct daemon d;
+    char path[TEST_FOLDER_MAX + 16];
+    uint8_t now[FRAME_BYTES];
+    const char *text = getenv("HELIO_KILLS");
+    const int kills = text ? atoi(text) : 3;
+    begin(&d, clients);
+    snprintf(path, sizeof path, "%s/slow.dae", d.folder);
+    loading_write_slow(path);
+    for (int i = 0; i < TENANTS; i++)
+        open_client(&clients[i], &d);
+    for (int i = 0; i < kills; i++) {
+        kill_loader(&clients[0], clients[0].peer.first_id + (uint32_t)i);
+        for (int k = 0; k < TENANTS; k++) {
+            take(&clients[k], now);
+            assert_memory_equal(now, clients[k].before, FRAME_BYTES);
+        }
+    }
+    print_message("%d kills of loaders: nothing lost\n", kills);
+    for (int i = 0; i < TENANTS; i++) {
+        check(&clients[i]);
+        assert_int_equal(tenant_worker(&d, clients[i].name), clients[i].worker);
+        peer_close(&clients[i].peer);
+    }
+    daemon_finish(&d);
+}
+
 int main(int argc, char **argv)
 {
     if (argc > 1)
@@ -215,6 +275,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_new_program_goes_on),
         cmocka_unit_test(a_killed_daemon_goes_on),
+        cmocka_unit_test(killed_loaders_take_nothing_along),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
