@@ -179,8 +179,12 @@ export class Warp {
                 this.gl = null;
                 this.hide();
             });
-            if (this.gl)
-                this.prepare(this.gl);
+            try {
+                this.gl &&= this.prepare(this.gl);
+            } catch (error) {
+                console.warn(error.message);
+                this.gl = null;
+            }
         }
         return Boolean(this.gl);
     }
@@ -196,6 +200,7 @@ export class Warp {
         gl.uniform1i(this.at.cells, 1);
         gl.enable(gl.DEPTH_TEST);
         gl.depthFunc(gl.LEQUAL); // what is infinitely far is at 1
+        return gl;
     }
 
     // The picture on the canvas is another one: with its own depth, that of its state, or none.
