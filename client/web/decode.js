@@ -15,6 +15,8 @@ const openImage = (bytes, type) => createImageBitmap(new Blob([bytes], { type })
 
 // ---- tiles -------------------------------------------------------------------------------------
 
+const hasInflate = () => typeof DecompressionStream === "function";
+
 async function inflate(bytes) {
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Uint8ClampedArray(await new Response(stream).arrayBuffer());
@@ -161,6 +163,11 @@ export class FramePainter {
             whole.close();
     }
 
+    // Of pictures at rest, for a network: after an edit only tiles that differ from the one before.
+    static stillEncoding() {
+        return hasInflate() ? "TILES" : "PNG8";
+    }
+
     // SHA-256 of the pixels that are shown, as hexadecimal digits.
     async hash() {
         const { width, height } = this.canvas;
@@ -171,7 +178,6 @@ export class FramePainter {
     // Encodings in motion that this browser decodes, the best for a network first.
     static async motionEncodings() {
         const video = await VideoStream.supported();
-        const tiles = typeof DecompressionStream === "function" ? ["TILES_JPEG"] : [];
-        return [...video, ...tiles, "JPEG"];
+        return [...video, ...hasInflate() ? ["TILES_JPEG"] : [], "JPEG"];
     }
 }

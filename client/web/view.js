@@ -26,7 +26,7 @@ export class View extends EventTarget {
         this.connection = connection;
         this.canvas = canvas;
         this.params = { encoding: "JPEG", quality: 85, max_fps: 60,
-            still_encoding: isLoopback() ? "RAW_RGBA8" : "PNG8" };
+            still_encoding: isLoopback() ? "RAW_RGBA8" : FramePainter.stillEncoding() };
         this.codec = "auto";
         this.failures = new Map(); // encoding -> key frames in a row that could not be shown
         this.awaitsKey = new Set(); // encodings of which a key frame was asked for

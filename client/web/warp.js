@@ -7,7 +7,7 @@
 import { axes, cross, dot, scale, sub } from "./camera.js";
 
 const HEAD_BYTES = 12;
-const STEPS = 65534;
+const STEPS = 4094;
 const CELL_PX = 4;
 
 // The cells of a frame's `depth`: { columns, rows, values }, row by row; NaN where nothing is.
@@ -70,7 +70,8 @@ export function warpPoint(matrix, x, y, d) {
 // ---- drawing -----------------------------------------------------------------------------------
 
 // Two triangles between four neighbouring cells; around the picture lies a ring of more, which holds
-// the border's depth. Where the depth jumps and the gap opens, what is behind fills it.
+// the border's depth. Where the depth jumps and a wide gap opens, what is behind fills it; narrow ones
+// are bridged.
 const VERTEX = `#version 300 es
 precision highp float;
 uniform highp sampler2D cells;
@@ -115,16 +116,16 @@ void main() {
         high = max(high, d);
     }
     bool inside = all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at + 1, count));
-    bool jumps = inside && (flatten ? high - low > 0.02 * most : high > 1.1 * low);
+    bool jumps = inside && (flatten ? high - low > 0.02 * most : high > 1.5 * low);
     vec2 extent = greatest - least;
-    gap = jumps ? smoothstep(1.3, 2.0, max(extent.x, extent.y)) : 0.0;
+    gap = jumps ? smoothstep(2.0, 5.0, max(extent.x, extent.y)) : 0.0;
     behind = placeOf(farthest);
     ivec2 v = at + ivec2(corner == 1 || corner == 3 || corner == 4, corner == 2 || corner == 4 || corner == 5);
     place = placeOf(v);
     gl_Position = clipOf(v);
 }`;
 
-// Beyond the border the picture gets softer with the distance.
+// What fills gaps is soft; beyond the border the picture gets softer with the distance.
 const FRAGMENT = `#version 300 es
 precision highp float;
 uniform sampler2D picture;
@@ -135,7 +136,7 @@ out vec4 color;
 void main() {
     vec2 p = mix(place, behind, gap);
     vec2 beyond = max(abs(p) - 1.0, 0.0);
-    float level = log2(1.0 + 60.0 * max(beyond.x, beyond.y));
+    float level = 2.0 * gap + log2(1.0 + 60.0 * max(beyond.x, beyond.y));
     color = vec4(textureLod(picture, vec2(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.y), level).rgb, 1);
 }`;
 
@@ -178,8 +179,12 @@ export class Warp {
                 this.gl = null;
                 this.hide();
             });
-            if (this.gl)
-                this.prepare(this.gl);
+            try {
+                this.gl &&= this.prepare(this.gl);
+            } catch (error) {
+                console.warn(error.message);
+                this.gl = null;
+            }
         }
         return Boolean(this.gl);
     }
@@ -195,6 +200,7 @@ export class Warp {
         gl.uniform1i(this.at.cells, 1);
         gl.enable(gl.DEPTH_TEST);
         gl.depthFunc(gl.LEQUAL); // what is infinitely far is at 1
+        return gl;
     }
 
     // The picture on the canvas is another one: with its own depth, that of its state, or none.

@@ -1,7 +1,7 @@
 // encode_depth.h - how far the surfaces of a frame are, for clients that reproject it.
 // Floor 6, private to server/worker. Thread: the grid belongs to one thread at a time.
 //
-// A grid of cells of 4 x 4 px, quantised to 16 bits between the nearest and the farthest cell:
+// A grid of cells of 4 x 4 px, quantised to 12 bits between the nearest and the farthest cell:
 // docs/protocol.md has the format. Perspective frames have 1 / depth, which is affine over the
 // picture of a plane, orthographic ones the depth, which is that there.
 #ifndef HG_SERVER_WORKER_ENCODE_DEPTH_H
@@ -13,7 +13,7 @@
 #include "base/bytes.h"
 #include "base/status.h"
 
-enum { HG_DEPTH_CELL_PX = 4, HG_DEPTH_STEPS = 65534 };
+enum { HG_DEPTH_CELL_PX = 4, HG_DEPTH_STEPS = 4094 };
 // Pixels of a cell that lie within this share of the nearest one's depth are one surface.
 #define HG_DEPTH_SURFACE 0.05f
 

@@ -214,6 +214,31 @@ test("between frames the last one is shown as the camera sees it by now", async 
     assert.equal(await evaluate(() => window.helio.view.frame.grid), null);
 });
 
+test("a picture at rest brings only the tiles that an edit has changed, to the last bit", async () => {
+    await waitExact(page);
+    const settings = { still_encoding: "TILES", exposure_mode: "FIXED", exposure_ev: 0 };
+    const before = await evaluate(() => window.helio.view.params.still_encoding);
+    await evaluate((s) => window.helio.setParams(s), settings);
+    await turn("ArrowRight");
+    const still = () => evaluate(() => {
+        const { encoding, depends, data, lossless } = window.helio.view.frame;
+        return { encoding, isPart: depends !== undefined, bytes: data.length, lossless };
+    });
+    const first = await still(), stills = [];
+    assert.equal(first.encoding, "TILES");
+    for (const isVisible of [false, true]) {
+        await settleAfter(() => evaluate(async (is) => {
+            const { scene } = window.helio;
+            const [id] = [...scene.nodes].find(([, node]) => node.mesh);
+            await scene.setVisible(id, is);
+        }, isVisible));
+        stills.push(await still());
+    }
+    await evaluate((s) => window.helio.setParams(s), { still_encoding: before, exposure_mode: "AUTO" });
+    for (const s of stills)
+        assert.ok(s.encoding === "TILES" && s.isPart && s.lossless && s.bytes < first.bytes, JSON.stringify([first, s]));
+});
+
 test("is usable by keyboard alone", async () => {
     await page.setViewport({ width: 900, height: 480 });
     await evaluate(() => document.activeElement.blur());

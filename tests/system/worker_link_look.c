@@ -413,9 +413,9 @@ static float read_cells(const struct hgp_bytes *depth, float cells[CELLS * CELLS
         const int left = x ? values[i - 1] : 0, above = y ? values[i - CELLS] : 0;
         const int guess = x && y ? left + above - values[i - CELLS - 1] : left + above;
         values[i] = (uint16_t)(guess + rest);
-        cells[i] = values[i] ? low + (float)(values[i] - 1) / 65534.0f * (high - low) : NAN;
+        cells[i] = values[i] ? low + (float)(values[i] - 1) / 4094.0f * (high - low) : NAN;
     }
-    return (high - low) / 65534.0f;
+    return (high - low) / 4094.0f;
 }
 
 // What a cell is to hold, by what surface_query says of its pixels.
