@@ -13,6 +13,11 @@ const struct hg_view_row hg_view_pointer_rows[] = {
 #include "client/view/keys.def"
 };
 
+const struct hg_view_row hg_view_panel_rows[] = {
+#define HG_VIEW_PANEL(what, doc) {what, doc},
+#include "client/view/keys.def"
+};
+
 const struct hg_view_row hg_view_pad_rows[] = {
 #define HG_VIEW_PAD(what, doc) {what, doc},
 #include "client/view/keys.def"
@@ -20,6 +25,7 @@ const struct hg_view_row hg_view_pad_rows[] = {
 
 const uint32_t hg_view_pointer_row_count =
     sizeof hg_view_pointer_rows / sizeof *hg_view_pointer_rows;
+const uint32_t hg_view_panel_row_count = sizeof hg_view_panel_rows / sizeof *hg_view_panel_rows;
 const uint32_t hg_view_pad_row_count = sizeof hg_view_pad_rows / sizeof *hg_view_pad_rows;
 
 enum hg_view_action hg_controls_find(SDL_Scancode key, bool *moves)

@@ -23,8 +23,8 @@ extern const struct hg_view_key hg_view_keys[HG_VIEW_ACTION_COUNT];
 struct hg_view_row {
     const char *what, *doc;
 };
-extern const struct hg_view_row hg_view_pointer_rows[], hg_view_pad_rows[];
-extern const uint32_t hg_view_pointer_row_count, hg_view_pad_row_count;
+extern const struct hg_view_row hg_view_pointer_rows[], hg_view_panel_rows[], hg_view_pad_rows[];
+extern const uint32_t hg_view_pointer_row_count, hg_view_panel_row_count, hg_view_pad_row_count;
 
 struct hg_controls {
     bool held[HG_VIEW_ACTION_COUNT]; // of the keys that move

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MARGIN = 10, PADDING = 8 };
+enum { MARGIN = HG_OVERLAY_MARGIN, PADDING = HG_OVERLAY_PADDING };
 
 // ---- the font ----------------------------------------------------------------------------------
 
@@ -156,6 +156,13 @@ static struct hg_overlay fit(
     return small;
 }
 
+void hg_overlay_box(const struct hg_overlay *o, const SDL_Rect *box)
+{
+    SDL_SetRenderDrawBlendMode(o->renderer, SDL_BLENDMODE_BLEND);
+    SDL_SetRenderDrawColor(o->renderer, 16, 18, 22, 190);
+    SDL_RenderFillRect(o->renderer, box);
+}
+
 void hg_overlay_draw(const struct hg_overlay *o, const struct hg_overlay_text *text,
     enum hg_overlay_place place, int width, int height)
 {
@@ -164,16 +171,24 @@ void hg_overlay_draw(const struct hg_overlay *o, const struct hg_overlay_text *t
     const struct hg_overlay f = fit(o, text, width, height);
     SDL_Rect box = {MARGIN, MARGIN, columns_of(text) * f.advance + 2 * PADDING,
         (int)text->count * f.height + 2 * PADDING};
-    if (place != HG_OVERLAY_TOP_LEFT)
+    if (place == HG_OVERLAY_BOTTOM || place == HG_OVERLAY_MIDDLE)
         box.x = (width - box.w) / 2;
-    if (place == HG_OVERLAY_BOTTOM)
+    if (place == HG_OVERLAY_BOTTOM || place == HG_OVERLAY_BOTTOM_LEFT)
         box.y = height - box.h - MARGIN;
     if (place == HG_OVERLAY_MIDDLE)
         box.y = (height - box.h) / 2;
-    SDL_SetRenderDrawBlendMode(o->renderer, SDL_BLENDMODE_BLEND);
-    SDL_SetRenderDrawColor(o->renderer, 16, 18, 22, 190);
-    SDL_RenderFillRect(o->renderer, &box);
+    hg_overlay_box(o, &box);
     for (uint32_t i = 0; i < text->count; i++)
         draw_line(o, &text->lines[i], f.advance, f.height, box.x + PADDING,
             box.y + PADDING + (int)i * f.height);
+}
+
+void hg_overlay_put(const struct hg_overlay *o, enum hg_overlay_tone tone, const char *text,
+    int columns, const SDL_Point *at)
+{
+    struct hg_overlay_line line = {.tone = tone};
+    if (!o->glyphs || columns <= 0)
+        return;
+    snprintf(line.text, sizeof line.text, "%.*s", columns, text);
+    draw_line(o, &line, o->advance, o->height, at->x, at->y);
 }

@@ -24,7 +24,13 @@ enum hg_status hg_overlay_init(
 void hg_overlay_finish(struct hg_overlay *o); // accepts a zeroed one
 
 // Where lines of text stand: a box that is filled in behind them.
-enum hg_overlay_place { HG_OVERLAY_TOP_LEFT, HG_OVERLAY_BOTTOM, HG_OVERLAY_MIDDLE };
+enum hg_overlay_place {
+    HG_OVERLAY_TOP_LEFT,
+    HG_OVERLAY_BOTTOM_LEFT,
+    HG_OVERLAY_BOTTOM,
+    HG_OVERLAY_MIDDLE
+};
+enum { HG_OVERLAY_MARGIN = 10, HG_OVERLAY_PADDING = 8 }; // px outside, inside of boxes
 
 enum { HG_OVERLAY_LINES_MAX = 64, HG_OVERLAY_LINE_BYTES = 240 };
 
@@ -48,5 +54,10 @@ void hg_overlay_wrap(
 // fit.
 void hg_overlay_draw(const struct hg_overlay *o, const struct hg_overlay_text *text,
     enum hg_overlay_place place, int width, int height);
+
+// Parts of panels: the background of one, and a line of text of at most `columns` bytes.
+void hg_overlay_box(const struct hg_overlay *o, const SDL_Rect *box);
+void hg_overlay_put(const struct hg_overlay *o, enum hg_overlay_tone tone, const char *text,
+    int columns, const SDL_Point *at);
 
 #endif

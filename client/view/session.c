@@ -18,12 +18,12 @@ static const uint64_t second_ns = 1000000000;
 
 // ---- shared state ------------------------------------------------------------------------------
 
-static void tell(struct hg_view_session *s)
+void hg_view_tell(struct hg_view_session *s)
 {
     s->changed(s->user);
 }
 
-static void wake(struct hg_view_session *s)
+void hg_view_wake(struct hg_view_session *s)
 {
     const uint64_t one = 1;
     const ssize_t n = write(s->wake_fd, &one, sizeof one);
@@ -38,7 +38,7 @@ void hg_view_say_stage(struct hg_view_session *s, const char *stage, double shar
     status->share = share;
     snprintf(status->text, sizeof status->text, "%s", stage);
     pthread_mutex_unlock(&s->lock);
-    tell(s);
+    hg_view_tell(s);
 }
 
 void hg_view_say(struct hg_view_session *s, const char *fmt, ...)
@@ -53,18 +53,17 @@ void hg_view_say(struct hg_view_session *s, const char *fmt, ...)
     s->shown.status.messages++;
     snprintf(s->shown.status.message, sizeof s->shown.status.message, "%s", clean);
     pthread_mutex_unlock(&s->lock);
-    tell(s);
+    hg_view_tell(s);
 }
 
-static void say_error(struct hg_view_session *s, const struct hg_error *err)
+void hg_view_say_error(struct hg_view_session *s, const struct hg_error *err)
 {
     char text[HG_VIEW_TEXT_BYTES];
     hg_error_format(err, text, sizeof text);
     hg_view_say(s, "%s", text);
 }
 
-// An answer that is an error comes back as a message.
-static enum hg_status send(
+enum hg_status hg_view_send(
     struct hg_view_session *s, enum hgp_type type, const void *message, struct hg_error *err)
 {
     uint32_t request;
@@ -115,7 +114,7 @@ static void note_failure(struct hg_view_session *s, const struct hgp_frame *fram
         ask.has_failed = true;
         ask.failed = (uint8_t)frame->encoding;
     }
-    (void)send(s, HGP_T_key_frame, &ask, &ignored);
+    (void)hg_view_send(s, HGP_T_key_frame, &ask, &ignored);
 }
 
 // Into the session's own picture. False: there is nothing to show of it.
@@ -132,7 +131,7 @@ static bool decode_frame(struct hg_view_session *s, const struct hgp_frame *fram
     if (status && is_stream)
         note_failure(s, frame);
     if (status) {
-        say_error(s, &err);
+        hg_view_say_error(s, &err);
         return false;
     }
     if (is_stream)
@@ -153,7 +152,7 @@ static void show_picture(struct hg_view_session *s)
     s->shown.status.dropped += s->shown.has_picture;
     s->shown.has_picture = true;
     pthread_mutex_unlock(&s->lock);
-    tell(s);
+    hg_view_tell(s);
 }
 
 // Credit for a frame, and when it came: the server's controller goes by that.
@@ -169,7 +168,7 @@ static void take_other(struct hg_view_session *s, const struct helio_message *m)
     struct hg_error err = {0};
     if (m->type == HGP_T_error) {
         hg_cli_error_of(&m->body->error, &err);
-        say_error(s, &err);
+        hg_view_say_error(s, &err);
     } else if (m->type == HGP_T_notice) {
         hg_view_say(s, "%.*s", (int)m->body->notice.reason.size,
             m->body->notice.reason.data ? m->body->notice.reason.data : "");
@@ -229,153 +228,7 @@ static void take_messages(struct hg_view_session *s)
     helio_message_free(newest);
 }
 
-// ---- what the window asks for ------------------------------------------------------------------
-
-static enum hg_status send_camera(struct hg_view_session *s, struct hg_error *err)
-{
-    struct hgp_view_camera camera;
-    pthread_mutex_lock(&s->lock);
-    const bool has = s->wanted.has_camera;
-    camera = s->wanted.camera;
-    s->wanted.has_camera = false;
-    pthread_mutex_unlock(&s->lock);
-    return has ? send(s, HGP_T_view_camera, &camera, err) : HG_OK;
-}
-
-static enum hg_status send_pose(struct hg_view_session *s, struct hg_error *err)
-{
-    pthread_mutex_lock(&s->lock);
-    const bool has = s->wanted.has_pose;
-    const double time_s = s->wanted.pose_s;
-    s->wanted.has_pose = false;
-    pthread_mutex_unlock(&s->lock);
-    enum hg_status status = HG_OK;
-    for (uint32_t i = 0; has && !status && i < s->work.asset_count; i++) {
-        const struct hgp_animation_set pose = {
-            .asset = s->work.assets[i], .animation = -1, .time_s = time_s};
-        status = send(s, HGP_T_animation_set, &pose, err);
-    }
-    return status;
-}
-
-static enum hg_status find_fit(
-    struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
-{
-    struct hgp_view_fit fit = {.view = HG_CLI_VIEW};
-    struct hgp_view_camera camera = {.view = HG_CLI_VIEW};
-    enum hg_status status = HG_OK;
-    if (q->ask == HG_VIEW_ASK_NODE) {
-        camera.has_camera = true;
-        camera.camera = q->camera;
-        status = send(s, HGP_T_view_camera, &camera, err);
-        if (!status)
-            status = hg_view_ask_place(s, &camera, err);
-    } else {
-        if (q->text[0])
-            status = hg_cli_parse_view("view", q->text, &fit, err);
-        if (!status)
-            status = helio_camera_fit(s->work.render.cli.h, &fit, &camera, err);
-    }
-    if (status)
-        return status;
-    pthread_mutex_lock(&s->lock);
-    s->shown.fitted = camera;
-    s->shown.status.fits++;
-    pthread_mutex_unlock(&s->lock);
-    tell(s);
-    return HG_OK;
-}
-
-static enum hg_status pick(
-    struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
-{
-    const struct hgp_pick ask = {.view = HG_CLI_VIEW, .x = q->x, .y = q->y};
-    struct helio_message *answer;
-    enum hg_status status =
-        helio_call_for(s->work.render.cli.h, HGP_T_pick, &ask, HGP_T_picked, &answer, err);
-    if (status)
-        return status;
-    pthread_mutex_lock(&s->lock);
-    s->shown.picked = answer->body->picked;
-    s->shown.status.picks++;
-    pthread_mutex_unlock(&s->lock);
-    helio_message_free(answer);
-    tell(s);
-    return HG_OK;
-}
-
-// A settled view is not rendered again: the file holds the pixels that are shown.
-static enum hg_status shoot(
-    struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
-{
-    const struct hgp_frame_request ask = {
-        .view = HG_CLI_VIEW, .has_encoding = true, .encoding = HGP_encoding_PNG8};
-    struct helio_message *answer;
-    enum hg_status status = hg_cli_check_output(q->text, err);
-    if (status)
-        return status;
-    status = helio_frame(s->work.render.cli.h, &ask, &answer, err);
-    if (status)
-        return status;
-    const struct hgp_frame *frame = &answer->body->frame;
-    status = hg_cli_write_output(q->text, frame->data.data, frame->data.size, err);
-    helio_message_free(answer);
-    if (!status)
-        hg_view_say(s, "written: %s", q->text);
-    return status;
-}
-
-static enum hg_status do_request(
-    struct hg_view_session *s, struct hg_view_request *q, struct hg_error *err)
-{
-    struct hgp_variant_set variant = {.variant = hgp_str_make(q->text)};
-    switch (q->ask) {
-    case HG_VIEW_ASK_SET:
-        q->view.view = HG_CLI_VIEW;
-        return send(s, HGP_T_view_set, &q->view, err);
-    case HG_VIEW_ASK_ENVIRONMENT:
-        return send(s, HGP_T_environment_set, &q->environment, err);
-    case HG_VIEW_ASK_VARIANT:
-        variant.asset = s->work.asset_count ? s->work.assets[0] : 0;
-        return variant.asset ? send(s, HGP_T_variant_set, &variant, err) : HG_OK;
-    case HG_VIEW_ASK_NODE:
-    case HG_VIEW_ASK_FIT:
-        return find_fit(s, q, err);
-    case HG_VIEW_ASK_PICK:
-        return pick(s, q, err);
-    case HG_VIEW_ASK_SHOT:
-        return shoot(s, q, err);
-    }
-    return HG_OK;
-}
-
-static bool next_request(struct hg_view_session *s, struct hg_view_request *out)
-{
-    pthread_mutex_lock(&s->lock);
-    struct hg_view_wanted *wanted = &s->wanted;
-    const bool has = wanted->count > 0 && !wanted->open && !wanted->stop;
-    if (has) {
-        *out = wanted->requests[wanted->first];
-        wanted->first = (wanted->first + 1) % HG_VIEW_REQUESTS_MAX;
-        wanted->count--;
-    }
-    pthread_mutex_unlock(&s->lock);
-    return has;
-}
-
-// What the server refuses is said, and the session goes on; its end is found out by helio_process.
-static void do_wanted(struct hg_view_session *s)
-{
-    struct hg_view_request request;
-    struct hg_error err = {0};
-    while (next_request(s, &request))
-        if (do_request(s, &request, &err))
-            say_error(s, &err);
-    if (helio_want_write(s->work.render.cli.h))
-        return; // what is newest when there is room again goes out
-    if (send_camera(s, &err) || send_pose(s, &err))
-        say_error(s, &err);
-}
+// ---- the thread --------------------------------------------------------------------------------
 
 static void ping(struct hg_view_session *s)
 {
@@ -393,12 +246,10 @@ static void ping(struct hg_view_session *s)
     pthread_mutex_unlock(&s->lock);
     const struct hgp_stats_query query = {.view = HG_CLI_VIEW};
     if (statistics)
-        (void)send(s, HGP_T_stats_query, &query, &ignored); // what is wrong the ping says
-    if (send(s, HGP_T_ping, &message, &ignored) == HG_E_AGAIN)
+        (void)hg_view_send(s, HGP_T_stats_query, &query, &ignored); // what is wrong the ping says
+    if (hg_view_send(s, HGP_T_ping, &message, &ignored) == HG_E_AGAIN)
         hg_view_say(s, "the connection was lost and is being made again");
 }
-
-// ---- the thread --------------------------------------------------------------------------------
 
 static bool is_asked_to_leave(struct hg_view_session *s)
 {
@@ -425,13 +276,13 @@ static enum hg_status serve(struct hg_view_session *s, struct hg_error *err)
     s->shown.status.state = HG_VIEW_OPEN;
     s->shown.status.text[0] = 0;
     pthread_mutex_unlock(&s->lock);
-    tell(s);
+    hg_view_tell(s);
     while (!is_asked_to_leave(s)) {
         enum hg_status status = helio_process(h, err);
         if (status)
             return status;
         take_messages(s);
-        do_wanted(s);
+        hg_view_do_wanted(s);
         ping(s);
         status = helio_process(h, err);
         if (status)
@@ -452,7 +303,7 @@ static void fail(struct hg_view_session *s, const struct hg_error *err)
     status->exit_code = (int)code;
     hg_cli_clean(status->text, sizeof status->text, text, strlen(text));
     pthread_mutex_unlock(&s->lock);
-    tell(s);
+    hg_view_tell(s);
 }
 
 // A file that was dropped: what the options say of another file's camera does not hold for it.
@@ -463,7 +314,7 @@ static void take_path(struct hg_view_session *s)
     const bool other = s->wanted.open && s->wanted.path[0];
     if (other)
         memcpy(work->path, s->wanted.path, sizeof work->path);
-    s->wanted.open = s->wanted.has_camera = s->wanted.has_pose = false;
+    s->wanted.open = s->wanted.has_camera = s->wanted.has_pose = s->wanted.has_clip = false;
     s->wanted.count = 0;
     pthread_mutex_unlock(&s->lock);
     if (!other)
@@ -514,7 +365,7 @@ static void *run(void *user)
             break;
         run_once(s);
     }
-    tell(s);
+    hg_view_tell(s);
     return NULL;
 }
 
@@ -555,7 +406,7 @@ void hg_view_session_destroy(struct hg_view_session *s)
         pthread_mutex_lock(&s->lock);
         s->wanted.stop = true;
         pthread_mutex_unlock(&s->lock);
-        wake(s);
+        hg_view_wake(s);
         pthread_join(s->thread, NULL);
     }
     if (hg_cli_recorder_finish(s->work.recorder, &err))
@@ -563,6 +414,7 @@ void hg_view_session_destroy(struct hg_view_session *s)
     hg_view_decoder_finish(&s->work.decoder);
     hg_view_pixels_finish(&s->work.picture.pixels);
     hg_view_pixels_finish(&s->shown.picture.pixels);
+    hg_tree_finish(&s->shown.nodes);
     if (s->wake_fd >= 0)
         close(s->wake_fd);
     pthread_mutex_destroy(&s->lock);
@@ -575,7 +427,7 @@ void hg_view_session_open(struct hg_view_session *s, const char *path)
     s->wanted.open = true;
     snprintf(s->wanted.path, sizeof s->wanted.path, "%s", path ? path : "");
     pthread_mutex_unlock(&s->lock);
-    wake(s);
+    hg_view_wake(s);
 }
 
 void hg_view_session_status(struct hg_view_session *s, struct hg_view_status *out)
@@ -616,7 +468,7 @@ uint64_t hg_view_session_camera(struct hg_view_session *s, const struct hgp_view
     wanted->has_camera = true;
     const uint64_t seq = wanted->input_seq;
     pthread_mutex_unlock(&s->lock);
-    wake(s);
+    hg_view_wake(s);
     return seq;
 }
 
@@ -626,7 +478,16 @@ void hg_view_session_pose(struct hg_view_session *s, double time_s)
     s->wanted.pose_s = time_s;
     s->wanted.has_pose = true;
     pthread_mutex_unlock(&s->lock);
-    wake(s);
+    hg_view_wake(s);
+}
+
+void hg_view_session_clip(struct hg_view_session *s, const struct hg_cut_planes *planes)
+{
+    pthread_mutex_lock(&s->lock);
+    s->wanted.clip = *planes;
+    s->wanted.has_clip = true;
+    pthread_mutex_unlock(&s->lock);
+    hg_view_wake(s);
 }
 
 bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request *request)
@@ -637,7 +498,7 @@ bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request
     if (room)
         wanted->requests[(wanted->first + wanted->count++) % HG_VIEW_REQUESTS_MAX] = *request;
     pthread_mutex_unlock(&s->lock);
-    wake(s);
+    hg_view_wake(s);
     return room;
 }
 
@@ -658,11 +519,23 @@ bool hg_view_session_fitted(struct hg_view_session *s, struct hgp_view_camera *c
     return has;
 }
 
-bool hg_view_session_picked(struct hg_view_session *s, struct hgp_picked *picked)
+bool hg_view_session_answer(
+    struct hg_view_session *s, uint32_t number, struct hg_view_answer *answer)
 {
     pthread_mutex_lock(&s->lock);
-    *picked = s->shown.picked;
-    const bool has = s->shown.status.picks > 0 && picked->hit;
+    const bool has = s->shown.status.answers - number < HG_VIEW_ANSWERS_MAX;
+    *answer = s->shown.answers[number % HG_VIEW_ANSWERS_MAX];
+    pthread_mutex_unlock(&s->lock);
+    return has;
+}
+
+bool hg_view_session_nodes(struct hg_view_session *s, struct hg_tree *tree)
+{
+    pthread_mutex_lock(&s->lock);
+    const bool has = s->shown.has_nodes;
+    *tree = s->shown.nodes;
+    s->shown.nodes = (struct hg_tree){0};
+    s->shown.has_nodes = false;
     pthread_mutex_unlock(&s->lock);
     return has;
 }

@@ -3,19 +3,22 @@
 //
 // Floor 6 (client). Thread: the functions below belong to the thread of the window; none of them
 // waits for the server. The session's thread owns the connection. Frames never queue: of those that
-// have come only the newest is decoded. Cameras and poses of
-// animations never queue either: the newest replaces one that is not sent yet.
+// have come only the newest is decoded. Cameras, poses of
+// animations and clipping planes never queue either: the newest replaces one that is not sent yet.
 #ifndef HG_CLIENT_VIEW_SESSION_H
 #define HG_CLIENT_VIEW_SESSION_H
 
 #include "client/cli/options.h"
+#include "client/view/cuts.h"
 #include "client/view/decode.h"
+#include "client/view/tree.h"
 
 enum {
     HG_VIEW_NAMES_MAX = 64, // cameras and variants that can be chosen
     HG_VIEW_NAME_BYTES = 64,
     HG_VIEW_STAGES_MAX = 16,
     HG_VIEW_TEXT_BYTES = 512,
+    HG_VIEW_ANSWERS_MAX = 16, // that are kept until the window takes them
 };
 
 struct hg_view_session;
@@ -37,6 +40,8 @@ struct hg_view_scene {
     uint32_t camera_count, variant_count;
     double duration_s;             // of the longest animation; 0 = there is none
     double radius;                 // of the scene's bounds, metres
+    bool has_box;                  // false: it is empty
+    float min[3], max[3];          // its bounds, metres
     struct hgp_view_camera camera; // that the view begins with
 };
 
@@ -57,7 +62,7 @@ struct hg_view_status {
     uint32_t scene;    // counts scenes that were opened: hg_view_session_scene has another one
     uint32_t messages; // counts `message`, a remark or an error that does not end anything
     char message[HG_VIEW_TEXT_BYTES];
-    uint32_t fits, picks;            // answers that have come, hg_view_session_fitted and _picked
+    uint32_t fits, answers, lists;   // that have come: hg_view_session_fitted, _answer, _nodes
     uint64_t frames, bytes, dropped; // received in all; frames that a newer one replaced
     uint64_t rtt_ns;                 // of the newest ping; 0 = none yet
     uint32_t reconnects;
@@ -87,15 +92,20 @@ struct hg_view_picture {
     struct hg_view_facts facts;
 };
 
-// What the window asks for, beside cameras and poses.
+// What the window asks for, beside cameras, poses and clipping planes.
 enum hg_view_ask {
     HG_VIEW_ASK_SET,         // view: view_set
     HG_VIEW_ASK_ENVIRONMENT, // environment
     HG_VIEW_ASK_VARIANT,     // text
-    HG_VIEW_ASK_NODE,        // camera; likewise, where that camera of the scene stands
-    HG_VIEW_ASK_FIT,         // text = a named side, or empty; the camera that shows all:
-                             // hg_view_session_fitted has the answer
-    HG_VIEW_ASK_PICK,        // x, y; hg_view_session_picked has the answer
+    HG_VIEW_ASK_NODE,        // node: a camera; likewise, where that camera of the scene stands
+    HG_VIEW_ASK_FIT,         // text = a named side, or empty; node = what is to be shown, 0 = all;
+                             // the camera that shows it: hg_view_session_fitted has the answer
+    HG_VIEW_ASK_PICK,        // at: what is seen there becomes the selection; an answer
+    HG_VIEW_ASK_CENTRE,      // at: likewise, for the camera's target; an answer
+    HG_VIEW_ASK_POINT,       // at: place and normal there in that frame, for measuring; an answer
+    HG_VIEW_ASK_SELECT,      // node: the view outlines it; 0 = nothing
+    HG_VIEW_ASK_VISIBLE,     // node, visible: an edit of the scene; an answer once it is done
+    HG_VIEW_ASK_LIST,        // the nodes: hg_view_session_nodes has the answer
     HG_VIEW_ASK_SHOT,        // text = file; the newest frame, without loss
 };
 
@@ -104,12 +114,26 @@ struct hg_view_request {
     union {
         struct hgp_view_set view;
         struct hgp_environment_set environment;
-        uint64_t camera;
         struct {
-            uint32_t x, y;
+            uint64_t node;
+            bool visible;
         };
+        struct {
+            uint32_t x, y;  // px of the picture
+            uint64_t frame; // its number
+        } at;
     };
     char text[HG_VIEW_TEXT_BYTES];
+};
+
+// What was found or done. A request that failed has a message in place of it.
+struct hg_view_answer {
+    enum hg_view_ask ask;
+    bool hit;                     // PICK, CENTRE, POINT: false: nothing is there
+    bool visible;                 // VISIBLE
+    uint64_t node;                // of the hit, or that was edited
+    uint64_t revision;            // of the frame that was looked at, or of the scene with the edit
+    float position[3], normal[3]; // world space, metres
 };
 
 // Starts the thread and opens the scene of `options`, which are borrowed. `changed` is called on
@@ -132,12 +156,17 @@ bool hg_view_session_take(struct hg_view_session *s, struct hg_view_picture *pic
 // which shows it has as input_seq.
 uint64_t hg_view_session_camera(struct hg_view_session *s, const struct hgp_view_camera *camera);
 void hg_view_session_pose(struct hg_view_session *s, double time_s);
+void hg_view_session_clip(struct hg_view_session *s, const struct hg_cut_planes *planes);
 // False: 64 requests wait already.
 bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request *request);
 // Are the status' `flow` and what else costs a question wanted?
 void hg_view_session_want_statistics(struct hg_view_session *s, bool wanted);
 bool hg_view_session_fitted(struct hg_view_session *s, struct hgp_view_camera *camera);
-bool hg_view_session_picked(struct hg_view_session *s, struct hgp_picked *picked);
+// The answer of this number, counted from 1; false: it was not taken in time.
+bool hg_view_session_answer(
+    struct hg_view_session *s, uint32_t number, struct hg_view_answer *answer);
+// The newest list of nodes, which the caller has to finish from now on; false: it was taken.
+bool hg_view_session_nodes(struct hg_view_session *s, struct hg_tree *tree);
 
 // The answer to stats_query; false: it has no flow.
 bool hg_view_read_flow(const char *text, size_t size, struct hg_view_flow *out);

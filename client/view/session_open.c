@@ -152,6 +152,9 @@ static enum hg_status read_bounds(
     const struct hgp_bounds *b = &answer->body->bounds;
     for (int i = 0; i < 3 && !b->empty; i++)
         sum += pow(((double)b->max[i] - b->min[i]) / 2, 2);
+    scene->has_box = !b->empty;
+    memcpy(scene->min, b->min, sizeof scene->min);
+    memcpy(scene->max, b->max, sizeof scene->max);
     scene->radius = sum > 0 && isfinite(sum) ? sqrt(sum) : 1;
     helio_message_free(answer);
     return HG_OK;

@@ -17,10 +17,11 @@ enum {
 
 // What the window wants, guarded by the lock.
 struct hg_view_wanted {
-    bool stop, open, has_camera, has_pose, statistics;
+    bool stop, open, has_camera, has_pose, has_clip, statistics;
     char path[HG_VIEW_PATH_BYTES]; // of the file to open; "" = the same scene
     struct hgp_view_camera camera;
     double pose_s;
+    struct hg_cut_planes clip;
     struct hg_view_request requests[HG_VIEW_REQUESTS_MAX];
     uint32_t first, count;
     uint64_t input_seq;
@@ -33,7 +34,9 @@ struct hg_view_shown {
     struct hg_view_picture picture; // the newest one
     bool has_picture;               // not taken yet
     struct hgp_view_camera fitted;
-    struct hgp_picked picked;
+    struct hg_view_answer answers[HG_VIEW_ANSWERS_MAX]; // by number; status.answers is the newest
+    struct hg_tree nodes;                               // not taken yet; else empty
+    bool has_nodes;
 };
 
 // Of frames that depend on others: what could not be decoded.
@@ -72,7 +75,17 @@ enum hg_status hg_view_open_scene(struct hg_view_session *s, struct hg_error *er
 // Where the view's camera stands: eye, target and lens of *camera; its other members stay.
 enum hg_status hg_view_ask_place(
     struct hg_view_session *s, struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;
-// session.c. What is being done; share < 0: how far it is is not known.
+// session_requests.c. Sends what the window wants. What the server refuses is said, and the session
+// goes on; its end is found out by helio_process.
+void hg_view_do_wanted(struct hg_view_session *s);
+// session.c. The window is to look at what is shown.
+void hg_view_tell(struct hg_view_session *s);
+void hg_view_wake(struct hg_view_session *s);
+// An answer that is an error comes back as a message.
+enum hg_status hg_view_send(
+    struct hg_view_session *s, enum hgp_type type, const void *message, struct hg_error *err);
+void hg_view_say_error(struct hg_view_session *s, const struct hg_error *err);
+// What is being done; share < 0: how far it is is not known.
 void hg_view_say_stage(struct hg_view_session *s, const char *stage, double share);
 // A remark that does not end anything.
 void hg_view_say(struct hg_view_session *s, const char *fmt, ...) HG_PRINTF(2, 3);

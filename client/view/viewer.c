@@ -3,6 +3,7 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -13,6 +14,7 @@ enum {
     IDLE_MS = 100, // between looks at the state while nothing comes
     MOVING_MS = 8, // while keys or sticks move the camera
     FONT_PX = 15,
+    DRAG_PX = 4,     // that a press moves before it is no click
     CHECKER_PX = 16, // squares behind what is transparent
 };
 static const uint64_t message_ns = 4000000000, resize_ns = 150000000, second_ns = 1000000000;
@@ -34,7 +36,8 @@ void hg_viewer_send_camera(struct hg_viewer *v)
         return;
     hg_navigate_camera(&v->navigate, &camera);
     const uint64_t seq = hg_view_session_camera(v->session, &camera);
-    v->measured.sent_ns[seq % HG_VIEWER_SENT_MAX] = hg_clock_now_ns();
+    v->measured.sent[seq % HG_VIEWER_SENT_MAX] =
+        (struct hg_viewer_sent){seq, hg_clock_now_ns(), camera};
     v->choice.camera = -1;
 }
 
@@ -56,17 +59,32 @@ static void show_picture(struct hg_viewer *v)
     }
     if (!v->texture || SDL_UpdateTexture(v->texture, NULL, p->data, (int)p->width * 4))
         hg_viewer_say(v, "the picture cannot be shown: %s", SDL_GetError());
-    const uint64_t sent_ns = v->measured.sent_ns[v->picture.facts.input_seq % HG_VIEWER_SENT_MAX];
-    if (sent_ns) {
-        v->measured.latency_ms = (double)(hg_clock_now_ns() - sent_ns) * 1e-6;
-        v->measured.sent_ns[v->picture.facts.input_seq % HG_VIEWER_SENT_MAX] = 0;
+    struct hg_viewer_sent *sent =
+        &v->measured.sent[v->picture.facts.input_seq % HG_VIEWER_SENT_MAX];
+    if (sent->ns && sent->seq == v->picture.facts.input_seq) {
+        v->measured.latency_ms = (double)(hg_clock_now_ns() - sent->ns) * 1e-6;
+        sent->ns = 0;
+    }
+}
+
+static void take_answer(struct hg_viewer *v, const struct hg_view_answer *answer)
+{
+    if (answer->ask == HG_VIEW_ASK_PICK)
+        hg_viewer_note_picked(v, answer);
+    else if (answer->ask == HG_VIEW_ASK_POINT)
+        hg_viewer_note_point(v, answer);
+    else if (answer->ask == HG_VIEW_ASK_VISIBLE)
+        hg_viewer_note_visible(v, answer);
+    else if (answer->hit) {
+        hg_navigate_centre(&v->navigate, answer->position);
+        hg_viewer_send_camera(v);
     }
 }
 
 static void take_answers(struct hg_viewer *v)
 {
     struct hgp_view_camera camera;
-    struct hgp_picked picked;
+    struct hg_view_answer answer;
     if (v->taken.fits != v->status.fits) {
         v->taken.fits = v->status.fits;
         if (hg_view_session_fitted(v->session, &camera) && camera.has_eye) {
@@ -75,12 +93,12 @@ static void take_answers(struct hg_viewer *v)
                 hg_viewer_send_camera(v);
         }
     }
-    if (v->taken.picks != v->status.picks) {
-        v->taken.picks = v->status.picks;
-        if (hg_view_session_picked(v->session, &picked)) {
-            hg_navigate_centre(&v->navigate, picked.position);
-            hg_viewer_send_camera(v);
-        }
+    while (v->taken.answers != v->status.answers)
+        if (hg_view_session_answer(v->session, ++v->taken.answers, &answer))
+            take_answer(v, &answer);
+    if (v->taken.lists != v->status.lists) {
+        v->taken.lists = v->status.lists;
+        hg_viewer_take_nodes(v);
     }
 }
 
@@ -130,7 +148,10 @@ static void on_key(struct hg_viewer *v, const SDL_KeyboardEvent *key, bool down)
     const bool shift = key->keysym.mod & KMOD_SHIFT;
     if (down && key->keysym.scancode == SDL_SCANCODE_Q && (key->keysym.mod & KMOD_CTRL))
         v->quits = true;
-    else if (action == HG_VIEW_ACTION_COUNT || (key->keysym.mod & (KMOD_CTRL | KMOD_ALT)))
+    else if (key->keysym.mod & (KMOD_CTRL | KMOD_ALT))
+        return;
+    else if ((down && hg_viewer_panel_key(v, key->keysym.scancode, shift)) ||
+             action == HG_VIEW_ACTION_COUNT)
         return;
     else if (moves)
         v->controls.held[action] = down;
@@ -138,31 +159,41 @@ static void on_key(struct hg_viewer *v, const SDL_KeyboardEvent *key, bool down)
         hg_viewer_do(v, action, shift);
 }
 
+// What turns the camera once it moves is a click when it does not.
 static void on_button(struct hg_viewer *v, const SDL_MouseButtonEvent *button)
 {
     const bool down = button->type == SDL_MOUSEBUTTONDOWN;
     const bool shift = SDL_GetModState() & KMOD_SHIFT;
-    if (button->button == SDL_BUTTON_LEFT && down && button->clicks == 2) {
-        const struct hg_view_request request = {.ask = HG_VIEW_ASK_PICK,
-            .x = (uint32_t)(button->x < 0 ? 0 : button->x),
-            .y = (uint32_t)(button->y < 0 ? 0 : button->y)};
-        if (v->status.state == HG_VIEW_OPEN)
-            hg_view_session_ask(v->session, &request);
-    }
+    const bool clicked = !down && v->pointer.clicks && button->button == SDL_BUTTON_LEFT;
     v->pointer.turns = down && button->button == SDL_BUTTON_LEFT && !shift;
     v->pointer.pans = down && !v->pointer.turns;
+    v->pointer.clicks = v->pointer.turns;
+    v->pointer.dx = v->pointer.dy = 0;
     SDL_CaptureMouse(v->pointer.turns || v->pointer.pans);
+    if (clicked)
+        hg_viewer_click(
+            v, button->x, button->y, v->panels.measures ? HG_VIEW_ASK_POINT : HG_VIEW_ASK_PICK);
+    if (v->pointer.turns && button->clicks == 2 && !v->panels.measures) {
+        v->pointer.clicks = false;
+        hg_viewer_click(v, button->x, button->y, HG_VIEW_ASK_CENTRE);
+    }
 }
 
 static void on_motion(struct hg_viewer *v, const SDL_MouseMotionEvent *motion)
 {
-    if (v->pointer.turns)
-        hg_navigate_drag(&v->navigate, motion->xrel, motion->yrel, v->height);
-    else if (v->pointer.pans)
-        hg_navigate_pan(&v->navigate, motion->xrel, motion->yrel, v->height);
-    else
+    struct hg_viewer_pointer *p = &v->pointer;
+    p->dx += motion->xrel;
+    p->dy += motion->yrel;
+    if (p->clicks && abs(p->dx) + abs(p->dy) < DRAG_PX)
         return;
-    hg_viewer_send_camera(v);
+    p->clicks = false;
+    if (p->turns)
+        hg_navigate_drag(&v->navigate, p->dx, p->dy, v->height);
+    else if (p->pans)
+        hg_navigate_pan(&v->navigate, p->dx, p->dy, v->height);
+    if (p->turns || p->pans)
+        hg_viewer_send_camera(v);
+    p->dx = p->dy = 0;
 }
 
 static void on_window(struct hg_viewer *v, const SDL_WindowEvent *event)
@@ -186,6 +217,8 @@ static void on_drop(struct hg_viewer *v, SDL_DropEvent *drop)
 
 static void on_pointer(struct hg_viewer *v, const SDL_Event *e)
 {
+    if (!v->pointer.turns && !v->pointer.pans && hg_viewer_panel_pointer(v, e))
+        return;
     switch (e->type) {
     case SDL_MOUSEBUTTONDOWN:
     case SDL_MOUSEBUTTONUP:
@@ -246,20 +279,21 @@ static void draw_checker(struct hg_viewer *v)
             SDL_RenderFillRect(v->renderer, &(SDL_Rect){x, y, CHECKER_PX, CHECKER_PX});
 }
 
-// Of another size than the window (while that changes): as large as fits, in the middle.
-static void draw_picture(struct hg_viewer *v)
+bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_place_rect *rect)
 {
     int width, height;
-    if (!v->texture || SDL_QueryTexture(v->texture, NULL, NULL, &width, &height))
-        return;
-    SDL_Rect to = {0, 0, v->width, v->height};
-    if ((int64_t)width * v->height > (int64_t)height * v->width)
-        to.h = (int)((int64_t)height * v->width / width);
-    else
-        to.w = (int)((int64_t)width * v->height / height);
-    to.x = (v->width - to.w) / 2;
-    to.y = (v->height - to.h) / 2;
-    SDL_RenderCopy(v->renderer, v->texture, NULL, &to);
+    if (!v->texture || SDL_QueryTexture(v->texture, NULL, NULL, &width, &height) || width < 1 ||
+        height < 1)
+        return false;
+    *rect = hg_place_picture(width, height, v->width, v->height);
+    return true;
+}
+
+static void draw_picture(struct hg_viewer *v)
+{
+    struct hg_place_rect r;
+    if (hg_viewer_picture_rect(v, &r))
+        SDL_RenderCopy(v->renderer, v->texture, NULL, &(SDL_Rect){r.x, r.y, r.width, r.height});
 }
 
 static void draw(struct hg_viewer *v)
@@ -270,6 +304,8 @@ static void draw(struct hg_viewer *v)
         SDL_SetWindowTitle(v->window, title);
     draw_checker(v);
     draw_picture(v);
+    hg_viewer_draw_measure(v);
+    hg_viewer_draw_panel(v);
     hg_viewer_draw_text(v);
     SDL_RenderPresent(v->renderer);
     v->dirty = false;
@@ -318,6 +354,7 @@ static void tick(struct hg_viewer *v)
         v->times.message_until_ns = 0;
         v->dirty = true;
     }
+    hg_viewer_refresh_tree(v);
     v->quits |= hg_cli_is_stopped();
 }
 
@@ -396,6 +433,8 @@ static void close_window(struct hg_viewer *v)
         SDL_DestroyWindow(v->window);
     SDL_Quit();
     hg_view_pixels_finish(&v->picture.pixels);
+    hg_tree_finish(&v->panels.tree);
+    hg_free(v->measured.sent);
     hg_free(v->scene);
 }
 
@@ -404,7 +443,8 @@ int hg_viewer_run(const struct hg_cli_options *options)
     struct hg_viewer v = {.o = options, .dirty = true, .times.moved_ns = hg_clock_now_ns()};
     struct hg_error err = {0};
     v.scene = hg_calloc(1, sizeof *v.scene);
-    enum hg_status status = v.scene ? open_window(&v, &err) : HG_E_NOMEM;
+    v.measured.sent = hg_calloc(HG_VIEWER_SENT_MAX, sizeof *v.measured.sent);
+    enum hg_status status = v.scene && v.measured.sent ? open_window(&v, &err) : HG_E_NOMEM;
     if (!status)
         status = hg_view_session_create(options, wake, &v, &v.session, &err);
     if (!status)

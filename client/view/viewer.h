@@ -5,6 +5,8 @@
 
 #include "client/view/controls.h"
 #include "client/view/overlay.h"
+#include "client/view/place.h"
+#include "client/view/ruler.h"
 #include "client/view/session.h"
 
 enum { HG_VIEWER_SENT_MAX = 256 }; // cameras whose way to the picture is measured
@@ -17,6 +19,7 @@ struct hg_viewer_choice {
     double rotation_deg, exposure_ev; // EV is added to the metered one
     uint32_t variant;                 // 0 = the file's own materials, else its number from 1
     int32_t camera;                   // of the scene, -1 = none of them
+    struct hg_cli_size size;          // that the view has
 };
 
 struct hg_viewer_clock {
@@ -25,9 +28,15 @@ struct hg_viewer_clock {
     uint64_t before_ns; // when time_s was set
 };
 
+// Cameras that were sent, by input_seq: a picture says which of them it shows.
+struct hg_viewer_sent {
+    uint64_t seq, ns; // when it was sent; 0: its way was measured
+    struct hgp_view_camera camera;
+};
+
 // Measured for the statistics.
 struct hg_viewer_measured {
-    uint64_t sent_ns[HG_VIEWER_SENT_MAX]; // of a camera, by input_seq
+    struct hg_viewer_sent *sent;          // HG_VIEWER_SENT_MAX of them
     double latency_ms;                    // of the newest one that was seen
     double fps, bytes_per_s;
     uint64_t frames, bytes, since_ns; // where the running interval began
@@ -35,11 +44,35 @@ struct hg_viewer_measured {
 
 struct hg_viewer_pointer {
     bool turns, pans;
+    bool clicks; // a press that turns, but has not moved far enough for that yet
+    int dx, dy;  // how far
+};
+
+enum hg_viewer_panel { HG_VIEWER_NO_PANEL, HG_VIEWER_TREE, HG_VIEWER_CUTS };
+
+// The panel at the right side, what it shows, and measuring.
+struct hg_viewer_panels {
+    enum hg_viewer_panel open;
+    struct hg_tree tree; // selected: the node that the view outlines; empty: not listed yet
+    struct hg_cuts cuts;
+    struct hg_ruler ruler;
+    uint64_t listed_ns; // when the nodes were asked for
+    uint32_t row;       // of the clipping planes: x, y, z, caps
+    bool says_selected; // once its name is known
+    bool measures;      // clicks are places to measure between
+    bool slides;        // the pointer moves the plane of `row`
+};
+
+// Where the rows of the open panel are, below its title.
+struct hg_viewer_box {
+    SDL_Rect all;
+    int x, y, columns, rows; // px; characters and lines that fit
+    int advance, line;       // px of a character, of a line
 };
 
 // Answers of the session that were taken, as its status counts them.
 struct hg_viewer_taken {
-    uint32_t scenes, fits, picks, messages;
+    uint32_t scenes, fits, answers, lists, messages;
 };
 
 // When the message is to go, the window got its size (0: the view has it), keys were looked at.
@@ -63,6 +96,7 @@ struct hg_viewer {
     struct hg_viewer_choice choice;
     struct hg_viewer_clock clock;
     struct hg_viewer_measured measured;
+    struct hg_viewer_panels panels;
     uint32_t wake_event; // of SDL, when the session has something new
     struct hg_viewer_taken taken;
     struct hg_viewer_times times;
@@ -75,13 +109,55 @@ int hg_viewer_run(const struct hg_cli_options *options);
 // Sends where the camera stands now.
 void hg_viewer_send_camera(struct hg_viewer *v);
 void hg_viewer_say(struct hg_viewer *v, const char *fmt, ...) HG_PRINTF(2, 3);
+// Where the picture stands in the window. False: there is none yet.
+bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_place_rect *rect);
 
 // viewer_actions.c
 void hg_viewer_do(struct hg_viewer *v, enum hg_view_action action, bool shift);
+void hg_viewer_ask(struct hg_viewer *v, const struct hg_view_request *request);
+// Edits change the scene for all its viewers. False: the session's role may not, which was said.
+bool hg_viewer_may_edit(struct hg_viewer *v);
 // Size of the view = size of the window.
 void hg_viewer_send_size(struct hg_viewer *v);
 // What the options and the scene begin with.
 void hg_viewer_begin_scene(struct hg_viewer *v);
+
+// viewer_panel.c
+void hg_viewer_switch_panel(struct hg_viewer *v, enum hg_viewer_panel panel); // shuts it when open
+// Of another scene: nothing is selected, cut or measured.
+void hg_viewer_reset_panels(struct hg_viewer *v);
+// Keys and pointer of the open panel. True: they were for it.
+bool hg_viewer_panel_key(struct hg_viewer *v, SDL_Scancode key, bool shift);
+bool hg_viewer_panel_pointer(struct hg_viewer *v, const SDL_Event *event);
+void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box);
+void hg_viewer_draw_panel(struct hg_viewer *v);
+// Takes back what Esc ends first. False: there is nothing.
+bool hg_viewer_escape(struct hg_viewer *v);
+
+// viewer_tree.c: rows of the panel of nodes. x, y: character and row in it.
+void hg_viewer_select(struct hg_viewer *v, uint64_t node); // 0 = nothing
+void hg_viewer_take_nodes(struct hg_viewer *v);            // the session has listed them
+void hg_viewer_note_visible(struct hg_viewer *v, const struct hg_view_answer *answer);
+void hg_viewer_note_picked(struct hg_viewer *v, const struct hg_view_answer *answer);
+void hg_viewer_refresh_tree(struct hg_viewer *v); // asks for nodes when they have changed
+bool hg_viewer_tree_key(struct hg_viewer *v, SDL_Scancode key, const struct hg_viewer_box *box);
+void hg_viewer_tree_click(struct hg_viewer *v, int x, int y, bool twice);
+void hg_viewer_draw_tree(struct hg_viewer *v, const struct hg_viewer_box *box);
+const char *hg_viewer_selected_name(const struct hg_viewer *v); // NULL: nothing, or not known yet
+
+// viewer_cuts.c: rows of the panel of clipping planes
+bool hg_viewer_cuts_key(struct hg_viewer *v, SDL_Scancode key, bool shift);
+void hg_viewer_cuts_click(
+    struct hg_viewer *v, const struct hg_viewer_box *box, const SDL_Point *at);
+void hg_viewer_cuts_slide(struct hg_viewer *v, const struct hg_viewer_box *box, int x);
+void hg_viewer_draw_cuts(struct hg_viewer *v, const struct hg_viewer_box *box);
+
+// viewer_measure.c
+void hg_viewer_switch_measure(struct hg_viewer *v);
+// A click into the picture: selects, or is a place to measure from.
+void hg_viewer_click(struct hg_viewer *v, int x, int y, enum hg_view_ask ask);
+void hg_viewer_note_point(struct hg_viewer *v, const struct hg_view_answer *answer);
+void hg_viewer_draw_measure(struct hg_viewer *v);
 
 // viewer_text.c
 void hg_viewer_draw_text(struct hg_viewer *v);

@@ -10,7 +10,7 @@
 
 static const double pi = 3.14159265358979323846;
 
-static void ask(struct hg_viewer *v, const struct hg_view_request *request)
+void hg_viewer_ask(struct hg_viewer *v, const struct hg_view_request *request)
 {
     if (!hg_view_session_ask(v->session, request))
         hg_viewer_say(v, "the server does not answer: not done");
@@ -19,28 +19,32 @@ static void ask(struct hg_viewer *v, const struct hg_view_request *request)
 static void set_view(struct hg_viewer *v, const struct hgp_view_set *view)
 {
     const struct hg_view_request request = {.ask = HG_VIEW_ASK_SET, .view = *view};
-    ask(v, &request);
+    hg_viewer_ask(v, &request);
 }
 
-// Edits change the scene for all its viewers; a session with role view gets an error.
-static bool may_edit(struct hg_viewer *v)
+bool hg_viewer_may_edit(struct hg_viewer *v)
 {
     if (!v->status.may_edit)
         hg_viewer_say(v, "this session may look, not change the scene");
     return v->status.may_edit;
 }
 
+static uint32_t side(int px)
+{
+    return (uint32_t)(px < 16 ? 16 : px > 16384 ? 16384 : px);
+}
+
+// Setting what the view has already would begin a new picture, and void questions about the old
+// one.
 void hg_viewer_send_size(struct hg_viewer *v)
 {
-    const struct hgp_view_set view = {.has_width = true,
-        .width = (uint32_t)(v->width < 16      ? 16
-                            : v->width > 16384 ? 16384
-                                               : v->width),
-        .has_height = true,
-        .height = (uint32_t)(v->height < 16      ? 16
-                             : v->height > 16384 ? 16384
-                                                 : v->height)};
-    set_view(v, &view);
+    const struct hg_cli_size size = {side(v->width), side(v->height)};
+    if (size.width == v->choice.size.width && size.height == v->choice.size.height)
+        return;
+    v->choice.size = size;
+    set_view(
+        v, &(struct hgp_view_set){
+               .has_width = true, .width = size.width, .has_height = true, .height = size.height});
 }
 
 void hg_viewer_begin_scene(struct hg_viewer *v)
@@ -53,7 +57,9 @@ void hg_viewer_begin_scene(struct hg_viewer *v)
         .light = HGP_environment_kind_AUTO,
         .rotation_deg = o->env_rotation,
         .exposure_ev = o->has_exposure ? o->exposure.ev : 0,
-        .camera = -1};
+        .camera = -1,
+        .size =
+            o->has_size ? o->size : (struct hg_cli_size){HGP_STANDARD_width, HGP_STANDARD_height}};
     v->clock = (struct hg_viewer_clock){0};
     hg_navigate_set_size(&v->navigate, v->scene->radius);
     if (camera->has_eye && camera->has_target)
@@ -61,6 +67,7 @@ void hg_viewer_begin_scene(struct hg_viewer *v)
     for (uint32_t i = 0; camera->has_camera && i < v->scene->camera_count; i++)
         if (v->scene->cameras[i].id == camera->camera)
             v->choice.camera = (int32_t)i;
+    hg_viewer_reset_panels(v);
     hg_viewer_send_size(v);
 }
 
@@ -81,7 +88,7 @@ static void choose_camera(struct hg_viewer *v, int step)
     v->choice.camera = v->choice.camera < 0 ? (step > 0 ? 0 : count - 1)
                                             : (v->choice.camera + step + count) % count;
     const struct hg_view_name *name = &v->scene->cameras[v->choice.camera];
-    ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_NODE, .camera = name->id});
+    hg_viewer_ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_NODE, .node = name->id});
     hg_viewer_say(v, "camera %s", name->text);
 }
 
@@ -148,12 +155,12 @@ static void choose_variant(struct hg_viewer *v, bool back)
         hg_viewer_say(v, "the scene has no variants");
         return;
     }
-    if (!may_edit(v))
+    if (!hg_viewer_may_edit(v))
         return;
     v->choice.variant = (v->choice.variant + (back ? count - 1 : 1)) % count;
     const char *name = v->choice.variant ? v->scene->variants[v->choice.variant - 1].text : "";
     snprintf(request.text, sizeof request.text, "%s", name);
-    ask(v, &request);
+    hg_viewer_ask(v, &request);
     hg_viewer_say(v, "variant %s", *name ? name : "of the file");
 }
 
@@ -165,25 +172,25 @@ static void choose_light(struct hg_viewer *v)
     } kinds[] = {{HGP_environment_kind_AUTO, "auto"}, {HGP_environment_kind_SKY, "sky"},
         {HGP_environment_kind_NONE, "none"}};
     uint32_t i = 0;
-    if (!may_edit(v))
+    if (!hg_viewer_may_edit(v))
         return;
     while (i < 2 && kinds[i].kind != v->choice.light)
         i++;
     i = (i + 1) % 3;
     v->choice.light = kinds[i].kind;
-    ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_ENVIRONMENT,
-               .environment = {.has_kind = true, .kind = kinds[i].kind}});
+    hg_viewer_ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_ENVIRONMENT,
+                         .environment = {.has_kind = true, .kind = kinds[i].kind}});
     hg_viewer_say(v, "environment %s", kinds[i].name);
 }
 
 static void rotate_light(struct hg_viewer *v, double degrees)
 {
-    if (!may_edit(v))
+    if (!hg_viewer_may_edit(v))
         return;
     v->choice.rotation_deg = remainder(v->choice.rotation_deg + degrees, 360);
-    ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_ENVIRONMENT,
-               .environment = {.has_rotation_rad = true,
-                   .rotation_rad = (float)(v->choice.rotation_deg * pi / 180)}});
+    hg_viewer_ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_ENVIRONMENT,
+                         .environment = {.has_rotation_rad = true,
+                             .rotation_rad = (float)(v->choice.rotation_deg * pi / 180)}});
     hg_viewer_say(v, "environment turned by %.0f degrees", v->choice.rotation_deg);
 }
 
@@ -193,7 +200,7 @@ static void play(struct hg_viewer *v)
         hg_viewer_say(v, "the scene has no animations");
         return;
     }
-    if (!may_edit(v))
+    if (!hg_viewer_may_edit(v))
         return;
     v->clock.plays = !v->clock.plays;
     v->clock.before_ns = hg_clock_now_ns();
@@ -201,7 +208,7 @@ static void play(struct hg_viewer *v)
 
 static void step_time(struct hg_viewer *v, double seconds)
 {
-    if (v->scene->duration_s <= 0 || !may_edit(v))
+    if (v->scene->duration_s <= 0 || !hg_viewer_may_edit(v))
         return;
     v->clock.plays = false;
     v->clock.time_s = fmod(v->clock.time_s + seconds + v->scene->duration_s, v->scene->duration_s);
@@ -225,7 +232,7 @@ static void shoot(struct hg_viewer *v)
             (unsigned)(now_ns / 1000000 % 1000)) >= (int)sizeof request.text)
         hg_viewer_say(v, "the name of the folder of --screenshots is too long");
     else
-        ask(v, &request);
+        hg_viewer_ask(v, &request);
 }
 
 static bool is_full(const struct hg_viewer *v)
@@ -243,6 +250,8 @@ static void leave(struct hg_viewer *v)
 {
     if (v->help)
         v->help = false;
+    else if (hg_viewer_escape(v))
+        return;
     else if (is_full(v))
         switch_full(v);
     else
@@ -267,6 +276,15 @@ static bool do_window(struct hg_viewer *v, enum hg_view_action action)
     case HG_VIEW_DO_LEAVE:
         leave(v);
         return true;
+    case HG_VIEW_DO_TREE:
+        hg_viewer_switch_panel(v, HG_VIEWER_TREE);
+        return true;
+    case HG_VIEW_DO_CUTS:
+        hg_viewer_switch_panel(v, HG_VIEWER_CUTS);
+        return true;
+    case HG_VIEW_DO_MEASURE:
+        hg_viewer_switch_measure(v);
+        return true;
     case HG_VIEW_DO_RELOAD:
         hg_view_session_open(v->session, NULL);
         return true;
@@ -283,7 +301,7 @@ static void show_side(struct hg_viewer *v, enum hg_view_action action)
     if (action < HG_VIEW_DO_FRONT || action > HG_VIEW_DO_ISOMETRIC)
         return;
     snprintf(request.text, sizeof request.text, "%s", names[action - HG_VIEW_DO_FRONT]);
-    ask(v, &request);
+    hg_viewer_ask(v, &request);
 }
 
 static void do_camera(struct hg_viewer *v, enum hg_view_action action, bool shift)
@@ -299,7 +317,8 @@ static void do_camera(struct hg_viewer *v, enum hg_view_action action, bool shif
         set_style(v, HG_NAVIGATE_WALK);
         break;
     case HG_VIEW_DO_FIT:
-        ask(v, &(struct hg_view_request){.ask = HG_VIEW_ASK_FIT});
+        hg_viewer_ask(v, &(struct hg_view_request){
+                             .ask = HG_VIEW_ASK_FIT, .node = shift ? v->panels.tree.selected : 0});
         break;
     case HG_VIEW_DO_START:
         go_to_start(v);

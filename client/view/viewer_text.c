@@ -45,6 +45,8 @@ static uint32_t list_rows(const struct hg_viewer *v, struct hg_view_row rows[HEL
         rows[count++] = hg_view_pointer_rows[i];
     for (int i = 0; i < HG_VIEW_ACTION_COUNT; i++)
         rows[count++] = (struct hg_view_row){hg_view_keys[i].key, hg_view_keys[i].doc};
+    for (uint32_t i = 0; i < hg_view_panel_row_count; i++)
+        rows[count++] = hg_view_panel_rows[i];
     for (uint32_t i = 0; v->controls.pad && i < hg_view_pad_row_count; i++)
         rows[count++] = hg_view_pad_rows[i];
     return count;
@@ -162,10 +164,23 @@ void hg_viewer_draw_text(struct hg_viewer *v)
     draw_message(v);
 }
 
-// "chair.glb - path 128 spp 34 % - orbit - Heliograph"
+// What is selected, cut and measured: " - Seat - cut x - 1.250 m".
+static void add_inspected(const struct hg_viewer *v, char *text, size_t size)
+{
+    char length[32], axes[16];
+    const char *name = hg_viewer_selected_name(v);
+    hg_cuts_text(&v->panels.cuts, axes, sizeof axes);
+    hg_ruler_text(hg_ruler_distance(&v->panels.ruler), length, sizeof length);
+    const char *measured = v->panels.ruler.count == 2 ? length : "measuring";
+    snprintf(text, size, "%s%.80s%s%s%s%s", name ? " - " : "", name ? name : "",
+        axes[0] ? " - cut " : "", axes, v->panels.measures ? " - " : "",
+        v->panels.measures ? measured : "");
+}
+
+// "chair.glb - path 128 samples, done - orbit - Heliograph"
 void hg_viewer_title(const struct hg_viewer *v, char *title, size_t size)
 {
-    char progress[64] = "";
+    char progress[64] = "", inspected[160] = "";
     const struct hg_view_facts *f = &v->picture.facts;
     const bool open = v->status.state == HG_VIEW_OPEN;
     const char *state = v->status.state == HG_VIEW_FAILED ? "failed"
@@ -177,7 +192,9 @@ void hg_viewer_title(const struct hg_viewer *v, char *title, size_t size)
             progress, sizeof progress, " %u samples%s", f->samples, f->settled ? ", done" : "");
     else if (open && v->texture)
         snprintf(progress, sizeof progress, "%s", f->settled ? ", settled" : "");
-    snprintf(title, size, "%s - %s%s - %s%s - Heliograph",
+    if (open)
+        add_inspected(v, inspected, sizeof inspected);
+    snprintf(title, size, "%s - %s%s - %s%s%s - Heliograph",
         v->status.title[0] ? v->status.title : "helio view", state, progress,
-        style_name(v->navigate.style), v->clock.plays ? ", playing" : "");
+        style_name(v->navigate.style), v->clock.plays ? ", playing" : "", inspected);
 }

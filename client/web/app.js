@@ -39,7 +39,7 @@ class App {
         this.connection.ticket = takeResume();
         this.canvas = $("picture");
         this.scene = new Scene(this.connection);
-        this.view = new View(this.connection, this.canvas);
+        this.view = new View(this.connection, this.canvas, $("warp"));
         this.view.params = { ...this.view.params, ...this.link.params };
         this.view.camera = this.link.camera ?? this.view.camera;
         this.view.sent = this.link.camera;
@@ -67,6 +67,7 @@ class App {
             clipping: this.looks.section(),
             resolution: (v) => this.view.setResolution(v),
             codec: (v) => this.attempt(() => this.view.setCodec(v)),
+            reproject: (is) => this.setReprojection(is),
             environment: (fields) => this.setEnvironment(fields),
             environmentLater: (fields) =>
                 this.later("environment", fields, (f) => this.setEnvironment(f)),
@@ -78,7 +79,8 @@ class App {
             canEdit: () => this.connection.canEdit,
             warnings: (list) => this.showWarnings(list),
         }, close("scene"));
-        this.stats = new Stats($("panel-stats"), this.connection, close("stats"));
+        this.stats = new Stats($("panel-stats"), this.connection, close("stats"),
+            () => this.view.age_ms);
         this.timeline = new Timeline($("timeline"), {
             set: (asset, animation, time) => this.scene.setAnimation(asset, animation, time),
             change: () => this.wake() });
@@ -267,7 +269,7 @@ class App {
     onShown(detail) {
         const { frame } = detail;
         this.stats.add(detail);
-        this.overlay.draw(this.view.shown);
+        this.overlay.draw(this.view.isReprojected ? this.view.camera : this.view.shown);
         this.scene.noteRevision(frame.scene_revision);
         if (frame.settled)
             this.status.set("settled", "Settled", "Nothing is left to improve");
@@ -320,6 +322,8 @@ class App {
         goesOn = this.tickFlight(now_ms) || goesOn;
         goesOn = this.timeline.tick(dt_s) || goesOn;
         goesOn = this.view.sendCamera() || this.controls.pointers.size > 0 || goesOn;
+        if (this.view.reproject())
+            this.overlay.draw(this.view.camera);
         this.isMoving = goesOn;
         this.isAwake = goesOn;
         if (goesOn)
@@ -470,6 +474,14 @@ class App {
         if (changes.mode)
             changes = { samples: changes.mode === "PATH" ? 256 : 32, ...changes };
         return this.attempt(() => this.view.set(changes));
+    }
+
+    async setReprojection(isOn) {
+        if (isOn && !this.view.warp.start())
+            toast("This browser has no WebGL 2, which reprojection takes.", "error");
+        else
+            await this.setParams({ depth: isOn ? 1 : 0 });
+        this.updateView();
     }
 
     setEnvironment(fields) {

@@ -2,6 +2,7 @@
 // Images are decoded by the browser's own decoders, video by WebCodecs, tiles by both.
 import { sha256 } from "./sha256.js";
 import { VideoStream } from "./video.js";
+import { decodeDepth } from "./warp.js";
 
 const IMAGES = { JPEG: "image/jpeg", JPEG_444: "image/jpeg", PNG8: "image/png" };
 const EXACT = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
@@ -13,6 +14,8 @@ export const hexOf = (bytes) =>
 const openImage = (bytes, type) => createImageBitmap(new Blob([bytes], { type }), EXACT);
 
 // ---- tiles -------------------------------------------------------------------------------------
+
+const hasInflate = () => typeof DecompressionStream === "function";
 
 async function inflate(bytes) {
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -114,8 +117,10 @@ export class FramePainter {
         // Decoding starts at once; showing waits for the frames before.
         const decoded = this.decode(frame);
         decoded.catch(() => {});
+        const grid = frame.depth ? decodeDepth(frame.depth, inflate).catch(() => null) : null;
         this.queue = this.queue.then(async () => {
             try {
+                frame.grid = await grid; // null: none, or this browser cannot read it
                 this.show(frame, await decoded);
                 this.onShown(frame, { decode_ms: performance.now() - begun });
             } catch (error) {
@@ -158,6 +163,11 @@ export class FramePainter {
             whole.close();
     }
 
+    // Of pictures at rest, for a network: after an edit only tiles that differ from the one before.
+    static stillEncoding() {
+        return hasInflate() ? "TILES" : "PNG8";
+    }
+
     // SHA-256 of the pixels that are shown, as hexadecimal digits.
     async hash() {
         const { width, height } = this.canvas;
@@ -168,7 +178,6 @@ export class FramePainter {
     // Encodings in motion that this browser decodes, the best for a network first.
     static async motionEncodings() {
         const video = await VideoStream.supported();
-        const tiles = typeof DecompressionStream === "function" ? ["TILES_JPEG"] : [];
-        return [...video, ...tiles, "JPEG"];
+        return [...video, ...hasInflate() ? ["TILES_JPEG"] : [], "JPEG"];
     }
 }

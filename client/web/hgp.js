@@ -889,6 +889,7 @@ export const messages = {
             { name: "hidden", kind: "u8", least: 0, most: 1, since: 1, optional: true },
             { name: "names", kind: "u8", least: 0, most: 1, since: 1, optional: true },
             { name: "layers", kind: "u32", least: 0, most: 4294967295, since: 1, optional: true },
+            { name: "depth", kind: "u8", least: 0, most: 1, since: 1, optional: true },
         ],
     },
     // drop a view
@@ -985,6 +986,13 @@ export const messages = {
             { name: "encode_begin_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
             { name: "encode_end_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
             { name: "sent_ns", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1, optional: true },
+            { name: "depth", kind: "bytes", max: 67108864, since: 1, optional: true },
+            { name: "eye", kind: "vec3", since: 1, optional: true },
+            { name: "forward", kind: "vec3", since: 1, optional: true },
+            { name: "up", kind: "vec3", since: 1, optional: true },
+            { name: "kind", kind: "enum", values: "camera_kind", since: 1, optional: true },
+            { name: "vfov_rad", kind: "f32", least: 0.001, most: 3.13, since: 1, optional: true },
+            { name: "half_height", kind: "f32", least: 1e-06, most: 1e+09, since: 1, optional: true },
         ],
     },
     // what would a settled frame of this view be made from? From here on its settled frames say it, too

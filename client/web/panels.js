@@ -47,6 +47,7 @@ export class ViewPanel {
             ["JPEG_444", "JPEG 4:4:4"], ["H264", "H.264"], ["H264_444", "H.264 4:4:4"],
             ["AV1", "AV1"], ["TILES_JPEG", "Tiles, JPEG"], ["TILES", "Tiles, lossless"]],
         (v) => on.codec(v));
+        rows.reproject = toggleRow("Reproject between frames", (is) => on.reproject(is));
         rows.gi = selectRow("Indirect light", choices(Object.keys(enums.gi),
             { AUTO: "Automatic", NONE: "Off", RAYS: "Rays", PROBES: "Probes" }),
         (gi) => on.set({ gi }));
@@ -55,7 +56,7 @@ export class ViewPanel {
         rows.fov = sliderRow("Field of view", { min: 15, max: 110, step: 1,
             format: (v) => `${v}°` }, (v) => on.lens({ vfov_rad: v * Math.PI / 180 }));
         return section("Rendering", true, ...["mode", "samples", "denoise", "gi", "resolution",
-            "codec", "quality", "kind", "fov"].map((k) => rows[k].row));
+            "codec", "quality", "reproject", "kind", "fov"].map((k) => rows[k].row));
     }
 
     light() {
@@ -144,6 +145,7 @@ export class ViewPanel {
         rows.denoise.set(params.denoise === "STILL");
         rows.quality.set(params.quality);
         rows.gi.set(params.gi ?? "AUTO");
+        rows.reproject.set(params.depth === 1);
         rows.tonemap.set(params.tonemap ?? "ACES");
         rows.auto.set(params.exposure_mode !== "FIXED");
         rows.ev.set(params.exposure_ev ?? 0);

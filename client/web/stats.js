@@ -14,6 +14,9 @@ const SPLIT = { uplink: "· to the server", wait: "· until rendering", render: 
 
 const ms = (v) => v === null || v === undefined || !Number.isFinite(v) ? "–" : `${v.toFixed(1)} ms`;
 
+export const shownText = (age_ms) =>
+    age_ms === null ? "The frame itself" : `Reprojected, ${age_ms.toFixed(0)} ms old`;
+
 export function median(values) {
     const sorted = [...values].sort((a, b) => a - b);
     return sorted.length ? sorted[sorted.length >> 1] : null;
@@ -38,7 +41,9 @@ export function flowRows(flow) {
 }
 
 export class Stats {
-    constructor(element, connection, onClose) {
+    // age_ms: of what is shown in place of the newest frame; null: that frame itself is shown.
+    constructor(element, connection, onClose, age_ms) {
+        this.age_ms = age_ms;
         this.element = element;
         this.connection = connection;
         this.frames = []; // { time_ms, bytes, latency_ms, decode_ms } of the last seconds
@@ -81,6 +86,7 @@ export class Stats {
             ["Frames", `${(frames.length / seconds).toFixed(1)} fps`],
             ["Latency", ms(median(this.latencies))],
             ...parts,
+            ["Shown", shownText(this.age_ms())],
             ["Round trip", ms(connection.rtt_ms)],
             ["Decoding", ms(median(frames.map((f) => f.decode_ms)))],
             ...stages.slice(0, 12),

@@ -6,6 +6,7 @@
 import { isSame, makeCamera } from "./camera.js";
 import { FramePainter, hexOf } from "./decode.js";
 import { enums } from "./hgp.js";
+import { Warp } from "./warp.js";
 
 const VIEW = 1;
 const CREDIT_FRAMES = 16; // the daemon keeps to what the network and the decoder take
@@ -19,12 +20,13 @@ const FAILURES = 3; // key frames of one encoding before the next of the list ta
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
 export class View extends EventTarget {
-    constructor(connection, canvas) {
+    // over: a canvas over the picture, for what is shown between frames; null: none.
+    constructor(connection, canvas, over = null) {
         super();
         this.connection = connection;
         this.canvas = canvas;
         this.params = { encoding: "JPEG", quality: 85, max_fps: 60,
-            still_encoding: isLoopback() ? "RAW_RGBA8" : "PNG8" };
+            still_encoding: isLoopback() ? "RAW_RGBA8" : FramePainter.stillEncoding() };
         this.codec = "auto";
         this.failures = new Map(); // encoding -> key frames in a row that could not be shown
         this.awaitsKey = new Set(); // encodings of which a key frame was asked for
@@ -41,6 +43,8 @@ export class View extends EventTarget {
         this.isHidden = false;
         this.isEmpty = false;
         this.isFollowing = false; // another session moves its camera
+        this.warp = over ? new Warp(over) : null;
+        this.isReprojected = false;
         this.painter = new FramePainter(canvas, (f, t) => this.onShown(f, t),
             (f, e) => this.onFailed(f, e));
         connection.addEventListener("frame", (e) => this.onFrame(e.detail));
@@ -52,8 +56,11 @@ export class View extends EventTarget {
     async start() {
         this.setSize();
         this.params.codecs ??= await this.codecs();
+        const { params } = this;
         await this.connection.call("view_set", this.settings());
         this.isStarted = true;
+        if (this.params !== params) // they changed meanwhile
+            await this.connection.call("view_set", this.settings());
         if (this.sent)
             this.sendCamera(true);
         else
@@ -281,10 +288,32 @@ export class View extends EventTarget {
             if (old < seq)
                 this.inputs.delete(old);
         this.label(frame);
+        this.warp?.take(frame);
+        this.reproject();
         this.dispatchEvent(new CustomEvent("shown",
             { detail: { frame, latency_ms, decode_ms, split } }));
         if (frame.settled && frame.hash)
             this.verify(frame);
+    }
+
+    // Until the frame of the newest camera is there, what is shown is the one before as that camera
+    // sees it, if the settings want that. Frames themselves are shown as they are.
+    reproject() {
+        const { frame, camera, shown } = this;
+        const isBehind = this.params.depth === 1 && frame && shown && !this.isFollowing
+            && (Number(frame.input_seq) < this.seq || !isSame(this.sent, camera))
+            && !isSame(shown, camera);
+        const was = this.isReprojected;
+        this.isReprojected = Boolean(isBehind && this.warp?.show(this.canvas, camera));
+        if (was && !this.isReprojected)
+            this.warp.hide();
+        return this.isReprojected;
+    }
+
+    // How long ago the camera of the shown frame was the newest, in ms; null: it still is.
+    get age_ms() {
+        const next = this.isReprojected && this.inputs.get(Number(this.frame.input_seq) + 1);
+        return next ? performance.now() - next.time_ms : null;
     }
 
     // A frame that cannot be decoded: a key frame is asked for, once. Those under way fail with it

@@ -81,6 +81,15 @@ struct hg_draw_unlit {
     bool told;     // in the newest sample they were
 };
 
+// Samples that are enough for each block of pixels of a settled picture
+// (shaders/shared/sample_blocks.h).
+struct hg_draw_blocks {
+    struct hg_gpu_buffer buffer;
+    uint32_t *counts; // [rows][columns] the same for the host; NULL: all pixels have all samples
+    uint32_t columns;
+    uint32_t least; // of counts
+};
+
 struct hg_view_stage {
     const char *name; // literal
     uint64_t ns;
@@ -136,6 +145,7 @@ struct hg_draw {
     } probes;                      // of the scene, that samples are drawn with
     struct hg_gpu_image *gathered; // light on opaque surfaces; NULL: the probes'
     struct hg_gpu_image *glass;    // light by way of transmissive ones; NULL: none was gathered
+    const struct hg_draw_blocks *blocks; // NULL: all pixels have all samples
     bool crowded; // of the newest cull: the geometry budget did not hold all that was chosen
 };
 

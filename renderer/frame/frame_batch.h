@@ -56,6 +56,13 @@ enum hg_status hg_batch_reserve_blend(struct hg_draw *draw, struct hg_error *err
 // behind it, to the visibility buffer.
 void hg_batch_declare_blend(struct hg_batch *f);
 
+// --- sample_blocks.c -----------------------------------------------------------------------------
+
+// After all that needs depth but shading: pixels with samples enough are taken out of it.
+void hg_batch_declare_blocks(struct hg_batch *f);
+// Some blocks have samples enough without the one that is recorded.
+bool hg_batch_has_enough(const struct hg_batch *f);
+
 // --- reflect_view.c ------------------------------------------------------------------------------
 
 // Memory of what is read back and of the result. HG_E_NOMEM, device errors.

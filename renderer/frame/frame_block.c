@@ -126,7 +126,9 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     f->inv_size = (struct hg_vec2){1.0f / (float)setup.width, 1.0f / (float)setup.height};
     f->jitter_px = (struct hg_vec2){setup.jitter_px[0], setup.jitter_px[1]};
     f->sample_index = sample;
-    f->sample_count = draw->request->samples;
+    f->sample_count = draw->blocks != NULL && sample < draw->blocks->least
+                          ? draw->blocks->least // the first ones make up a picture of their own
+                          : draw->request->samples;
     f->seed = s->seed;
     f->background_mode = s->background;
     f->background_color =
@@ -178,6 +180,7 @@ void hg_frame_fill_path(struct hg_view_state *view)
 {
     const struct hg_draw_request request = request_of_path(view);
     struct hg_draw draw = hg_view_draw(view, &request);
+    draw.blocks = NULL;
     hg_frame_fill(&draw, 0, false, 0);
     struct hg_gpu_frame *f = draw.frame;
     hg_textures_fill(draw.scene_gpu->textures, HG_TEXTURES_EXACT, &f->textures);

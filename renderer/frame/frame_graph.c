@@ -298,6 +298,7 @@ static enum hg_status record_shading(
         .tonemap = f->draw->request->settings->tonemap,
         .clear = f->alone || (f->sample == 0 && !hg_draw_is(f->draw, HG_DRAW_EXACT)),
         .unlit = f->unlit.skips,
+        .masked = hg_batch_has_enough(f),
         .front = f->blend.color > 0 ? hg_graph_run_image(run, f->blend.color) : NULL,
         .gathered = f->gathered > 0 ? hg_graph_run_image(run, f->gathered) : NULL,
         .probe_light = f->probe_light > 0 ? hg_graph_run_image(run, f->probe_light) : NULL,
@@ -462,6 +463,7 @@ static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
         declare_unlit(f);
     if (hg_draw_is(draw, HG_DRAW_CHECKERBOARD))
         declare_checkerboard(f);
+    hg_batch_declare_blocks(f);
     if (hg_draw_is(draw, HG_DRAW_DIRECT))
         f->picture = hg_graph_import(f->graph, "picture", hg_draw_picture(draw));
     else
@@ -594,6 +596,8 @@ static enum hg_status record_resolve(
         .samples = sums ? draw->accumulation->samples : 1,
         .progress = draw->accumulation->uneven ? draw->accumulation->progress.address : 0,
         .fallback = r->fallback > 0 ? hg_graph_run_image(run, r->fallback) : NULL,
+        .blocks = sums && draw->blocks != NULL ? draw->blocks->buffer.address : 0,
+        .block_columns = draw->blocks != NULL ? draw->blocks->columns : 0,
         .exposure = settings->exposure,
         .tonemap = settings->tonemap,
         .backdrop =

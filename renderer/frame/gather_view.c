@@ -11,6 +11,7 @@
 #include "renderer/gi/gather.h"
 #include "shaders/shared/features.h"
 #include "shaders/shared/path.h"
+#include "shaders/shared/sample_blocks.h"
 
 #define FILTER_BOX   1u       // enum hg_filter of renderer.h
 #define FULL_PX      921600.0 // pictures of so many pixels have 2 samples for each,
@@ -37,11 +38,19 @@ bool hg_gather_view_is_done(const struct hg_view_state *view)
     return view->gi.gather.done && memcmp(&key, &view->gi.gather.key, sizeof key) == 0;
 }
 
+static void forget_blocks(struct hg_view_state *view)
+{
+    hg_gpu_buffer_destroy(view->context->gpu, &view->gi.gather.blocks.buffer);
+    hg_free(view->gi.gather.blocks.counts);
+    view->gi.gather.blocks = (struct hg_draw_blocks){0};
+}
+
 void hg_gather_view_finish(struct hg_view_state *view)
 {
     hg_path_destroy(view->gi.gather.path);
     hg_gpu_image_destroy(view->context->gpu, &view->gi.gather.light);
     hg_gpu_image_destroy(view->context->gpu, &view->gi.gather.glass);
+    forget_blocks(view);
     view->gi.gather = (struct hg_view_gather){0};
 }
 
@@ -108,6 +117,39 @@ static enum hg_status make_image(struct hg_view_state *view, struct hg_gpu_image
     return hg_gpu_image_create(view->context->gpu, &params, image, err);
 }
 
+// The film knows all that the picture shows but for what emissive textures have.
+static bool film_tells_all(const struct hg_view_state *view)
+{
+    return hg_geometry_is_solid(view->scene_gpu->geometry) && view->settings.look == NULL &&
+           (view->scene_gpu->features & HG_FEATURE_EMISSIVE) == 0;
+}
+
+// Where surfaces are alike all over fewer samples are enough.
+static enum hg_status make_blocks(
+    struct hg_view_state *view, const struct hg_gi_gather_input *film, struct hg_error *err)
+{
+    const struct hg_view_settings *s = &view->settings;
+    struct hg_draw_blocks *b = &view->gi.gather.blocks;
+    const uint32_t columns = HG_SAMPLE_BLOCK_COLUMNS(s->width),
+                   rows = HG_SAMPLE_BLOCK_COLUMNS(s->height);
+    const size_t count = (size_t)columns * rows;
+    forget_blocks(view);
+    if (!film_tells_all(view) || s->samples <= HG_GI_LEAST_SAMPLES)
+        return HG_OK;
+    uint32_t *counts = hg_calloc(count, sizeof *counts);
+    if (counts == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    hg_gi_gather_samples(view->context->jobs, film, s->samples, counts);
+    *b = (struct hg_draw_blocks){.counts = counts, .columns = columns, .least = s->samples};
+    for (size_t i = 0; i < count; i++)
+        b->least = counts[i] < b->least ? counts[i] : b->least;
+    const enum hg_status status = hg_gpu_buffer_create(view->context->gpu, HG_GPU_BUFFER_DEVICE,
+        count * sizeof *counts, "sample counts", &b->buffer, err);
+    return status == HG_OK ? hg_gpu_buffer_upload(view->context->gpu, &b->buffer, 0, counts,
+                                 count * sizeof *counts, err)
+                           : status;
+}
+
 // What the paths brought, out of their film, which is large and let go of.
 static enum hg_status load(
     struct hg_view_state *view, struct hg_gi_gather **out, uint32_t *rows, struct hg_error *err)
@@ -124,6 +166,8 @@ static enum hg_status load(
         input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * (size_t)s->width * s->height;
         status = hg_gi_gather_load(view->context->jobs, &input, out, err);
     }
+    if (status == HG_OK)
+        status = make_blocks(view, &input, err);
     hg_path_destroy(view->gi.gather.path);
     view->gi.gather.path = NULL;
     return status;

@@ -32,5 +32,9 @@ struct hg_draw hg_view_draw(struct hg_view_state *view, const struct hg_draw_req
         .probes = {view->gi.field, hg_gi_view_id(view)},
         .gathered = view->gi.gathered ? &view->gi.gather.light : NULL,
         .glass =
-            view->gi.gathered && view->gi.gather.glass.width > 0 ? &view->gi.gather.glass : NULL};
+            view->gi.gathered && view->gi.gather.glass.width > 0 ? &view->gi.gather.glass : NULL,
+        .blocks = view->gi.gathered && view->gi.gather.blocks.counts != NULL &&
+                          request->settings->debug == 0
+                      ? &view->gi.gather.blocks
+                      : NULL};
 }

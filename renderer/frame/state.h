@@ -113,6 +113,7 @@ struct hg_view_gather {
     // RGBA32F: what transmissive surfaces send to the eye, times the share of the pixel that they
     // cover, and that share. None: there are no such surfaces.
     struct hg_gpu_image glass;
+    struct hg_draw_blocks blocks;  // of the picture that `light` is of
     struct hg_path_stats stats[2]; // of what is gathered, or was last: for `light`, for `glass`
 };
 

@@ -213,6 +213,7 @@ enum hg_status hg_temporal_view_targets(
         return HG_OK;
     draw->targets = t;
     draw->gathered = draw->glass = NULL; // per pixel of the whole size
+    draw->blocks = NULL;
     const VkExtent2D size = hg_draw_size(draw->request);
     if (t->depth.width != size.width || t->depth.height != size.height)
         destroy_images(view->context->gpu, t);

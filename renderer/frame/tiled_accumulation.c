@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
 #include "renderer/passes/shade.h"
+#include "shaders/shared/sample_blocks.h"
 
 #define REST_LEAST_NS   20000000u  // for pages, before a resting picture is shown again;
 #define REST_MOST_NS    500000000u // between the two four times as long as drawing it took
@@ -240,19 +241,28 @@ enum hg_status hg_tiled_accumulation_shown(const struct hg_draw *draw, struct hg
 
 // --- drawing -------------------------------------------------------------------------------------
 
-// Least number of samples of the pixels of a rectangle.
+// Samples that are enough for a pixel.
+static uint32_t enough(const struct hg_draw *draw, uint32_t x, uint32_t y)
+{
+    const struct hg_draw_blocks *b = draw->blocks;
+    return b == NULL ? draw->request->samples
+                     : b->counts[y / HG_SAMPLE_BLOCK_PX * b->columns + x / HG_SAMPLE_BLOCK_PX];
+}
+
+// Least number of samples of the pixels of a rectangle; those with samples enough have all.
 static uint32_t least_samples(const struct hg_draw *draw, VkRect2D rect)
 {
     const struct hg_tiled_accumulation *s = draw->accumulation;
     const uint32_t *words = reads_progress(draw) ? s->progress.mapped : s->progress_read.mapped;
-    uint32_t least = UINT32_MAX;
+    uint32_t least = draw->request->samples;
     for (uint32_t y = 0; y < rect.extent.height; y++) {
         const uint32_t *row =
             words + (size_t)((uint32_t)rect.offset.y + y) * draw->request->settings->width +
             rect.offset.x;
         for (uint32_t x = 0; x < rect.extent.width; x++) {
             const uint32_t samples = row[x] & HG_PROGRESS_SAMPLES_MASK;
-            least = samples < least ? samples : least;
+            if (samples < enough(draw, (uint32_t)rect.offset.x + x, (uint32_t)rect.offset.y + y))
+                least = samples < least ? samples : least;
         }
     }
     return least;

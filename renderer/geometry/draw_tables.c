@@ -262,3 +262,11 @@ bool hg_geometry_blends(const struct hg_geometry *g)
     return g->draw_count > 0 &&
            hg_draw_class_of(g->draws[g->draw_count - 1].gpu.flags) == HG_DRAW_CLASS_BLEND;
 }
+
+bool hg_geometry_is_solid(const struct hg_geometry *g)
+{
+    bool solid = !hg_geometry_blends(g);
+    for (uint32_t i = 0; i < g->draw_count && solid; i++)
+        solid = (g->draws[i].gpu.flags & (HG_DRAW_LINES | HG_DRAW_POINTS)) == 0;
+    return solid;
+}

@@ -72,6 +72,8 @@ bool hg_geometry_has_levels(const struct hg_geometry *geometry); // baked parts
 // Shadow maps may show other levels than views: of baked parts or of posed ones.
 bool hg_geometry_is_simplified(const struct hg_geometry *geometry);
 bool hg_geometry_blends(const struct hg_geometry *geometry); // or transmits, some of it
+// All of it is what rays of gathering paths meet first: triangles that are opaque or masked.
+bool hg_geometry_is_solid(const struct hg_geometry *geometry);
 void hg_geometry_fill(const struct hg_geometry *geometry, struct hg_gpu_geometry *out);
 void hg_geometry_stats(const struct hg_geometry *geometry, struct hg_geometry_stats *out);
 // Grows whenever positions, transforms or visibility changed: cached shadow maps are stale.

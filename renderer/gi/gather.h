@@ -33,6 +33,12 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
 // (shaders/shared/gi.h). The same bytes for any number of threads. Once. HG_E_NOMEM.
 enum hg_status hg_gi_gather_filter(struct hg_gi_gather *gather, struct hg_jobs *jobs,
     uint32_t *words, struct hg_error *err) HG_MUST_CHECK;
+// Samples that the picture is to have, at most `samples`, by blocks of pixels
+// (shaders/shared/sample_blocks.h): fewer where surfaces are alike all over, down to
+// HG_GI_LEAST_SAMPLES. counts: [rows][columns of blocks].
+#define HG_GI_LEAST_SAMPLES 8u
+void hg_gi_gather_samples(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+    uint32_t samples, uint32_t *counts);
 // Rows of the image: those of the picture, and those of lamps.
 uint32_t hg_gi_gather_rows(uint32_t height, bool lamps);
 void hg_gi_gather_free(struct hg_gi_gather *gather); // accepts NULL

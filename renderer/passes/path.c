@@ -14,15 +14,31 @@ static const struct {
     {"path_shadow.comp", "path light", 2}, {"path_add.comp", "path film", 0},
     {"path_add.comp", "path film", 1}};
 
+static struct hg_gpu_pipeline_params pipeline_of(
+    const struct hg_pass *pass, enum hg_path_kernel kernel, uint32_t options)
+{
+    return (struct hg_gpu_pipeline_params){.compute = kernels[kernel].shader,
+        .spec = {kernels[kernel].variant, pass->tables, pass->features | pass->background, options,
+            0, pass->features2 & ~(HG_FEATURE2_PROBES | HG_FEATURE2_SIZED)},
+        .spec_count = 6};
+}
+
+enum hg_status hg_path_make(struct hg_pass *pass, const struct hg_path_variant *variants,
+    uint32_t count, struct hg_error *err)
+{
+    struct hg_gpu_pipeline_params params[HG_GPU_MAX_MAKING];
+    for (uint32_t i = 0; i < count; i++)
+        params[i] = pipeline_of(pass, variants[i].kernel, variants[i].options);
+    return pass->jobs != NULL ? hg_gpu_pipelines_make(pass->gpu, params, count, pass->jobs, err)
+                              : HG_OK;
+}
+
 enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel, uint32_t options,
     const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push, struct hg_error *err)
 {
     struct hg_gpu_bindings bindings = pass->bindings;
     bindings.uniforms[HG_BIND_PATH - HG_BIND_UNIFORM_FIRST] = *block;
-    const struct hg_gpu_pipeline_params params = {.compute = kernels[kernel].shader,
-        .spec = {kernels[kernel].variant, pass->tables, pass->features | pass->background, options,
-            0, pass->features2 & ~(HG_FEATURE2_PROBES | HG_FEATURE2_SIZED)},
-        .spec_count = 6};
+    const struct hg_gpu_pipeline_params params = pipeline_of(pass, kernel, options);
     enum hg_status status = hg_gpu_cmd_bind(pass->cmd, &bindings, err);
     if (status == HG_OK)
         status = hg_gpu_cmd_pipeline(pass->cmd, &params, err);

@@ -25,6 +25,15 @@ enum hg_status hg_path_record(struct hg_pass *pass, enum hg_path_kernel kernel,
     uint32_t options, const struct hg_gpu_uniform *block, const struct hg_gpu_path_push *push,
     struct hg_error *err) HG_MUST_CHECK;
 
+// A kernel and its options, as above.
+struct hg_path_variant {
+    enum hg_path_kernel kernel;
+    uint32_t options;
+};
+// Kernels that will be needed, compiled side by side (at most HG_GPU_MAX_MAKING).
+enum hg_status hg_path_make(struct hg_pass *pass, const struct hg_path_variant *variants,
+    uint32_t count, struct hg_error *err) HG_MUST_CHECK;
+
 struct hg_path_show {
     VkDeviceAddress film, samples; // samples: of each tile
     struct hg_gpu_image *target;   // gets the mean of the samples

@@ -15,6 +15,10 @@ struct hg_resolve {
     // the sum of one sample that those show which have none. 0 and NULL otherwise.
     VkDeviceAddress progress;
     struct hg_gpu_image *fallback;
+    // Samples that blocks of pixels have at most (shaders/shared/sample_blocks.h), and columns of
+    // blocks. 0: all pixels have as many.
+    VkDeviceAddress blocks;
+    uint32_t block_columns;
     const float *backdrop; // linear display colour behind what is transparent; NULL: none
 };
 

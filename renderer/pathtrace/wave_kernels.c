@@ -171,6 +171,23 @@ static bool samples_textures(enum hg_path_kernel kernel)
            kernel != HG_PATH_KEEP && kernel != HG_PATH_ADD;
 }
 
+// Compiling kernels of surfaces takes a second each, so they are made side by side: those of first
+// and of later hits, with these those of ends and of rays that leave the scene.
+static enum hg_status make_ahead(struct hg_path *p, struct hg_pass *pass, struct hg_error *err)
+{
+    const uint32_t options = p->options | p->wave.may;
+    const enum hg_path_kernel surface = p->wave.host_hits ? HG_PATH_SURFACE : HG_PATH_SHADE;
+    struct hg_path_variant list[4] = {{surface, options | HG_PATH_FIRST}, {surface, options}};
+    uint32_t count = 2;
+    if ((p->options & HG_PATH_SURFACES) != 0)
+        return HG_OK; // there are no later hits
+    if ((p->options & (HG_PATH_GATHERS | HG_PATH_GLASS)) == HG_PATH_GATHERS)
+        list[count++] = (struct hg_path_variant){HG_PATH_END, options};
+    if (p->wave.host_hits && p->wave.block.emitters.environment_kind != HG_ENV_KIND_NONE)
+        list[count++] = (struct hg_path_variant){HG_PATH_MISS, options};
+    return hg_path_make(pass, list, count, err);
+}
+
 static enum hg_status record(
     struct hg_path *p, const struct hg_path_run *r, struct hg_pass *pass, struct hg_error *err)
 {
@@ -181,6 +198,10 @@ static enum hg_status record(
     const bool shades =
         r->kernel >= HG_PATH_SHADE && r->kernel <= HG_PATH_SUNLIT; // END is never first
     const uint32_t first = shades && p->wave.bounce == 0 ? HG_PATH_FIRST : 0;
+    const enum hg_status status =
+        first != 0 && r->kernel <= HG_PATH_SURFACE ? make_ahead(p, pass, err) : HG_OK;
+    if (status != HG_OK)
+        return status;
     return hg_path_record(pass, r->kernel, p->options | p->wave.may | first, &block, &push, err);
 }
 

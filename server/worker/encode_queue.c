@@ -211,9 +211,11 @@ static uint32_t list_stages(const struct encode_request *request, uint64_t encod
 {
     uint32_t n = 0;
     const struct hg_frame_info *info = &request->info;
-    for (; n < info->stage_count && n < MAX_STAGES - 2; n++)
+    for (; n < info->stage_count && n < MAX_STAGES - 3; n++)
         stages[n] = (struct hgp_stage_time){hgp_str_make(info->stages[n].name), info->stages[n].ns};
     stages[n++] = (struct hgp_stage_time){hgp_str_make("read"), request->read_ns};
+    if (request->depth)
+        stages[n++] = (struct hgp_stage_time){hgp_str_make("depth"), request->depth->read_ns};
     stages[n++] = (struct hgp_stage_time){hgp_str_make("encode"), encode_ns};
     return n;
 }
@@ -257,12 +259,28 @@ static void send_frame(struct encode_stream *stream, const struct encode_request
     frame->encode_end_ns = frame->sent_ns = hg_clock_now_ns();
     if (!request->to.request)
         note_sent(stream, &(struct hg_control_sent){.number = frame->number,
-                              .bytes = size,
+                              .bytes = size + frame->depth.size,
                               .encode_ns = encode_ns,
                               .sent_ns = frame->sent_ns,
                               .quality = request->quality,
                               .lossy = !frame->lossless});
     hg_reply_frame(request->to, frame, request->parts, data, size);
+}
+
+// Depth is of use to a client that has it; a frame without is whole.
+static void add_depth(
+    const struct encode_request *request, struct hgp_frame *frame, struct encode_output *out)
+{
+    struct hg_error err = {0};
+    if (!request->depth)
+        return;
+    enum hg_status status = hg_depth_encode(request->depth, &out->depth, &err);
+    if (status || out->depth.failed) {
+        hg_warn(WORKER, "a frame goes without its depth: %s", err.reason);
+        return;
+    }
+    frame->has_depth = true;
+    frame->depth = (struct hgp_bytes){out->depth.data, (uint32_t)out->depth.size};
 }
 
 static void encode_and_send(
@@ -278,6 +296,7 @@ static void encode_and_send(
     hg_watch_begin(
         watch, (struct watch_work){request->to.channel, request->to.request, request->frame.view});
     enum hg_status status = encode(stream, request, &frame, &out, &err);
+    add_depth(request, &frame, &out);
     hg_watch_end(watch); // sending may wait for the peer
     if (status) {
         if (!err.status)
@@ -290,6 +309,7 @@ static void encode_and_send(
         atomic_store(&w->encode_ns, hg_clock_now_ns() - start);
     }
     hg_writer_finish(&out.data);
+    hg_writer_finish(&out.depth);
 }
 
 // ---- streams ------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@
 
 #include "base/bytes.h"
 #include "renderer/renderer.h"
+#include "server/worker/encode_depth.h"
 #include "server/worker/reply.h"
 
 // What a file says besides its pixels.
@@ -42,6 +43,7 @@ struct encode_request {
     } planes[ENCODE_MAX_PLANES];  // EXR only
     uint32_t plane_count;
     struct hg_matte mattes[ENCODE_MATTES]; // by kind; without ranks: not requested
+    struct hg_depth_grid *depth;           // for reprojection; NULL: not wanted
 };
 
 enum { ENCODER_CODEC_BYTES = 33 };
@@ -49,6 +51,7 @@ enum { ENCODER_CODEC_BYTES = 33 };
 // What becomes of a request.
 struct encode_output {
     struct hg_writer data;           // none: the pixels are sent as they are
+    struct hg_writer depth;          // of the frame, if wanted
     bool depends;                    // on the frame before of the same state
     bool lossy;                      // of an encoder that is `lossless` at other times
     char codec[ENCODER_CODEC_BYTES]; // video, key frames: RFC 6381

@@ -5,6 +5,9 @@
 #include "base/alloc.h"
 #include "renderer/image/deflate.h"
 
+// Levels of deflate: a still is looked at for long, and may take longer.
+enum { MOTION_LEVEL = 1, STILL_LEVEL = 6 };
+
 // What is sent of a tile.
 enum tile { SAME, EXACT, JPEG };
 
@@ -215,7 +218,8 @@ static enum hg_status write_exact(const struct tiles *t, const struct encode_req
         subtract_left(r, pixels + at);
         at += bytes_of(r);
     }
-    const enum hg_status status = hg_deflate_encode(pixels, size, 1, out, err);
+    const int level = request->frame.settled ? STILL_LEVEL : MOTION_LEVEL;
+    const enum hg_status status = hg_deflate_encode(pixels, size, level, out, err);
     hg_free(pixels);
     return status;
 }

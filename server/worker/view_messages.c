@@ -62,6 +62,15 @@ static void overlay_delivery(struct view_slot *view, const struct hgp_view_set *
 #include "protocol/view_params.def"
 }
 
+// The client does not have the depth of the state that it has been sent: the frame comes once more.
+static void begin_depth(struct view_slot *view, const struct hgp_view_set *m)
+{
+    if (!m->has_depth || !m->depth)
+        return;
+    view->subscription.fresh = true;
+    view->subscription.sent_number = 0;
+}
+
 // Encodings that are chosen by name must be there; of a list those that are not are skipped.
 static enum hg_status check_encodings(const struct request *r, struct hg_error *err)
 {
@@ -107,6 +116,7 @@ static enum hg_status set_view(const struct request *r, struct hg_error *err)
     if (!view->settings.camera_given)
         view->settings.camera_revision = UINT64_MAX; // fitted to another aspect
     overlay_delivery(view, m);
+    begin_depth(view, m);
     hg_codec_choose(r->s, view);
     return HG_OK;
 }

@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "server/worker/frame_depth.h"
 #include "server/worker/frame_metadata.h"
 #include "server/worker/view_codec.h"
 #include "server/worker/view_rate.h"
@@ -85,6 +86,7 @@ static enum hg_status fill_request(struct render_state *s, struct session *sessi
     request->is_legend = view->settings.params.debug_view != HG_DEBUG_OFF;
     request->opaque = view->settings.params.background != HG_BACKGROUND_NONE;
     send_failed_textures(view, request->to);
+    hg_frame_depth_attach(session, view, request);
     return hg_frame_metadata_attach(s, session, view, request, err);
 }
 

@@ -57,7 +57,7 @@ struct view_subscription {
     enum hgp_encoding encoding, still_encoding;
     struct view_codecs codecs;
     enum hgp_encoding motion; // chosen of `codecs`, or `encoding`
-    uint8_t quality, hidden, names;
+    uint8_t quality, hidden, names, depth;
     uint32_t bitrate; // bit/s, 0 = by quality alone
     float max_fps, target_fps;
     bool key_frame;  // the next frame depends on none before it

@@ -15,6 +15,7 @@
 //   reply asset_path sandbox lazy_device    messages out; what may be read; the device in advance
 //   shader_seed                             compiled shaders in advance
 //   view_params frame_planes picture_extremes    parameters, planes and pixels, of protocol and
+//   encode_depth                            how far its surfaces are, as bytes
 //   renderer encode_request                          a frame to be encoded, and what its file says
 //   encode_exr encode_tiles yuv rate_control    files and frames as bytes
 //   h264
@@ -31,7 +32,7 @@
 //   request                                 a decoded message, and who is answered
 //   view_fit                                cameras that show the scene; that of a view without one
 //   frame_key                               the hash of what a frame is made from
-//   frame_metadata                          what a frame says besides its pixels
+//   frame_metadata frame_depth              what a frame says besides its pixels
 //   view_rate                               credit, frame rate, progress
 //   view_output                             reads what a step left
 //   view_schedule                           whose turn it is to render

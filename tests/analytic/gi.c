@@ -55,7 +55,7 @@ static void test_furnace_room(void **state)
     hg_refbuf_unref(path);
 }
 
-// A sphere whose vertices a target brings from its middle to where they belong.
+// A sphere whose vertices a target brings from near the origin to where they belong.
 static void morph(struct rig *rig, struct hg_node *node)
 {
     struct hg_mesh *mesh = node->mesh;
@@ -75,36 +75,73 @@ static void morph(struct rig *rig, struct hg_node *node)
     hg_scene_touch(rig->scene, &node->head);
 }
 
-// Under a uniform sky a white ball or leaf is as bright as the sky, whatever way it sends light on.
+enum { BALLS = 7 };
+
+// Where a ball of test_open_furnace is: rows of four and of three in the plane z = 0.
+static void ball_at(int ball, float at[2])
+{
+    at[0] = 1.3f * (float)(ball % 4) - (ball < 4 ? 1.95f : 1.3f);
+    at[1] = ball < 4 ? 0.7f : -0.7f;
+}
+
+static void add_ball(struct rig *rig, int ball)
+{
+    float at[2];
+    ball_at(ball, at);
+    struct hg_material *m = gi_grey(rig, 1, 0);
+    m->metallic = ball == 1 || ball == 2 ? 1 : 0;
+    m->roughness = ball == 2 ? 0.4f : ball == 3 ? 0.1f : 1;
+    for (int c = 0; c < 3 && ball == 4; c++)
+        m->sheen.color[c] = 1;
+    m->sheen.roughness = 0.5f;
+    m->diffuse_transmission.factor = ball == 6 ? 1 : 0;
+    if (ball == 6) { // flat, facing the eye
+        const float leaf[2][3] = {
+            {at[0] - 0.5f, at[1] - 0.5f, -1}, {at[0] + 0.5f, at[1] + 0.5f, 0}};
+        rig_face(rig, m, leaf, -1, 5);
+        return;
+    }
+    struct hg_node *node = rig_sphere(rig, m, (const float[3]){at[0], at[1], 0}, 0.5f, 24);
+    if (ball == 5)
+        morph(rig, node);
+}
+
+// Of 4 x 4 pixels in its middle, from an eye at (0, 0, distance).
+static double ball_mean(const struct hg_refbuf *pixels, int ball, float distance)
+{
+    const float *p = (const float *)(const void *)pixels->data;
+    const float scale = GI_HEIGHT / 2 / tanf(0.6f) / distance; // pixels per metre
+    float at[2];
+    double sum = 0;
+    ball_at(ball, at);
+    const int x = (int)lrintf(GI_WIDTH / 2 + scale * at[0]) - 2,
+              y = (int)lrintf(GI_HEIGHT / 2 - scale * at[1]) - 2;
+    for (int i = 0; i < 16; i++)
+        sum += (double)p[((y + i / 4) * GI_WIDTH + x + i % 4) * 4 + 1];
+    return sum / 16;
+}
+
+// Under a uniform sky a white ball or leaf is as bright as the sky, whatever way it sends light on,
+// and whatever else is as white beside it.
 static void test_open_furnace(void **state)
 {
-    static const char *const balls[] = {
+    static const char *const balls[BALLS] = {
         "white", "rough metal", "metal", "smooth", "cloth", "morphed", "leaf"};
     struct rig *rig = *state;
-    for (int ball = 0; ball < 7; ball++) {
-        rig_scene(rig);
-        struct hg_material *m = gi_grey(rig, 1, 0);
-        m->metallic = ball == 1 || ball == 2 ? 1 : 0;
-        m->roughness = ball == 2 ? 0.4f : ball == 3 ? 0.1f : 1;
-        for (int c = 0; c < 3 && ball == 4; c++)
-            m->sheen.color[c] = 1;
-        m->sheen.roughness = 0.5f;
-        m->diffuse_transmission.factor = ball == 6 ? 1 : 0;
-        struct hg_node *node = ball < 6 ? rig_sphere(rig, m, (const float[3]){0}, 1, 24) : NULL;
-        if (!node) // flat, facing the eye
-            rig_face(rig, m, (const float[2][3]){{-1, -1, -1}, {1, 1, 0}}, -1, 5);
-        else if (ball == 5)
-            morph(rig, node);
-        gi_sky(rig, 1);
-        const struct gi_shot shot = {.eye = {0, 0, 3}, .gi = HG_GI_PROBES, .samples = 16};
-        struct hg_refbuf *pixels[2];
-        gi_take_both(rig, &shot, pixels);
-        for (int i = 0; i < 2; i++) {
-            const double white = gi_mean(pixels[i], (const int[4]){3, 3, 5, 5});
+    rig_scene(rig);
+    for (int ball = 0; ball < BALLS; ball++)
+        add_ball(rig, ball);
+    gi_sky(rig, 1);
+    const struct gi_shot shot = {.eye = {0, 0, 4}, .gi = HG_GI_PROBES, .samples = 16};
+    struct hg_refbuf *pixels[2];
+    gi_take_both(rig, &shot, pixels);
+    for (int i = 0; i < 2; i++) {
+        for (int ball = 0; ball < BALLS; ball++) {
+            const double white = ball_mean(pixels[i], ball, shot.eye[2]);
             print_message("%s ball under a sky of 1, %s: %.4f\n", balls[ball], gi_ways[i], white);
             assert_true(fabs(white - 1) <= 0.03);
-            hg_refbuf_unref(pixels[i]);
         }
+        hg_refbuf_unref(pixels[i]);
     }
 }
 
@@ -151,7 +188,7 @@ static void against_path(struct rig *rig, int first, double limits[2][2])
     struct hg_refbuf *pixels[2];
     gi_take_both(rig, &shot, pixels);
     shot.mode = HG_MODE_PATH;
-    shot.samples = 256;
+    shot.samples = 128; // noise of a square: 1 %
     struct hg_refbuf *path = gi_take(rig, &shot);
     for (int i = 0; i < 2; i++) {
         gi_compare(gi_ways[i], pixels[i], path, first, limits[i]);
@@ -248,6 +285,7 @@ static void test_same_bytes(void **state)
     const struct hg_renderer_params one = {.threads = 1};
     struct gi_shot shot = inside;
     shot.gi = HG_GI_RAYS;
+    shot.samples = 4;
     lamp_room(rig);
     struct hg_refbuf *first = gi_take(rig, &shot);
     test_ok(hg_renderer_create(&one, &alone.renderer, &err), &err);

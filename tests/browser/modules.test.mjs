@@ -196,6 +196,76 @@ test("errors say which limit it was and when to try again", () => {
         assert.ok(text.includes(part), text);
 });
 
+// ---- reprojection --------------------------------------------------------------------------------
+
+const { decodeDepth, warpMatrix, warpPoint } = await load("warp.js");
+const framed = (c) => ({ ...c, ...camera.axes(c) });
+
+// Where a camera sees a point, -1..1 and y up.
+function seen(c, point, aspect) {
+    const at = camera.project(c, point, 2 * aspect, 2);
+    return [at.x / aspect - 1, 1 - at.y];
+}
+
+test("a picture is warped to where another camera sees its surfaces", () => {
+    const aspect = 1.6;
+    for (const kind of ["PERSPECTIVE", "ORTHOGRAPHIC"]) {
+        const from = { ...make(), kind, half_height: 2.5 };
+        const around = structuredClone(from), aside = structuredClone(from), wider = structuredClone(from);
+        camera.orbit(around, 0.2, -0.1);
+        camera.move(aside, 0.3, -0.1, 0.5, false);
+        Object.assign(wider, { vfov_rad: 1.1, half_height: 3 });
+        for (const to of [around, aside, wider])
+            for (const [x, y, depth] of [[0, 0, 4], [0.7, -0.3, 2.5], [-0.9, 0.8, 9]]) {
+                const { right, up, forward } = camera.axes(from);
+                const half = kind === "PERSPECTIVE" ? depth * Math.tan(from.vfov_rad / 2) : 2.5;
+                const point = from.eye.map((v, i) =>
+                    v + depth * forward[i] + half * (x * aspect * right[i] + y * up[i]));
+                const matrix = warpMatrix(framed(from), framed(to), aspect, 1);
+                const at = warpPoint(matrix, x, y, kind === "PERSPECTIVE" ? 1 / depth : depth);
+                assert.ok(close(at, seen(to, point, aspect), 1e-9), `${kind} ${at}`);
+            }
+    }
+});
+
+test("what is infinitely far only turns, and an unmoved camera changes nothing", () => {
+    const from = make(), turned = make(), gone = make();
+    camera.look(turned, 0.15, 0.05);
+    camera.move(gone, 3, 1, 2, false);
+    const at = (to, x, y, d) => warpPoint(warpMatrix(framed(from), framed(to), 1.5, 2), x, y, d);
+    for (const [x, y] of [[0, 0], [0.4, 0.9], [-1, -1]]) {
+        for (const d of [0, 0.1, 2])
+            assert.ok(close(at(from, x, y, d), [x, y], 1e-12));
+        assert.ok(close(at(gone, x, y, 0), [x, y], 1e-12));
+        const { right, up, forward } = camera.axes(from), t = Math.tan(from.vfov_rad / 2);
+        const point = from.eye.map((v, i) => v + forward[i] + t * (x * 1.5 * right[i] + y * up[i]));
+        for (const d of [0, 0.1, 2]) // turning about the eye does not depend on depth
+            assert.ok(close(at(turned, x, y, d), seen(turned, point, 1.5), 1e-9));
+    }
+    const back = make();
+    camera.look(back, Math.PI, 0);
+    assert.equal(at(back, 0, 0, 0.1), null);
+});
+
+test("what is nearer lies in front, by the depth that the matrix gives", () => {
+    const to = make();
+    camera.move(to, 0.1, 0, 0.5, false);
+    const matrix = warpMatrix(framed(make()), framed(to), 1, 0.5);
+    const z = (d) => (matrix[10] + matrix[14] * d) / (matrix[11] + matrix[15] * d);
+    assert.ok(z(0.5) < z(0.4) && z(0.4) < z(0.01) && z(0.01) < z(0) && z(0.5) > -1 && z(0) <= 1);
+});
+
+test("depth is read as it was packed", async () => {
+    const planes = Uint8Array.from([2, 0, 0, 0, 0, 1, /* high: */ 0, 0, 0, 0, 0, 0]); // 1 1 1 / 1 1 0
+    const data = new Uint8Array(14);
+    const view = new DataView(data.buffer);
+    [3, 2].forEach((v, i) => view.setUint16(2 * i, v, true));
+    [0.25, 0.5].forEach((v, i) => view.setFloat32(4 + 4 * i, v, true));
+    const { columns, rows, values } = await decodeDepth(data, async () => planes);
+    assert.deepEqual([columns, rows, ...values], [3, 2, 0.25, 0.25, 0.25, 0.25, 0.25, NaN]);
+    await assert.rejects(decodeDepth(data, async () => planes.subarray(1)), /another size/);
+});
+
 // ---- frames that cannot be decoded ---------------------------------------------------------------
 
 // A decoder that holds what it gets, to show it or to fail.

@@ -199,6 +199,15 @@ function squareOf(pixels, width, left, top, side) {
     return channels;
 }
 
+// Mean difference of the RGB of two pictures, in 1/255.
+export function meanDifference(a, b) {
+    assert.equal(a.length, b.length, "pictures of different sizes");
+    let sum = 0;
+    for (let i = 0; i < a.length; i++)
+        sum += i % 4 === 3 ? 0 : Math.abs(a[i] - b[i]);
+    return sum / (a.length * 0.75);
+}
+
 // Of the RGB of two pictures, in dB; equal ones have 999.
 export function psnr(a, b) {
     assert.equal(a.length, b.length, "pictures of different sizes");

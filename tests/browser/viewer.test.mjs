@@ -9,7 +9,7 @@ import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, before, test } from "node:test";
 import {
-    Daemon, WAIT_MS, build, filePixels, flatDifference, models, openBrowser, openPage, picture, psnr,
+    Daemon, WAIT_MS, build, filePixels, flatDifference, meanDifference, models, openBrowser, openPage, picture, psnr,
     shownPixels, until, waitExact, waitFor, waitPicture,
 } from "./rig.mjs";
 
@@ -152,6 +152,91 @@ test("every codec that browser and server share shows the same picture", async (
     }
     await evaluate(() => window.helio.setParams({ exposure_mode: "AUTO" }));
     await evaluate(() => window.helio.view.setCodec("auto"));
+});
+
+// Frames come to the page, and wait there: what a long way to the server does, for as long as wanted.
+const holdFrames = () => evaluate(() => {
+    const { view } = window.helio;
+    window.held = [];
+    view.onFrame = (detail) => window.held.push(detail);
+});
+
+const releaseFrames = () => evaluate(() => {
+    const { view } = window.helio;
+    delete view.onFrame;
+    window.held.splice(0).forEach((detail) => view.onFrame(detail));
+});
+
+// What lies over the picture, drawn for the camera as it is now.
+const warpedPixels = () => evaluate(() => {
+    const { view } = window.helio;
+    view.reproject();
+    const { canvas } = view.warp, { width, height } = canvas;
+    const context = new OffscreenCanvas(width, height).getContext("2d");
+    context.drawImage(canvas, 0, 0);
+    const { data } = context.getImageData(0, 0, width, height);
+    let text = "";
+    for (let i = 0; i < data.length; i += 8192)
+        text += String.fromCharCode(...data.subarray(i, i + 8192));
+    return btoa(text);
+}).then((text) => Buffer.from(text, "base64"));
+
+test("between frames the last one is shown as the camera sees it by now", async () => {
+    const hidden = () => page.$eval("#warp", (c) => c.hidden);
+    await waitExact(page);
+    await evaluate(() => window.helio.setReprojection(true));
+    await waitFor(page, () => Boolean(window.helio.view.warp.state));
+    await waitExact(page);
+    const before = await shownPixels(page);
+    const { frame } = await picture(page);
+    await holdFrames();
+    await evaluate(async () => {
+        const { orbit, dolly } = await import("./camera.js");
+        orbit(window.helio.takeCamera(), 0.1, 0.03);
+        dolly(window.helio.view.camera, 0.95);
+        window.helio.wake();
+    });
+    await waitFor(page, () => !document.querySelector("#warp").hidden && !window.helio.isAwake);
+    const warped = await warpedPixels();
+    assert.ok(await evaluate(() => window.helio.view.age_ms > 0));
+    assert.ok(await evaluate(() => window.helio.stats.rows().some((row) => row[1].startsWith("Reprojected"))));
+    assert.equal((await picture(page)).frame, frame, "a frame came");
+    assert.equal(meanDifference(before, await shownPixels(page)), 0, "the frame itself has changed");
+    await releaseFrames();
+    await waitExact(page);
+    assert.equal(await hidden(), true);
+    const after = await shownPixels(page);
+    const stale = meanDifference(before, after), left = meanDifference(warped, after);
+    assert.ok(left < stale / 2, `${left} of 255 from the frame that follows, the one before ${stale}`);
+    await evaluate(() => window.helio.setReprojection(false));
+    await waitExact(page);
+    await turn("ArrowLeft");
+    assert.equal(await evaluate(() => window.helio.view.frame.grid), null);
+});
+
+test("a picture at rest brings only the tiles that an edit has changed, to the last bit", async () => {
+    await waitExact(page);
+    const settings = { still_encoding: "TILES", exposure_mode: "FIXED", exposure_ev: 0 };
+    const before = await evaluate(() => window.helio.view.params.still_encoding);
+    await evaluate((s) => window.helio.setParams(s), settings);
+    await turn("ArrowRight");
+    const still = () => evaluate(() => {
+        const { encoding, depends, data, lossless } = window.helio.view.frame;
+        return { encoding, isPart: depends !== undefined, bytes: data.length, lossless };
+    });
+    const first = await still(), stills = [];
+    assert.equal(first.encoding, "TILES");
+    for (const isVisible of [false, true]) {
+        await settleAfter(() => evaluate(async (is) => {
+            const { scene } = window.helio;
+            const [id] = [...scene.nodes].find(([, node]) => node.mesh);
+            await scene.setVisible(id, is);
+        }, isVisible));
+        stills.push(await still());
+    }
+    await evaluate((s) => window.helio.setParams(s), { still_encoding: before, exposure_mode: "AUTO" });
+    for (const s of stills)
+        assert.ok(s.encoding === "TILES" && s.isPart && s.lossless && s.bytes < first.bytes, JSON.stringify([first, s]));
 });
 
 test("is usable by keyboard alone", async () => {

@@ -10,6 +10,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
 #include "tests/system/worker_link_rig.h"
 
@@ -377,6 +378,138 @@ static void test_frames_that_are_too_old(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_measure, &m), HG_E_STATE, "frame");
 }
 
+// ---- depth of frames ----------------------------------------------------------------------------
+
+enum { CELLS = SIDE / 4, DEPTH_HEAD = 12 };
+
+// The subscription's next frame of a camera. Frames of others may be under way.
+static const struct hgp_frame *next_frame(struct rig *rig, uint64_t seq)
+{
+    do {
+        link_read(rig);
+        assert_int_not_equal(rig->header.type, HGP_T_error);
+    } while (rig->header.type != HGP_T_frame || rig->header.request != 0 ||
+             rig->message.frame.input_seq != seq);
+    return &rig->message.frame;
+}
+
+// To the values of the cells, in what the frame has them in; NAN where nothing is. Returns how far
+// apart two neighbouring steps are.
+static float read_cells(const struct hgp_bytes *depth, float cells[CELLS * CELLS])
+{
+    uint8_t planes[2 * CELLS * CELLS];
+    uLongf size = sizeof planes;
+    assert_true(depth->size > DEPTH_HEAD);
+    assert_memory_equal(depth->data, ((uint8_t[]){CELLS, 0, CELLS, 0}), 4);
+    const float low = read_f32(depth->data + 4), high = read_f32(depth->data + 8);
+    assert_int_equal(
+        uncompress(planes, &size, depth->data + DEPTH_HEAD, depth->size - DEPTH_HEAD), Z_OK);
+    assert_int_equal(size, sizeof planes);
+    uint16_t values[CELLS * CELLS];
+    for (int i = 0; i < CELLS * CELLS; i++) {
+        const int x = i % CELLS, y = i / CELLS;
+        const unsigned folded = planes[i] | (unsigned)planes[CELLS * CELLS + i] << 8;
+        const int rest = (int)(folded >> 1) ^ -(int)(folded & 1);
+        const int left = x ? values[i - 1] : 0, above = y ? values[i - CELLS] : 0;
+        const int guess = x && y ? left + above - values[i - CELLS - 1] : left + above;
+        values[i] = (uint16_t)(guess + rest);
+        cells[i] = values[i] ? low + (float)(values[i] - 1) / 4094.0f * (high - low) : NAN;
+    }
+    return (high - low) / 4094.0f;
+}
+
+// What a cell is to hold, by what surface_query says of its pixels.
+static float expected_cell(const uint8_t *depths, int x, int y, bool flat)
+{
+    float near = INFINITY, far = 0, sum = 0;
+    for (int i = 0; i < 16; i++) {
+        const float d = read_f32(depths + 4 * ((4 * y + i / 4) * SIDE + 4 * x + i % 4));
+        near = fminf(near, d);
+        far = fmaxf(far, d);
+        sum += flat ? d : 1 / d;
+    }
+    if (!isfinite(near))
+        return NAN;
+    return far - near <= 0.05f * near ? sum / 16 : flat ? near : 1 / near;
+}
+
+static void expect_depth(struct rig *rig, uint64_t seq, bool flat)
+{
+    float cells[CELLS * CELLS];
+    const struct hgp_frame *frame = next_frame(rig, seq);
+    assert_true(frame->has_depth && frame->has_eye && frame->has_forward && frame->has_up);
+    assert_int_equal(
+        frame->kind, flat ? HGP_camera_kind_ORTHOGRAPHIC : HGP_camera_kind_PERSPECTIVE);
+    assert_float_equal(flat ? frame->half_height : frame->vfov_rad, flat ? 2 : 0.9f, 1e-4f);
+    const float eye[] = {0.5f, 0.25f, 5}, forward[] = {0, 0, -1}, up[] = {0, 1, 0};
+    for (int i = 0; i < 3; i++) {
+        assert_float_equal(frame->eye[i], eye[i], 1e-4f);
+        assert_float_equal(frame->forward[i], forward[i], 1e-5f);
+        assert_float_equal(frame->up[i], up[i], 1e-5f);
+    }
+    const float step = read_cells(&frame->depth, cells);
+    struct hgp_surface_query all = {.view = VIEW, .width = SIDE, .height = SIDE, .what = 1};
+    link_expect(rig, link_ask(rig, 1, HGP_T_surface_query, &all), HGP_T_surfaces);
+    int there = 0;
+    for (int i = 0; i < CELLS * CELLS; i++) {
+        const float wanted =
+            expected_cell(rig->message.surfaces.data.data, i % CELLS, i / CELLS, flat);
+        there += !isnan(wanted);
+        if (isnan(wanted) || isnan(cells[i]))
+            assert_true(isnan(wanted) && isnan(cells[i]));
+        else
+            assert_float_equal(cells[i], wanted, 0.51f * step + 1e-6f);
+    }
+    assert_in_range(there, 32, CELLS * CELLS - 32);
+}
+
+static void send_camera(struct rig *rig, uint64_t seq, float x, bool flat)
+{
+    struct hgp_view_camera camera = {.view = VIEW,
+        .input_seq = seq,
+        .has_eye = true,
+        .eye = {x, 0.25f, 5},
+        .has_target = true,
+        .target = {x, 0.25f, 0},
+        .has_kind = true,
+        .kind = flat ? HGP_camera_kind_ORTHOGRAPHIC : HGP_camera_kind_PERSPECTIVE,
+        .has_vfov_rad = true,
+        .vfov_rad = 0.9f,
+        .has_half_height = true,
+        .half_height = 2};
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_camera, &camera), HGP_T_ok);
+}
+
+// It comes with the first frame of each state and is what surface_query says, for views that want
+// it; frames that a request asks for have none.
+static void test_depth_of_frames(void **state)
+{
+    struct rig *rig = *state;
+    make_scene(rig);
+    clip(rig, VIEW, (float[]){0, -1, -1, 0}); // a slope of 1
+    send_camera(rig, 7, 0.5f, true);
+    struct hgp_view_set set = {.view = VIEW, .has_depth = true, .depth = 1};
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &set), HGP_T_ok);
+    struct hgp_subscribe subscribe = {.view = VIEW, .credit_frames = 1000};
+    link_expect(rig, link_ask(rig, 1, HGP_T_subscribe, &subscribe), HGP_T_ok);
+    expect_depth(rig, 7, true);
+    send_camera(rig, 8, 0.5f, false);
+    expect_depth(rig, 8, false);
+    send_camera(rig, 9, 0, false);
+    const struct hgp_frame *frame = next_frame(rig, 9);
+    for (assert_true(frame->has_depth); !frame->settled;) {
+        frame = next_frame(rig, 9);
+        assert_false(frame->has_depth || frame->has_eye); // of the same state
+    }
+    struct hgp_frame_request now = {.view = VIEW};
+    link_expect(rig, link_ask(rig, 1, HGP_T_frame_request, &now), HGP_T_frame);
+    assert_false(rig->message.frame.has_depth);
+    set.depth = 0;
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &set), HGP_T_ok);
+    send_camera(rig, 10, 0.5f, false);
+    assert_false(next_frame(rig, 10)->has_depth);
+}
+
 #define TEST(function) cmocka_unit_test_teardown(function, link_detach)
 
 int main(void)
@@ -392,6 +525,7 @@ int main(void)
         TEST(test_layers),
         TEST(test_boxes_and_measures),
         TEST(test_frames_that_are_too_old),
+        TEST(test_depth_of_frames),
     };
     return cmocka_run_group_tests(tests, link_start, link_stop);
 }

@@ -12,6 +12,7 @@
 #include "renderer/gi/gather.h"
 #include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
+#include "shaders/shared/sample_blocks.h"
 #include "tests/support/check.h"
 
 enum { WIDTH = 256, HEIGHT = 192, PIXELS = WIDTH * HEIGHT, SAMPLES = 8 };
@@ -463,6 +464,64 @@ static void test_lamps_in_turn(void **state)
     film_finish(&f);
 }
 
+static uint32_t block_at(const uint32_t *counts, size_t x, size_t y)
+{
+    return counts[y / HG_SAMPLE_BLOCK_PX * HG_SAMPLE_BLOCK_COLUMNS(WIDTH) + x / HG_SAMPLE_BLOCK_PX];
+}
+
+static void count_samples(const struct film *f, uint32_t samples, uint32_t *counts)
+{
+    const struct hg_gi_gather_input input = {
+        .width = WIDTH, .height = HEIGHT, .samples = f->samples, .sums = f->sums};
+    hg_gi_gather_samples(f->jobs, &input, samples, counts);
+}
+
+// From left to right a plain wall, which lies aslant; a corner; paint of another colour; a step to
+// a wall behind; nothing.
+enum { CORNER = 32, PAINT = 64, DEEPER = 96, GONE = 128 };
+
+static void put_scenery(struct film *f)
+{
+    for (size_t at = 0; at < PIXELS; at++) {
+        const size_t x = at % WIDTH;
+        if (x >= GONE)
+            continue;
+        put_surface(f, at, x < DEEPER ? 1 / (0.5f + 0.002f * (float)x) : 4, x < CORNER ? 0 : 2);
+        put3(f, HG_PATH_GUIDE_ALBEDO, at, x < PAINT ? 0.5f : 0.9f);
+        put3(f, HG_PATH_GUIDE_REFLECTION, at, 0);
+    }
+}
+
+// Few samples but at edges, half where there is some contrast, and all across others.
+static void test_samples(void **state)
+{
+    struct film f;
+    (void)state;
+    film_init(&f, 2);
+    f.samples = 2;
+    put_scenery(&f);
+    const size_t edges[] = {CORNER, PAINT, DEEPER, GONE};
+    const uint32_t at_edges[] = {32, 16, 32, 32};
+    uint32_t *counts = hg_calloc(PIXELS, sizeof *counts);
+    assert_non_null(counts);
+    count_samples(&f, 32, counts);
+    for (size_t y = 0; y < HEIGHT; y++) {
+        for (size_t e = 0; e < 4; e++) {
+            assert_int_equal(block_at(counts, edges[e] - 1, y), at_edges[e]);
+            assert_int_equal(block_at(counts, edges[e], y), at_edges[e]);
+            assert_int_equal(block_at(counts, edges[e] - 16, y), 8);
+        }
+        assert_int_equal(block_at(counts, WIDTH - 1, y), 32); // what is there is not known
+    }
+    count_samples(&f, 8, counts);
+    for (size_t x = 0; x < WIDTH; x++)
+        assert_int_equal(block_at(counts, x, 0), 8);
+    count_samples(&f, 256, counts);
+    assert_int_equal(block_at(counts, 8, 8), 64);
+    hg_free(counts);
+    film_finish(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -477,6 +536,7 @@ int main(void)
         cmocka_unit_test(test_sun),
         cmocka_unit_test(test_lamps),
         cmocka_unit_test(test_lamps_in_turn),
+        cmocka_unit_test(test_samples),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

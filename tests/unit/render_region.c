@@ -108,6 +108,18 @@ static void test_realtime(void **state)
     close_model();
 }
 
+// With fewer samples where surfaces are alike all over.
+static void test_gathered(void **state)
+{
+    struct hg_view_params p = realtime;
+    (void)state;
+    open_model(TEST_MODELS "/bearing.glb");
+    p.gi = HG_GI_RAYS;
+    p.samples = 12;
+    check(&p, -1, false, 1);
+    close_model();
+}
+
 static void test_path(void **state)
 {
     (void)state;
@@ -194,7 +206,8 @@ static void test_refused(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_realtime), cmocka_unit_test(test_path),
-        cmocka_unit_test(test_film), cmocka_unit_test(test_refused)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_realtime),
+        cmocka_unit_test(test_gathered), cmocka_unit_test(test_path), cmocka_unit_test(test_film),
+        cmocka_unit_test(test_refused)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -336,7 +336,7 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("ao", "ENUM", "ao", True), ("mirrors", "ENUM", "mirrors", True),
         ("shadow_maps", "ENUM", "shadow_maps", True), ("sharpen", "F32", "", True), ("codecs", "BYTES", "", True),
         ("bitrate", "U32", "", True), ("target_fps", "F32", "", True), ("hidden", "U8", "", True),
-        ("names", "U8", "", True), ("layers", "U32", "", True),
+        ("names", "U8", "", True), ("layers", "U32", "", True), ("depth", "U8", "", True),
     ]),
     "view_close": (0x0302, "C2S", [
         ("view", "U32", "", False),
@@ -372,6 +372,9 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("codec", "STR", "", True), ("input_ns", "U64", "", True), ("taken_ns", "U64", "", True),
         ("render_begin_ns", "U64", "", True), ("render_end_ns", "U64", "", True),
         ("encode_begin_ns", "U64", "", True), ("encode_end_ns", "U64", "", True), ("sent_ns", "U64", "", True),
+        ("depth", "BYTES", "", True), ("eye", "VEC3", "", True), ("forward", "VEC3", "", True),
+        ("up", "VEC3", "", True), ("kind", "ENUM", "camera_kind", True), ("vfov_rad", "F32", "", True),
+        ("half_height", "F32", "", True),
     ]),
     "job_query": (0x0308, "C2S", [
         ("view", "U32", "", False), ("encoding", "ENUM", "encoding", True), ("quality", "U8", "", True),

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """keys.py ROOT - client/view/keys.def against docs/client.md, and itself: no key does two things, every
-row stands in the guide, and browsers' codes are of the form that KeyboardEvent has."""
+row (pointer, panels and gamepad, too) stands in the guide, and browsers' codes are of the form that KeyboardEvent has."""
 import re
 import sys
 
@@ -24,5 +24,11 @@ for action, key, code, _, doc in rows:
         wrong.append("docs/client.md lacks the row of %s: | `%s` | %s |" % (action, key, doc))
     if not re.fullmatch(r"Key[A-Z]|Digit\d|Arrow\w+|F\d+|[A-Z]\w+", code):
         wrong.append("%s is no code of a key" % code)
+others = re.findall(r'^HG_VIEW_(POINTER|PANEL|PAD)\("([^"]+)", "([^"]+)"\)$', read("client/view/keys.def"), re.M)
+wrong += [] if len(others) > 10 else ["the rows of pointer, panels and gamepad are not understood"]
+for kind, what, doc in others:
+    row = "| %s%s | %s |" % (what, {"POINTER": "", "PANEL": " in a panel", "PAD": " of a gamepad"}[kind], doc)
+    if row not in guide:
+        wrong.append("docs/client.md lacks the row " + row)
 print("\n".join(wrong))
 sys.exit(1 if wrong else 0)
