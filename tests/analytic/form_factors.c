@@ -181,7 +181,7 @@ static void photograph(struct rig *rig, int face, double mean[2])
         .vfov_rad = 2 * atan(0.5 / away),
         .width = SIDE,
         .height = SIDE,
-        .samples = 128,
+        .samples = 64,
         .mode = HG_MODE_PATH,
         .max_bounces = 64};
     const int axis = face / 2;

@@ -83,12 +83,23 @@ static void print_grids(const struct hg_gi_stats *s)
 
 // --- tests ---------------------------------------------------------------------------------------
 
-static struct hg_refbuf *path_of(struct rig *rig, const struct gi_shot *shot, uint32_t samples)
+static struct hg_refbuf *truth; // of panel_room from `inside`, by paths
+
+// Makes it where no test has.
+static const struct hg_refbuf *path_traced(struct rig *rig)
 {
-    struct gi_shot path = *shot;
+    struct gi_shot path = inside;
     path.mode = HG_MODE_PATH;
-    path.samples = samples;
-    return gi_take(rig, &path);
+    path.samples = 256;
+    if (truth == NULL)
+        truth = gi_take(rig, &path);
+    return truth;
+}
+
+static int tear_down(void **state)
+{
+    hg_refbuf_unref(truth);
+    return rig_tear_down(state);
 }
 
 // As close to path tracing as in a scene of its own.
@@ -99,19 +110,21 @@ static void test_room(void **state)
     panel_room(rig);
     struct hg_gi_stats stats;
     struct hg_refbuf *pixels[2];
-    gi_take_both(rig, &inside, pixels);
+    struct gi_shot rays = inside;
+    rays.gi = HG_GI_RAYS;
     struct hg_view *view = gi_open_view(rig, &inside);
+    hg_view_set_final(view, true); // the very first step is one of the field of rest
     gi_settle(view, 8);
+    pixels[0] = gi_read_floats(view);
+    pixels[1] = gi_take(rig, &rays);
     field_stats(view, &stats);
     print_grids(&stats);
     hg_view_destroy(view);
     assert_true(stats.grids[0].spacing > 100 && stats.grids[stats.grid_count - 1].spacing < 0.3f);
-    struct hg_refbuf *path = path_of(rig, &inside, 256);
     for (int i = 0; i < 2; i++) {
-        gi_compare(gi_ways[i], pixels[i], path, 2, limits[i]);
+        gi_compare(gi_ways[i], pixels[i], path_traced(rig), 2, limits[i]);
         hg_refbuf_unref(pixels[i]);
     }
-    hg_refbuf_unref(path);
 }
 
 // The same of the moving field, once it has come to rest.
@@ -127,7 +140,8 @@ static void test_room_in_motion(void **state)
         look(view, eye, inside.target);
         step(view);
     }
-    struct hg_refbuf *path = path_of(rig, &inside, 256), *seen = read_bytes(view);
+    const struct hg_refbuf *path = path_traced(rig);
+    struct hg_refbuf *seen = read_bytes(view);
     double worst = 0, sum[2] = {0};
     for (int i = 0; i < 16; i++) {
         const int x = i % 4 * 2, y = i / 4 * 2, cells[4] = {x, y, x + 2, y + 2};
@@ -140,7 +154,6 @@ static void test_room_in_motion(void **state)
     }
     print_message("in motion: worst region off by %.3f, all by %.3f\n", worst, sum[0] / sum[1] - 1);
     assert_true(worst < 0.12 && fabs(sum[0] / sum[1] - 1) < 0.06);
-    hg_refbuf_unref(path);
     hg_refbuf_unref(seen);
     hg_view_destroy(view);
 }
@@ -218,7 +231,7 @@ static void test_same_bytes(void **state)
 // More cameras than have grids at a time come to rest in turn, each as it would alone.
 static void test_many_views(void **state)
 {
-    enum { VIEWS = 6 };
+    enum { VIEWS = 5 }; // HG_GI_CAMERAS have grids
     struct rig *rig = *state;
     struct hg_error err = {0};
     struct hg_view *views[VIEWS];
@@ -261,5 +274,5 @@ int main(void)
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_many_views),
     };
-    return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
+    return cmocka_run_group_tests(tests, rig_set_up, tear_down);
 }

@@ -112,7 +112,7 @@ static void path_trace(struct rig *rig, float cells[CELLS])
     struct hg_view_params params = params_of(HG_AO_AUTO);
     params.mode = HG_MODE_PATH;
     params.gi = HG_GI_NONE;
-    params.samples = 64;
+    params.samples = 32; // of 256 pixels each cell
     struct hg_view *view = path_rig_view(rig, &params);
     settle(view);
     mean_cells(view, cells);

@@ -202,7 +202,7 @@ static void test_estimators(void **state)
         path_rig_room(rig);
         rig->renderer->context.overrides.path_estimators = use;
         struct hg_view_params params = defaults;
-        params.samples = use == HG_PATH_USE_SURFACES ? 1024 : 256;
+        params.samples = use == HG_PATH_USE_SURFACES ? 512 : 128;
         params.max_bounces = 4;
         mean[use - 1] = render(rig, &params, eye, target, 0.8f, 1.0);
     }

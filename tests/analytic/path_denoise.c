@@ -10,7 +10,7 @@
 
 // References are two pictures of independent samples: the mean of (x - a) (x - b) is the mean
 // square of x - truth, without the noise of a and b, which many samples alone would make small.
-enum { WIDTH = 128, HEIGHT = 96, PIXELS = WIDTH * HEIGHT, REFERENCE = 64 };
+enum { WIDTH = 128, HEIGHT = 96, PIXELS = WIDTH * HEIGHT, REFERENCE = 32 };
 
 static void quad(struct rig *rig, const float color[3], float emissive, const float at[4][3])
 {

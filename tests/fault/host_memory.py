@@ -34,6 +34,7 @@ SCRIPT = """load {scene}
 set size {width}x{height}
 set env sky
 set samples 2
+set gi {gi}
 camera fit
 frame {out}/fit.png
 camera eye 0.5,0.6,2 target 1,0,1
@@ -52,9 +53,9 @@ expect stat process.spill_refused_bytes {refused}
 """
 
 
-def script_of(path, out, refused, divisor):
+def script_of(path, out, refused, gi, divisor):
     """Pictures of 320x180 px, or of a part of that where nothing is measured."""
-    return SCRIPT.format(scene=path, out=out, refused=refused, width=320 // divisor, height=180 // divisor,
+    return SCRIPT.format(scene=path, out=out, refused=refused, gi=gi, width=320 // divisor, height=180 // divisor,
                          pick_x=160 // divisor, pick_near=120 // divisor, pick_still=150 // divisor)
 
 
@@ -177,12 +178,13 @@ class Test:
             raise Failure(f"exit code {child.returncode}\n{out}{err}")
         return err
 
-    def walk(self, path, out, refused="== 0", **more):
-        """Everything a viewer does; pictures go to `out`. Peaks in MiB and what was said."""
+    def walk(self, path, out, refused="== 0", gi="none", **more):
+        """Everything a viewer does; pictures go to `out`. Peaks in MiB and what was said. Where nothing is measured
+        paths alone follow rays: light by way of surfaces takes most of the time."""
         os.makedirs(out, exist_ok=True)
         script = f"{out}/script"
         with open(script, "w") as f:
-            f.write(script_of(path, out, refused, 2 if path == self.small else 1))
+            f.write(script_of(path, out, refused, gi, 2 if path == self.small else 1))
         begin = time.monotonic()
         child = self.start("run", script, *self.options(), **more)
         watch = Watch(child)
@@ -210,13 +212,13 @@ class Test:
 
     def case_peak(self):
         few, many = scene(f"{self.folder}/few", FEW), scene(f"{self.folder}/many", MANY)
-        self.walk(self.small, f"{self.folder}/warm")  # shaders are compiled
+        self.walk(self.small, f"{self.folder}/warm", gi="auto")  # shaders are compiled
         peaks = {}
         for cached in ("an empty store", "a full store"):
             for name, path in (("few", few), ("many", many)):
                 if cached == "an empty store":
                     shutil.rmtree(f"{self.cache}/store", ignore_errors=True)
-                watch, err = self.walk(path, f"{self.folder}/{name}-out")
+                watch, err = self.walk(path, f"{self.folder}/{name}-out", gi="auto")
                 if "stay in memory" in err:
                     raise Failure(f"the folder does not do for files:\n{err}")
                 peaks[name] = watch.peak
