@@ -6,6 +6,7 @@
 #include "renderer/math/frustum.h"
 #include "renderer/frame/frame.h"
 #include "shaders/shared/debug.h"
+#include "shaders/shared/features.h"
 
 #define MARGIN_PX 2.0f // jitter and rounding
 
@@ -97,6 +98,13 @@ static VkRect2D area_of(const struct hg_draw *draw)
                               {draw->request->settings->width, draw->request->settings->height}};
 }
 
+// Rays have told which lights each opaque surface sees, and there are no others that maps are for.
+static bool needs_shadow_maps(const struct hg_draw *draw)
+{
+    return draw->blocks == NULL || draw->request->settings->ground != 0 ||
+           (draw->scene_gpu->features & HG_FEATURE_DIFFUSE_TRANSMISSION) != 0;
+}
+
 static enum hg_status select_sets(
     struct hg_draw *draw, enum hg_frame_part part, uint32_t samples, struct hg_error *err)
 {
@@ -128,6 +136,8 @@ static enum hg_status select_sets(
         choice.shares = s->forced ? 0 : top->shares; // a coarser cut is another, and drawn whole
     }
     const uint32_t debug = draw->request->settings->debug;
+    if (status == HG_OK && part == HG_FRAME_PICTURE && !needs_shadow_maps(draw))
+        return HG_OK; // they stay as stale as they are
     return status == HG_OK && (debug == 0 || debug == HG_DEBUG_VIEW_SHADOW_PAGES)
                ? hg_shadow_select(
                      draw->scene_gpu->geometry, draw->lighting, &choice, jobs, draw->culling, err)

@@ -73,7 +73,8 @@ static void declare_shadows(struct hg_batch *f, uint32_t first_set)
 {
     struct hg_lighting_stats stats;
     hg_lighting_stats(f->draw->lighting, &stats);
-    f->draw->stats->stale_shadows = stats.shadow_maps_stale;
+    f->draw->stats->stale_shadows =
+        first_set < hg_culling_count(f->draw->culling) ? stats.shadow_maps_stale : 0;
     f->atlas =
         hg_graph_import(f->graph, "shadow atlas", hg_lighting_image_shadow(f->draw->lighting));
     f->first_shadow_set = first_set;

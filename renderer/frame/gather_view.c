@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/gi_view.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/gi/gather.h"
 #include "shaders/shared/features.h"
@@ -71,6 +72,14 @@ static uint32_t all_samples_of(const struct hg_view_settings *s)
     return samples > SUN_SAMPLES ? samples : SUN_SAMPLES;
 }
 
+// Nearest hit that the field may shade, metres.
+static float nearest_end(const struct hg_view_state *view)
+{
+    struct hg_gpu_probes probes;
+    hg_gi_fill(view->scene_gpu->gi, view->gi.field, hg_gi_view_id(view), &probes);
+    return probes.count > 0 ? REACH * probes.grids[probes.count - 1].spacing : 0;
+}
+
 static struct hg_path_request request_of(const struct hg_view_state *view, bool glass)
 {
     const struct hg_view_settings *s = &view->settings;
@@ -85,6 +94,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
             .glass = glass,
             .lamps = !glass && hg_lighting_has_shadowed_lamps(view->lighting),
             .reach = REACH,
+            .near_m = nearest_end(view),
             .full = samples_of(s)},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};

@@ -50,6 +50,7 @@ struct hg_path_gather {
     bool glass;  // to transmissive surfaces, of which the colour is read; else to opaque ones
     bool lamps;  // there are such as shadow maps are for: what of their light arrives is told
     float reach; // from which on a hit is shaded by the field, in spacings of its probes there
+    float near_m;  // nearer than that no hit is, wherever: `reach` of the finest grid's spacing
     uint32_t full; // samples, the first ones: others bring the light of directional lights alone,
                    // if there are any
 };

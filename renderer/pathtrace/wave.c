@@ -219,15 +219,19 @@ static void add_demand(struct hg_page_demand *demand, const struct hg_page_deman
     demand->fits = demand->fits && more->fits;
 }
 
-// Of slots from a list, to `ends` those whose paths may end at what they met, to `rest` the others.
+// Of slots from a list, to `ends` those whose paths may end at what they met, to `rest` the others:
+// also what is too near for that, where the host knows.
 static void split_ends(const struct hg_path *p, const uint32_t *slots, uint32_t count,
     struct hg_path_list *ends, struct hg_path_list *rest)
 {
     uint32_t *end = ends->buffer.mapped, *other = rest->buffer.mapped;
+    const struct hg_gpu_hit *hits = p->wave.host_hits ? p->wave.buffers.hits.mapped : NULL;
+    const float near_m = p->request.gather.near_m;
     ends->count = rest->count = 0;
     for (uint32_t i = 0; i < count; i++) {
         const uint32_t slot = slots[i];
-        if (p->wave.bounce >= HG_PATH_ENDS_FROM(p->progress.pass, slot, slot >> 1))
+        const bool near = hits != NULL && hits[slot].t < near_m;
+        if (!near && p->wave.bounce >= HG_PATH_ENDS_FROM(p->progress.pass, slot, slot >> 1))
             end[ends->count++] = slot;
         else
             other[rest->count++] = slot;

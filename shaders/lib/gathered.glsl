@@ -1,11 +1,12 @@
 // gathered.glsl - light that was gathered for the surfaces of a picture at rest (shared/gi.h).
 //
 // A sample looks at its own pixel, and where that pixel's middle shows another surface, at the four
-// beside it. Declare hg_gathered and include lib/environment.glsl, lib/light.glsl and lib/probes.glsl first.
+// beside it: a loop that ends once no pixel of a vector goes on, so it is short almost everywhere. Declare hg_gathered and include lib/environment.glsl, lib/light.glsl and lib/probes.glsl first.
 #ifndef HG_LIB_GATHERED_GLSL
 #define HG_LIB_GATHERED_GLSL
 
 #define HG_GATHERED_BESIDE 1e-3 // weight of pixels beside the sample's own
+#define HG_GATHERED_ENOUGH 0.25 // weight of the own pixel from which on those beside it do not count
 #define HG_GATHERED_LEAST  1e-6 // of another surface
 #define HG_GATHERED_DEPTH  0.02 // relative difference of depth at which the weight is a half
 
@@ -17,7 +18,7 @@ void hg_gathered_look(vec2 at, float depth, vec3 n)
     vec3 irradiance = vec3(0.0), radiance = vec3(0.0);
     float sum = 0.0, sky = 0.0, sun = 0.0, most = -1.0;
     ivec2 nearest = pixel;
-    for (int i = 0; i < 5; i++) {
+    for (int i = 0; i < 5 && most < HG_GATHERED_ENOUGH; i++) {
         ivec2 off = i == 0 ? ivec2(0) : (i & 1) == 0 ? ivec2(i - 3, 0) : ivec2(0, i - 2);
         uvec4 t = texelFetch(hg_gathered, clamp(pixel + off, ivec2(0), last), 0);
         float share = float(t.w & HG_GATHERED_SHARE_MASK) * (1.0 / float(HG_GATHERED_SHARE_MASK));

@@ -120,6 +120,31 @@ static void test_gathered(void **state)
     close_model();
 }
 
+// What rays told needs no shadow maps: pictures after it that do have them as they should be.
+static void test_maps_after_rays(void **state)
+{
+    struct hg_view_params p = realtime;
+    struct hg_refbuf *pixels[2];
+    (void)state;
+    p.samples = 12;
+    for (int fresh = 0; fresh < 2; fresh++) {
+        open_model(TEST_MODELS "/bearing.glb");
+        hg_view_set_final(rig.view, true);
+        p.gi = HG_GI_RAYS;
+        set(&p);
+        if (!fresh)
+            rig_settle(&rig, 16);
+        p.gi = HG_GI_NONE;
+        set(&p);
+        rig_settle(&rig, 16);
+        pixels[fresh] = read(-1);
+        close_model();
+    }
+    assert_memory_equal(pixels[0]->data, pixels[1]->data, pixels[0]->size);
+    hg_refbuf_unref(pixels[0]);
+    hg_refbuf_unref(pixels[1]);
+}
+
 static void test_path(void **state)
 {
     (void)state;
@@ -207,7 +232,7 @@ static void test_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_realtime),
-        cmocka_unit_test(test_gathered), cmocka_unit_test(test_path), cmocka_unit_test(test_film),
-        cmocka_unit_test(test_refused)};
+        cmocka_unit_test(test_gathered), cmocka_unit_test(test_maps_after_rays),
+        cmocka_unit_test(test_path), cmocka_unit_test(test_film), cmocka_unit_test(test_refused)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
