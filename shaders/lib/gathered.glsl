@@ -1,7 +1,8 @@
 // gathered.glsl - light that was gathered for the surfaces of a picture at rest (shared/gi.h).
 //
 // A sample looks at its own pixel, and where that pixel's middle shows another surface, at the four
-// beside it: a loop that ends once no pixel of a vector goes on, so it is short almost everywhere. Declare hg_gathered and include lib/environment.glsl, lib/light.glsl and lib/probes.glsl first.
+// beside it: a loop that ends once no pixel of a vector goes on, so it is short almost everywhere.
+// Declare hg_gathered and include lib/environment.glsl, lib/light.glsl and lib/probes.glsl first.
 #ifndef HG_LIB_GATHERED_GLSL
 #define HG_LIB_GATHERED_GLSL
 
