@@ -481,7 +481,7 @@ void hg_view_session_pose(struct hg_view_session *s, double time_s)
     hg_view_wake(s);
 }
 
-void hg_view_session_clip(struct hg_view_session *s, const struct hg_cut_planes *planes)
+void hg_view_session_clip(struct hg_view_session *s, const struct hg_clipping_list *planes)
 {
     pthread_mutex_lock(&s->lock);
     s->wanted.clip = *planes;

@@ -9,7 +9,7 @@
 #define HG_CLIENT_VIEW_SESSION_H
 
 #include "client/cli/options.h"
-#include "client/view/cuts.h"
+#include "client/view/clipping.h"
 #include "client/view/decode.h"
 #include "client/view/tree.h"
 
@@ -156,7 +156,7 @@ bool hg_view_session_take(struct hg_view_session *s, struct hg_view_picture *pic
 // which shows it has as input_seq.
 uint64_t hg_view_session_camera(struct hg_view_session *s, const struct hgp_view_camera *camera);
 void hg_view_session_pose(struct hg_view_session *s, double time_s);
-void hg_view_session_clip(struct hg_view_session *s, const struct hg_cut_planes *planes);
+void hg_view_session_clip(struct hg_view_session *s, const struct hg_clipping_list *planes);
 // False: 64 requests wait already.
 bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request *request);
 // Are the status' `flow` and what else costs a question wanted?

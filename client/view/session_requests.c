@@ -37,7 +37,7 @@ static enum hg_status send_clip(struct hg_view_session *s, struct hg_error *err)
 {
     pthread_mutex_lock(&s->lock);
     const bool has = s->wanted.has_clip;
-    struct hg_cut_planes cut = s->wanted.clip;
+    struct hg_clipping_list cut = s->wanted.clip;
     s->wanted.has_clip = false;
     pthread_mutex_unlock(&s->lock);
     const struct hgp_view_clip clip = {

@@ -21,7 +21,7 @@ struct hg_view_wanted {
     char path[HG_VIEW_PATH_BYTES]; // of the file to open; "" = the same scene
     struct hgp_view_camera camera;
     double pose_s;
-    struct hg_cut_planes clip;
+    struct hg_clipping_list clip;
     struct hg_view_request requests[HG_VIEW_REQUESTS_MAX];
     uint32_t first, count;
     uint64_t input_seq;

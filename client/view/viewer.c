@@ -279,19 +279,19 @@ static void draw_checker(struct hg_viewer *v)
             SDL_RenderFillRect(v->renderer, &(SDL_Rect){x, y, CHECKER_PX, CHECKER_PX});
 }
 
-bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_place_rect *rect)
+bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_projection_rect *rect)
 {
     int width, height;
     if (!v->texture || SDL_QueryTexture(v->texture, NULL, NULL, &width, &height) || width < 1 ||
         height < 1)
         return false;
-    *rect = hg_place_picture(width, height, v->width, v->height);
+    *rect = hg_projection_picture(width, height, v->width, v->height);
     return true;
 }
 
 static void draw_picture(struct hg_viewer *v)
 {
-    struct hg_place_rect r;
+    struct hg_projection_rect r;
     if (hg_viewer_picture_rect(v, &r))
         SDL_RenderCopy(v->renderer, v->texture, NULL, &(SDL_Rect){r.x, r.y, r.width, r.height});
 }

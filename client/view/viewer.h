@@ -5,8 +5,8 @@
 
 #include "client/view/controls.h"
 #include "client/view/overlay.h"
-#include "client/view/place.h"
-#include "client/view/ruler.h"
+#include "client/view/projection.h"
+#include "client/view/measure.h"
 #include "client/view/session.h"
 
 enum { HG_VIEWER_SENT_MAX = 256 }; // cameras whose way to the picture is measured
@@ -48,18 +48,18 @@ struct hg_viewer_pointer {
     int dx, dy;  // how far
 };
 
-enum hg_viewer_panel { HG_VIEWER_NO_PANEL, HG_VIEWER_TREE, HG_VIEWER_CUTS };
+enum hg_viewer_panel { HG_VIEWER_NO_PANEL, HG_VIEWER_TREE, HG_VIEWER_CLIPPING };
 
 // The panel at the right side, what it shows, and measuring.
 struct hg_viewer_panels {
     enum hg_viewer_panel open;
     struct hg_tree tree; // selected: the node that the view outlines; empty: not listed yet
-    struct hg_cuts cuts;
-    struct hg_ruler ruler;
+    struct hg_clipping clipping;
+    struct hg_measure measure;
     uint64_t listed_ns; // when the nodes were asked for
     uint32_t row;       // of the clipping planes: x, y, z, caps
     bool says_selected; // once its name is known
-    bool measures;      // clicks are places to measure between
+    bool measures;      // clicks are points to measure between
     bool slides;        // the pointer moves the plane of `row`
 };
 
@@ -110,7 +110,7 @@ int hg_viewer_run(const struct hg_cli_options *options);
 void hg_viewer_send_camera(struct hg_viewer *v);
 void hg_viewer_say(struct hg_viewer *v, const char *fmt, ...) HG_PRINTF(2, 3);
 // Where the picture stands in the window. False: there is none yet.
-bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_place_rect *rect);
+bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_projection_rect *rect);
 
 // viewer_actions.c
 void hg_viewer_do(struct hg_viewer *v, enum hg_view_action action, bool shift);
@@ -145,11 +145,11 @@ void hg_viewer_tree_click(struct hg_viewer *v, int x, int y, bool twice);
 void hg_viewer_draw_tree(struct hg_viewer *v, const struct hg_viewer_box *box);
 const char *hg_viewer_selected_name(const struct hg_viewer *v); // NULL: nothing, or not known yet
 
-// viewer_cuts.c: rows of the panel of clipping planes
-bool hg_viewer_cuts_key(struct hg_viewer *v, SDL_Scancode key, bool shift);
-void hg_viewer_cuts_click(
+// viewer_clipping.c: rows of the panel of clipping planes
+bool hg_viewer_clipping_key(struct hg_viewer *v, SDL_Scancode key, bool shift);
+void hg_viewer_clipping_click(
     struct hg_viewer *v, const struct hg_viewer_box *box, const SDL_Point *at);
-void hg_viewer_cuts_slide(struct hg_viewer *v, const struct hg_viewer_box *box, int x);
+void hg_viewer_clipping_slide(struct hg_viewer *v, const struct hg_viewer_box *box, int x);
 void hg_viewer_draw_cuts(struct hg_viewer *v, const struct hg_viewer_box *box);
 
 // viewer_measure.c

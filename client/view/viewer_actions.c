@@ -280,7 +280,7 @@ static bool do_window(struct hg_viewer *v, enum hg_view_action action)
         hg_viewer_switch_panel(v, HG_VIEWER_TREE);
         return true;
     case HG_VIEW_DO_CUTS:
-        hg_viewer_switch_panel(v, HG_VIEWER_CUTS);
+        hg_viewer_switch_panel(v, HG_VIEWER_CLIPPING);
         return true;
     case HG_VIEW_DO_MEASURE:
         hg_viewer_switch_measure(v);

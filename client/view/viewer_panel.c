@@ -1,5 +1,5 @@
 // viewer_panel.c - the panel at the right side of the window: which one is open, its place, keys
-// and pointer. Its rows are in viewer_tree.c and viewer_cuts.c.
+// and pointer. Its rows are in viewer_tree.c and viewer_clipping.c.
 #include <stdio.h>
 #include <string.h>
 
@@ -26,9 +26,9 @@ void hg_viewer_reset_panels(struct hg_viewer *v)
     v->taken.answers = v->status.answers;
     hg_tree_finish(&p->tree);
     p->listed_ns = 0;
-    p->ruler.count = 0;
+    p->measure.count = 0;
     p->slides = p->says_selected = false;
-    hg_cuts_reset(&p->cuts, v->scene->has_box, v->scene->min, v->scene->max);
+    hg_clipping_reset(&p->clipping, v->scene->has_box, v->scene->min, v->scene->max);
 }
 
 void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box)
@@ -40,7 +40,7 @@ void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box)
     const int columns = (v->width - 2 * (margin + padding)) / box->advance;
     const int rows = (v->height - 2 * (margin + padding)) / box->line - TITLE_ROWS;
     box->columns = columns < COLUMNS ? columns : COLUMNS;
-    box->rows = v->panels.open == HG_VIEWER_CUTS && rows > CUT_ROWS ? CUT_ROWS : rows;
+    box->rows = v->panels.open == HG_VIEWER_CLIPPING && rows > CUT_ROWS ? CUT_ROWS : rows;
     if (box->columns < 1 || box->rows < 1)
         box->columns = box->rows = 0;
     box->all.w = box->columns * box->advance + 2 * padding;
@@ -57,9 +57,10 @@ bool hg_viewer_panel_key(struct hg_viewer *v, SDL_Scancode key, bool shift)
     if (v->status.state != HG_VIEW_OPEN || v->help)
         return false;
     hg_viewer_panel_box(v, &box);
-    const bool taken = v->panels.open == HG_VIEWER_TREE   ? hg_viewer_tree_key(v, key, &box)
-                       : v->panels.open == HG_VIEWER_CUTS ? hg_viewer_cuts_key(v, key, shift)
-                                                          : false;
+    const bool taken = v->panels.open == HG_VIEWER_TREE ? hg_viewer_tree_key(v, key, &box)
+                       : v->panels.open == HG_VIEWER_CLIPPING
+                           ? hg_viewer_clipping_key(v, key, shift)
+                           : false;
     v->dirty |= taken;
     return taken;
 }
@@ -81,7 +82,7 @@ static bool press(struct hg_viewer *v, const SDL_MouseButtonEvent *button)
         hg_viewer_tree_click(v, x, row, button->clicks == 2);
     } else {
         v->panels.row = (uint32_t)row;
-        hg_viewer_cuts_click(v, &box, &at);
+        hg_viewer_clipping_click(v, &box, &at);
     }
     SDL_CaptureMouse(v->panels.slides);
     return true;
@@ -109,7 +110,7 @@ bool hg_viewer_panel_pointer(struct hg_viewer *v, const SDL_Event *event)
         return false;
     if (event->type == SDL_MOUSEMOTION && v->panels.slides) {
         hg_viewer_panel_box(v, &box);
-        hg_viewer_cuts_slide(v, &box, event->motion.x);
+        hg_viewer_clipping_slide(v, &box, event->motion.x);
         taken = true;
     } else if (event->type == SDL_MOUSEBUTTONUP && v->panels.slides) {
         v->panels.slides = false;
@@ -134,7 +135,7 @@ void hg_viewer_draw_panel(struct hg_viewer *v)
     hg_viewer_panel_box(v, &box);
     if (p->open == HG_VIEWER_NO_PANEL || v->status.state != HG_VIEW_OPEN || !box.rows || v->help)
         return;
-    if (p->open == HG_VIEWER_CUTS)
+    if (p->open == HG_VIEWER_CLIPPING)
         snprintf(title, sizeof title, "Clipping planes");
     else if (p->tree.count < p->tree.total)
         snprintf(title, sizeof title, "Nodes: the first %u of %u", p->tree.count, p->tree.total);

@@ -169,9 +169,9 @@ static void add_inspected(const struct hg_viewer *v, char *text, size_t size)
 {
     char length[32], axes[16];
     const char *name = hg_viewer_selected_name(v);
-    hg_cuts_text(&v->panels.cuts, axes, sizeof axes);
-    hg_ruler_text(hg_ruler_distance(&v->panels.ruler), length, sizeof length);
-    const char *measured = v->panels.ruler.count == 2 ? length : "measuring";
+    hg_clipping_text(&v->panels.clipping, axes, sizeof axes);
+    hg_measure_text(hg_measure_distance(&v->panels.measure), length, sizeof length);
+    const char *measured = v->panels.measure.count == 2 ? length : "measuring";
     snprintf(text, size, "%s%.80s%s%s%s%s", name ? " - " : "", name ? name : "",
         axes[0] ? " - cut " : "", axes, v->panels.measures ? " - " : "",
         v->panels.measures ? measured : "");

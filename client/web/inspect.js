@@ -1,4 +1,4 @@
-// inspect.js - what is under the pointer: selecting, measuring between two places, pinning notes;
+// inspect.js - what is under the pointer: selecting, measuring between two points, pinning notes;
 // and the card that shows it.
 import { ask, announce, button, h, iconButton, metresText, toast } from "./dom.js";
 
@@ -42,7 +42,7 @@ export class Inspector {
         this.app.overlay.points = [];
         this.app.overlay.draw();
         if (tool === "measure")
-            announce("Pick two places to measure between them.");
+            announce("Pick two points to measure between them.");
         if (tool === "note")
             announce("Pick the place of the note.");
         this.showCard();
@@ -147,7 +147,7 @@ export class Inspector {
             ["Along X, Y, Z", [0, 1, 2].map((i) =>
                 metresText(b.position[i] - a.position[i])).join(", ")],
             ["Between surfaces", `${angle_deg(a.normal, b.normal).toFixed(1)}°`]]
-            : [["Picked", a ? "1 of 2 places" : "none yet: pick two places"]];
+            : [["Picked", a ? "1 of 2 points" : "none yet: pick two points"]];
         if (a && b)
             announce(`Distance ${rows[0][1]}`);
         return [this.head("Measure", () => this.setTool("select")), definitions(rows)];

@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "client/view/cuts.h"
-#include "client/view/place.h"
-#include "client/view/ruler.h"
+#include "client/view/clipping.h"
+#include "client/view/projection.h"
+#include "client/view/measure.h"
 #include "client/view/tree.h"
 
 static const double pi = 3.14159265358979323846;
@@ -165,7 +165,7 @@ static void test_memory(void **state)
 
 // ---- clipping planes ---------------------------------------------------------------------------
 
-static bool is_shown(const struct hg_cut_planes *planes, float x, float y, float z)
+static bool is_shown(const struct hg_clipping_list *planes, float x, float y, float z)
 {
     for (uint32_t i = 0; i < planes->count; i++) {
         const struct hgp_clip_plane *p = &planes->items[i];
@@ -178,53 +178,53 @@ static bool is_shown(const struct hg_cut_planes *planes, float x, float y, float
 static void test_cuts(void **state)
 {
     (void)state;
-    struct hg_cuts c = {.caps = HGP_cap_style_HATCH};
-    struct hg_cut_planes planes;
+    struct hg_clipping c = {.caps = HGP_cap_style_HATCH};
+    struct hg_clipping_list planes;
     char text[16];
     const float min[3] = {-2, 10, 0}, max[3] = {2, 30, 8};
-    hg_cuts_reset(&c, true, min, max);
+    hg_clipping_reset(&c, true, min, max);
     assert_int_equal(c.caps, HGP_cap_style_HATCH);
-    hg_cuts_planes(&c, &planes);
+    hg_clipping_planes(&c, &planes);
     assert_int_equal(planes.count, 0);
-    hg_cuts_set_share(&c, 0, 0.75);
-    hg_cuts_set_share(&c, 2, 0.25);
-    assert_float_equal(hg_cuts_place(&c, 0), 1, 1e-9);
-    assert_float_equal(hg_cuts_place(&c, 2), 2, 1e-9);
+    hg_clipping_set_share(&c, 0, 0.75);
+    hg_clipping_set_share(&c, 2, 0.25);
+    assert_float_equal(hg_clipping_position(&c, 0), 1, 1e-9);
+    assert_float_equal(hg_clipping_position(&c, 2), 2, 1e-9);
     c.axes[2].is_flipped = true;
-    hg_cuts_planes(&c, &planes);
+    hg_clipping_planes(&c, &planes);
     assert_int_equal(planes.count, 2);
     assert_true(is_shown(&planes, 0.9F, 20, 2.1F));
     assert_false(is_shown(&planes, 1.1F, 20, 2.1F));
     assert_false(is_shown(&planes, 0.9F, 20, 1.9F));
-    hg_cuts_text(&c, text, sizeof text);
+    hg_clipping_text(&c, text, sizeof text);
     assert_string_equal(text, "x, z");
-    hg_cuts_set_share(&c, 1, 7);
-    assert_float_equal(hg_cuts_place(&c, 1), 30, 1e-9);
-    hg_cuts_set_share(&c, 1, (double)NAN);
-    assert_float_equal(hg_cuts_place(&c, 1), 10, 1e-9);
+    hg_clipping_set_share(&c, 1, 7);
+    assert_float_equal(hg_clipping_position(&c, 1), 30, 1e-9);
+    hg_clipping_set_share(&c, 1, (double)NAN);
+    assert_float_equal(hg_clipping_position(&c, 1), 10, 1e-9);
     const float inside_out[3] = {-3, 10, 0};
-    hg_cuts_reset(&c, true, min, inside_out);
+    hg_clipping_reset(&c, true, min, inside_out);
     c.axes[0].is_on = true;
-    hg_cuts_planes(&c, &planes);
+    hg_clipping_planes(&c, &planes);
     assert_int_equal(planes.count, 0);
-    hg_cuts_text(&c, text, sizeof text);
+    hg_clipping_text(&c, text, sizeof text);
     assert_string_equal(text, "");
 }
 
 static void test_caps(void **state)
 {
     (void)state;
-    struct hg_cuts c = {0};
+    struct hg_clipping c = {0};
     const char *seen[4];
     for (int i = 0; i < 4; i++) {
-        seen[i] = hg_cuts_caps_name(&c);
+        seen[i] = hg_clipping_caps_name(&c);
         for (int k = 0; k < i; k++)
             assert_string_not_equal(seen[i], seen[k]);
-        hg_cuts_next_caps(&c, false);
+        hg_clipping_next_caps(&c, false);
     }
     assert_int_equal(c.caps, HGP_cap_style_MATERIAL);
-    hg_cuts_next_caps(&c, true);
-    assert_string_equal(hg_cuts_caps_name(&c), seen[3]);
+    hg_clipping_next_caps(&c, true);
+    assert_string_equal(hg_clipping_caps_name(&c), seen[3]);
 }
 
 // ---- places ------------------------------------------------------------------------------------
@@ -234,28 +234,28 @@ static void test_pixels(void **state)
     (void)state;
     uint32_t pixel[2];
     // A picture of 200 x 100 in a window of 400 x 400: twice as large, 100 px from the top.
-    const struct hg_place_rect r = hg_place_picture(200, 100, 400, 400);
+    const struct hg_projection_rect r = hg_projection_picture(200, 100, 400, 400);
     assert_int_equal(r.x, 0);
     assert_int_equal(r.y, 100);
     assert_int_equal(r.width, 400);
     assert_int_equal(r.height, 200);
-    assert_true(hg_place_pixel(&r, 200, 100, 399, 100, pixel));
+    assert_true(hg_projection_pixel(&r, 200, 100, 399, 100, pixel));
     assert_int_equal(pixel[0], 199);
     assert_int_equal(pixel[1], 0);
-    assert_true(hg_place_pixel(&r, 200, 100, 3, 299, pixel));
+    assert_true(hg_projection_pixel(&r, 200, 100, 3, 299, pixel));
     assert_int_equal(pixel[0], 1);
     assert_int_equal(pixel[1], 99);
-    assert_false(hg_place_pixel(&r, 200, 100, 3, 300, pixel));
-    assert_false(hg_place_pixel(&r, 200, 100, 3, 99, pixel));
-    assert_false(hg_place_pixel(&r, 200, 100, -1, 150, pixel));
-    const struct hg_place_rect tall = hg_place_picture(100, 400, 400, 200);
+    assert_false(hg_projection_pixel(&r, 200, 100, 3, 300, pixel));
+    assert_false(hg_projection_pixel(&r, 200, 100, 3, 99, pixel));
+    assert_false(hg_projection_pixel(&r, 200, 100, -1, 150, pixel));
+    const struct hg_projection_rect tall = hg_projection_picture(100, 400, 400, 200);
     assert_int_equal(tall.width, 50);
     assert_int_equal(tall.x, 175);
 }
 
-static struct hg_place_view look(enum hgp_camera_kind kind)
+static struct hg_projection_view look(enum hgp_camera_kind kind)
 {
-    const struct hg_place_rect rect = {10, 20, 200, 100};
+    const struct hg_projection_rect rect = {10, 20, 200, 100};
     const struct hgp_view_camera camera = {.eye = {0, 0, 5},
         .target = {0, 0, 0},
         .has_kind = true,
@@ -264,8 +264,8 @@ static struct hg_place_view look(enum hgp_camera_kind kind)
         .vfov_rad = (float)(pi / 2),
         .has_half_height = true,
         .half_height = 2};
-    struct hg_place_view view;
-    assert_true(hg_place_look(&view, &camera, &rect));
+    struct hg_projection_view view;
+    assert_true(hg_projection_look(&view, &camera, &rect));
     return view;
 }
 
@@ -273,43 +273,43 @@ static void test_points(void **state)
 {
     (void)state;
     double at[3];
-    struct hg_place_view view = look(HGP_camera_kind_PERSPECTIVE);
+    struct hg_projection_view view = look(HGP_camera_kind_PERSPECTIVE);
     // Half the height is 50 px, and 4 m at a depth of 4 m.
-    assert_true(hg_place_point(&view, (const double[]){2, 1, 1}, at));
+    assert_true(hg_projection_point(&view, (const double[]){2, 1, 1}, at));
     assert_float_equal(at[0], 110 + 25, 1e-4);
     assert_float_equal(at[1], 70 - 12.5, 1e-4);
     assert_float_equal(at[2], 4, 1e-6);
-    assert_false(hg_place_point(&view, (const double[]){0, 0, 5.5}, at));
+    assert_false(hg_projection_point(&view, (const double[]){0, 0, 5.5}, at));
     view = look(HGP_camera_kind_ORTHOGRAPHIC);
-    assert_true(hg_place_point(&view, (const double[]){2, 1, -100}, at));
+    assert_true(hg_projection_point(&view, (const double[]){2, 1, -100}, at));
     assert_float_equal(at[0], 110 + 50, 1e-4);
     assert_float_equal(at[1], 70 - 25, 1e-4);
     struct hgp_view_camera down = {.eye = {0, 3, 0}, .target = {0, 0, 0}};
-    const struct hg_place_rect rect = {0, 0, 10, 10};
-    assert_true(hg_place_look(&view, &down, &rect)); // along the up direction
-    assert_true(hg_place_point(&view, (const double[]){0, 0, 0}, at));
+    const struct hg_projection_rect rect = {0, 0, 10, 10};
+    assert_true(hg_projection_look(&view, &down, &rect)); // along the up direction
+    assert_true(hg_projection_point(&view, (const double[]){0, 0, 0}, at));
     assert_float_equal(at[0], 5, 1e-6);
     memcpy(down.eye, down.target, sizeof down.eye);
-    assert_false(hg_place_look(&view, &down, &rect));
+    assert_false(hg_projection_look(&view, &down, &rect));
 }
 
 static void test_segments(void **state)
 {
     (void)state;
     double from[2], to[2];
-    const struct hg_place_view view = look(HGP_camera_kind_PERSPECTIVE);
+    const struct hg_projection_view view = look(HGP_camera_kind_PERSPECTIVE);
     const double seen[3] = {1, 0, 1}, behind[3] = {1, 0, 9};
-    assert_true(hg_place_segment(&view, seen, (const double[]){-1, 0, 1}, from, to));
+    assert_true(hg_projection_segment(&view, seen, (const double[]){-1, 0, 1}, from, to));
     assert_float_equal(from[0], 122.5, 1e-4);
     assert_float_equal(to[0], 97.5, 1e-4);
     // Parallel to the line of sight: what is cut off lies in the direction away from the middle.
-    assert_true(hg_place_segment(&view, seen, behind, from, to));
+    assert_true(hg_projection_segment(&view, seen, behind, from, to));
     assert_float_equal(from[0], 122.5, 1e-4);
     assert_true(to[0] > 1000);
     assert_float_equal(to[1], 70, 1e-4);
-    assert_true(hg_place_segment(&view, behind, seen, from, to));
+    assert_true(hg_projection_segment(&view, behind, seen, from, to));
     assert_float_equal(to[0], 122.5, 1e-4);
-    assert_false(hg_place_segment(&view, behind, (const double[]){2, 0, 9}, from, to));
+    assert_false(hg_projection_segment(&view, behind, (const double[]){2, 0, 9}, from, to));
 }
 
 // ---- distances ---------------------------------------------------------------------------------
@@ -317,19 +317,19 @@ static void test_segments(void **state)
 static void test_ruler(void **state)
 {
     (void)state;
-    struct hg_ruler r = {0};
+    struct hg_measure r = {0};
     const float a[3] = {1, 2, 3}, b[3] = {1, 5, 7}, up[3] = {0, 1, 0}, right[3] = {2, 0, 0};
     const float none[3] = {0};
-    hg_ruler_add(&r, a, up);
-    assert_float_equal(hg_ruler_distance(&r), 0, 0);
-    hg_ruler_add(&r, b, right);
-    assert_float_equal(hg_ruler_distance(&r), 5, 1e-9);
-    assert_float_equal(hg_ruler_angle_deg(&r), 90, 1e-9);
-    hg_ruler_add(&r, b, up);
+    hg_measure_add(&r, a, up);
+    assert_float_equal(hg_measure_distance(&r), 0, 0);
+    hg_measure_add(&r, b, right);
+    assert_float_equal(hg_measure_distance(&r), 5, 1e-9);
+    assert_float_equal(hg_measure_angle_deg(&r), 90, 1e-9);
+    hg_measure_add(&r, b, up);
     assert_int_equal(r.count, 1);
-    hg_ruler_add(&r, b, none);
-    assert_float_equal(hg_ruler_distance(&r), 0, 0);
-    assert_float_equal(hg_ruler_angle_deg(&r), 0, 0);
+    hg_measure_add(&r, b, none);
+    assert_float_equal(hg_measure_distance(&r), 0, 0);
+    assert_float_equal(hg_measure_angle_deg(&r), 0, 0);
 }
 
 static void test_lengths(void **state)
@@ -342,7 +342,7 @@ static void test_lengths(void **state)
         {0.0125, "1.25 cm"}, {0.0004, "0.400 mm"}, {12345, "12.345 km"}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         char text[32];
-        hg_ruler_text(rows[i].metres, text, sizeof text);
+        hg_measure_text(rows[i].metres, text, sizeof text);
         assert_string_equal(text, rows[i].text);
     }
 }

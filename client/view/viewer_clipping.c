@@ -1,11 +1,11 @@
-// viewer_cuts.c - the panel of clipping planes.
+// viewer_clipping.c - the panel of clipping planes.
 #include <stdio.h>
 #include <string.h>
 
 #include "client/view/viewer.h"
 
 enum {
-    CAPS_ROW = HG_CUTS_AXES,
+    CAPS_ROW = HG_CLIPPING_AXES,
     ROWS,
     LABEL_COLUMNS = 6,
     PLACE_COLUMNS = 13,
@@ -15,37 +15,38 @@ enum {
 
 static void send(struct hg_viewer *v)
 {
-    struct hg_cut_planes planes;
-    hg_cuts_planes(&v->panels.cuts, &planes);
+    struct hg_clipping_list planes;
+    hg_clipping_planes(&v->panels.clipping, &planes);
     hg_view_session_clip(v->session, &planes);
     v->dirty = true;
 }
 
 static bool has_box(struct hg_viewer *v)
 {
-    if (!v->panels.cuts.has_box)
+    if (!v->panels.clipping.has_box)
         hg_viewer_say(v, "the scene is empty: there is nothing to cut");
-    return v->panels.cuts.has_box;
+    return v->panels.clipping.has_box;
 }
 
 // ---- keys --------------------------------------------------------------------------------------
 
 static void change(struct hg_viewer *v, SDL_Scancode key, double step)
 {
-    struct hg_cuts *c = &v->panels.cuts;
+    struct hg_clipping *c = &v->panels.clipping;
     const int row = (int)v->panels.row;
     if (row == CAPS_ROW)
-        hg_cuts_next_caps(c, key == SDL_SCANCODE_LEFT);
+        hg_clipping_next_caps(c, key == SDL_SCANCODE_LEFT);
     else if (key == SDL_SCANCODE_SPACE)
         c->axes[row].is_on = !c->axes[row].is_on;
     else if (key == SDL_SCANCODE_RETURN)
         c->axes[row].is_flipped = !c->axes[row].is_flipped;
     else
-        hg_cuts_set_share(c, row, c->axes[row].share + (key == SDL_SCANCODE_RIGHT ? step : -step));
+        hg_clipping_set_share(
+            c, row, c->axes[row].share + (key == SDL_SCANCODE_RIGHT ? step : -step));
     send(v);
 }
 
-bool hg_viewer_cuts_key(struct hg_viewer *v, SDL_Scancode key, bool shift)
+bool hg_viewer_clipping_key(struct hg_viewer *v, SDL_Scancode key, bool shift)
 {
     struct hg_viewer_panels *p = &v->panels;
     switch (key) {
@@ -76,17 +77,18 @@ static void slider(const struct hg_viewer_box *box, int *from, int *width)
     *width = (box->columns - LABEL_COLUMNS - PLACE_COLUMNS) * box->advance;
 }
 
-void hg_viewer_cuts_slide(struct hg_viewer *v, const struct hg_viewer_box *box, int x)
+void hg_viewer_clipping_slide(struct hg_viewer *v, const struct hg_viewer_box *box, int x)
 {
     int from, width;
     slider(box, &from, &width);
     if (width <= 0 || v->panels.row >= CAPS_ROW)
         return;
-    hg_cuts_set_share(&v->panels.cuts, (int)v->panels.row, (double)(x - from) / width);
+    hg_clipping_set_share(&v->panels.clipping, (int)v->panels.row, (double)(x - from) / width);
     send(v);
 }
 
-void hg_viewer_cuts_click(struct hg_viewer *v, const struct hg_viewer_box *box, const SDL_Point *at)
+void hg_viewer_clipping_click(
+    struct hg_viewer *v, const struct hg_viewer_box *box, const SDL_Point *at)
 {
     int from, width;
     slider(box, &from, &width);
@@ -98,7 +100,7 @@ void hg_viewer_cuts_click(struct hg_viewer *v, const struct hg_viewer_box *box, 
         change(v, SDL_SCANCODE_RETURN, 0);
     else {
         v->panels.slides = true;
-        hg_viewer_cuts_slide(v, box, at->x);
+        hg_viewer_clipping_slide(v, box, at->x);
     }
 }
 
@@ -107,7 +109,7 @@ void hg_viewer_cuts_click(struct hg_viewer *v, const struct hg_viewer_box *box, 
 // The part that is shown is bright.
 static void draw_slider(struct hg_viewer *v, const struct hg_viewer_box *box, int axis, int y)
 {
-    const struct hg_cut *cut = &v->panels.cuts.axes[axis];
+    const struct hg_clipping_axis *cut = &v->panels.clipping.axes[axis];
     int from, width;
     slider(box, &from, &width);
     if (width <= 0)
@@ -127,14 +129,14 @@ static void draw_slider(struct hg_viewer *v, const struct hg_viewer_box *box, in
 
 static void draw_axis(struct hg_viewer *v, const struct hg_viewer_box *box, int axis, int y)
 {
-    const struct hg_cuts *c = &v->panels.cuts;
-    const struct hg_cut *cut = &c->axes[axis];
+    const struct hg_clipping *c = &v->panels.clipping;
+    const struct hg_clipping_axis *cut = &c->axes[axis];
     const enum hg_overlay_tone tone = cut->is_on ? HG_OVERLAY_PLAIN : HG_OVERLAY_DIM;
     char text[40], place[32];
     snprintf(text, sizeof text, "[%c] %c", cut->is_on ? 'x' : ' ', "xyz"[axis]);
     hg_overlay_put(&v->overlay, tone, text, box->columns, &(SDL_Point){box->x, y});
     draw_slider(v, box, axis, y);
-    hg_ruler_text(hg_cuts_place(c, axis), place, sizeof place);
+    hg_measure_text(hg_clipping_position(c, axis), place, sizeof place);
     snprintf(text, sizeof text, " %c %s", cut->is_flipped ? '>' : '<', place);
     hg_overlay_put(&v->overlay, tone, text, PLACE_COLUMNS,
         &(SDL_Point){box->x + (box->columns - PLACE_COLUMNS) * box->advance, y});
@@ -150,11 +152,12 @@ void hg_viewer_draw_cuts(struct hg_viewer *v, const struct hg_viewer_box *box)
             SDL_RenderFillRect(v->renderer,
                 &(SDL_Rect){box->x - 2, y, box->columns * box->advance + 4, box->line});
         }
-        if (row < HG_CUTS_AXES) {
+        if (row < HG_CLIPPING_AXES) {
             draw_axis(v, box, row, y);
             continue;
         }
-        snprintf(text, sizeof text, "solids are closed by: %s", hg_cuts_caps_name(&v->panels.cuts));
+        snprintf(text, sizeof text, "solids are closed by: %s",
+            hg_clipping_caps_name(&v->panels.clipping));
         hg_overlay_put(&v->overlay, HG_OVERLAY_PLAIN, text, box->columns, &(SDL_Point){box->x, y});
     }
 }

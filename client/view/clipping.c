@@ -1,5 +1,5 @@
-// cuts.c - clipping planes along the axes. Pure.
-#include "client/view/cuts.h"
+// clipping.c - clipping planes along the axes. Pure.
+#include "client/view/clipping.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -13,11 +13,11 @@ static const struct {
 
 enum { CAPS_COUNT = sizeof caps / sizeof *caps };
 
-void hg_cuts_reset(struct hg_cuts *c, bool has_box, const float min[3], const float max[3])
+void hg_clipping_reset(struct hg_clipping *c, bool has_box, const float min[3], const float max[3])
 {
     const enum hgp_cap_style style = c->caps;
-    *c = (struct hg_cuts){.caps = style, .has_box = has_box};
-    for (int i = 0; i < HG_CUTS_AXES; i++) {
+    *c = (struct hg_clipping){.caps = style, .has_box = has_box};
+    for (int i = 0; i < HG_CLIPPING_AXES; i++) {
         c->axes[i].share = 0.5;
         c->has_box &= isfinite(min[i]) && isfinite(max[i]) && min[i] <= max[i];
     }
@@ -27,18 +27,18 @@ void hg_cuts_reset(struct hg_cuts *c, bool has_box, const float min[3], const fl
     memcpy(c->max, max, sizeof c->max);
 }
 
-double hg_cuts_place(const struct hg_cuts *c, int axis)
+double hg_clipping_position(const struct hg_clipping *c, int axis)
 {
     return c->min[axis] + ((double)c->max[axis] - c->min[axis]) * c->axes[axis].share;
 }
 
-void hg_cuts_set_share(struct hg_cuts *c, int axis, double share)
+void hg_clipping_set_share(struct hg_clipping *c, int axis, double share)
 {
     c->axes[axis].is_on = true;
     c->axes[axis].share = !(share > 0) ? 0 : share > 1 ? 1 : share;
 }
 
-static int find_caps(const struct hg_cuts *c)
+static int find_caps(const struct hg_clipping *c)
 {
     for (int i = 0; i < CAPS_COUNT; i++)
         if (caps[i].style == c->caps)
@@ -46,34 +46,34 @@ static int find_caps(const struct hg_cuts *c)
     return 0;
 }
 
-void hg_cuts_next_caps(struct hg_cuts *c, bool back)
+void hg_clipping_next_caps(struct hg_clipping *c, bool back)
 {
     c->caps = caps[(find_caps(c) + (back ? CAPS_COUNT - 1 : 1)) % CAPS_COUNT].style;
 }
 
-const char *hg_cuts_caps_name(const struct hg_cuts *c)
+const char *hg_clipping_caps_name(const struct hg_clipping *c)
 {
     return caps[find_caps(c)].name;
 }
 
-void hg_cuts_planes(const struct hg_cuts *c, struct hg_cut_planes *out)
+void hg_clipping_planes(const struct hg_clipping *c, struct hg_clipping_list *out)
 {
-    *out = (struct hg_cut_planes){.caps = c->caps};
-    for (int i = 0; i < HG_CUTS_AXES && c->has_box; i++) {
+    *out = (struct hg_clipping_list){.caps = c->caps};
+    for (int i = 0; i < HG_CLIPPING_AXES && c->has_box; i++) {
         if (!c->axes[i].is_on)
             continue;
         const float sign = c->axes[i].is_flipped ? 1 : -1;
         struct hgp_clip_plane *plane = &out->items[out->count++];
         plane->normal[i] = sign;
-        plane->distance = (float)(sign * hg_cuts_place(c, i));
+        plane->distance = (float)(sign * hg_clipping_position(c, i));
     }
 }
 
-void hg_cuts_text(const struct hg_cuts *c, char *text, size_t size)
+void hg_clipping_text(const struct hg_clipping *c, char *text, size_t size)
 {
     size_t n = 0;
     text[0] = 0;
-    for (int i = 0; i < HG_CUTS_AXES && c->has_box && n < size; i++)
+    for (int i = 0; i < HG_CLIPPING_AXES && c->has_box && n < size; i++)
         if (c->axes[i].is_on)
             n += (size_t)snprintf(text + n, size - n, "%s%c", n ? ", " : "", "xyz"[i]);
 }

@@ -1,10 +1,10 @@
-// ruler.c - measuring between two points. Pure.
-#include "client/view/ruler.h"
+// measure.c - measuring between two points. Pure.
+#include "client/view/measure.h"
 
 #include <math.h>
 #include <stdio.h>
 
-void hg_ruler_add(struct hg_ruler *r, const float point[3], const float normal[3])
+void hg_measure_add(struct hg_measure *r, const float point[3], const float normal[3])
 {
     if (r->count >= 2)
         r->count = 0;
@@ -15,7 +15,7 @@ void hg_ruler_add(struct hg_ruler *r, const float point[3], const float normal[3
     r->count++;
 }
 
-double hg_ruler_distance(const struct hg_ruler *r)
+double hg_measure_distance(const struct hg_measure *r)
 {
     double sum = 0;
     for (int i = 0; i < 3 && r->count == 2; i++)
@@ -23,7 +23,7 @@ double hg_ruler_distance(const struct hg_ruler *r)
     return sqrt(sum);
 }
 
-double hg_ruler_angle_deg(const struct hg_ruler *r)
+double hg_measure_angle_deg(const struct hg_measure *r)
 {
     double along = 0, lengths[2] = {0};
     for (int i = 0; i < 3 && r->count == 2; i++) {
@@ -36,7 +36,7 @@ double hg_ruler_angle_deg(const struct hg_ruler *r)
     return acos(cosine < -1 ? -1 : cosine > 1 ? 1 : cosine) * 180 / 3.14159265358979323846;
 }
 
-void hg_ruler_text(double metres, char *text, size_t size)
+void hg_measure_text(double metres, char *text, size_t size)
 {
     const double m = fabs(metres);
     if (m >= 1000)

@@ -1,14 +1,15 @@
-// place.c - places in the window, the picture and the scene. Pure.
-#include "client/view/place.h"
+// projection.c - places in the window, the picture and the scene. Pure.
+#include "client/view/projection.h"
 
 #include <math.h>
 #include <string.h>
 
 static const double near_share = 1e-3; // of the farther end's depth, where a segment is cut
 
-struct hg_place_rect hg_place_picture(int width, int height, int window_width, int window_height)
+struct hg_projection_rect hg_projection_picture(
+    int width, int height, int window_width, int window_height)
 {
-    struct hg_place_rect r = {0, 0, window_width, window_height};
+    struct hg_projection_rect r = {0, 0, window_width, window_height};
     if ((int64_t)width * window_height > (int64_t)height * window_width)
         r.height = (int)((int64_t)height * window_width / width);
     else
@@ -18,8 +19,8 @@ struct hg_place_rect hg_place_picture(int width, int height, int window_width, i
     return r;
 }
 
-bool hg_place_pixel(
-    const struct hg_place_rect *rect, int width, int height, int x, int y, uint32_t pixel[2])
+bool hg_projection_pixel(
+    const struct hg_projection_rect *rect, int width, int height, int x, int y, uint32_t pixel[2])
 {
     const int64_t dx = x - rect->x, dy = y - rect->y;
     if (dx < 0 || dy < 0 || dx >= rect->width || dy >= rect->height)
@@ -51,11 +52,11 @@ static bool normalize(double v[3])
     return true;
 }
 
-bool hg_place_look(struct hg_place_view *view, const struct hgp_view_camera *camera,
-    const struct hg_place_rect *rect)
+bool hg_projection_look(struct hg_projection_view *view, const struct hgp_view_camera *camera,
+    const struct hg_projection_rect *rect)
 {
     double up[3];
-    *view = (struct hg_place_view){.rect = *rect};
+    *view = (struct hg_projection_view){.rect = *rect};
     for (int i = 0; i < 3; i++) {
         view->eye[i] = camera->eye[i];
         view->forward[i] = (double)camera->target[i] - camera->eye[i];
@@ -78,7 +79,7 @@ bool hg_place_look(struct hg_place_view *view, const struct hgp_view_camera *cam
     return true;
 }
 
-bool hg_place_point(const struct hg_place_view *view, const double point[3], double at[3])
+bool hg_projection_point(const struct hg_projection_view *view, const double point[3], double at[3])
 {
     double d[3];
     for (int i = 0; i < 3; i++)
@@ -102,8 +103,8 @@ static void cut(double behind[3], const double seen[3], double behind_depth, dou
         behind[i] += (seen[i] - behind[i]) * t;
 }
 
-bool hg_place_segment(const struct hg_place_view *view, const double a[3], const double b[3],
-    double from[2], double to[2])
+bool hg_projection_segment(const struct hg_projection_view *view, const double a[3],
+    const double b[3], double from[2], double to[2])
 {
     double ends[2][3], at[2][3], depth[2];
     for (int i = 0; i < 3; i++) {
@@ -118,7 +119,7 @@ bool hg_place_segment(const struct hg_place_view *view, const double a[3], const
         if (depth[i] <= depth[1 - i] * near_share && depth[1 - i] > 0)
             cut(ends[i], ends[1 - i], depth[i], depth[1 - i]);
     for (int i = 0; i < 2; i++)
-        if (!hg_place_point(view, ends[i], at[i]))
+        if (!hg_projection_point(view, ends[i], at[i]))
             return false;
     memcpy(from, at[0], 2 * sizeof *from);
     memcpy(to, at[1], 2 * sizeof *to);
