@@ -229,8 +229,8 @@ static void readers_end_with_their_session(void **state)
     pid_t spawner, loader;
     while (!loading_count(rig->pid, &spawner) || !loading_count(spawner, &loader))
         assert_true(hg_clock_now_ns() < deadline_ns);
-    // The kernel ends it, and not the worker, where memory is short. The spawner has its score for the
-    // moment of the fork.
+    // The kernel ends it, and not the worker, where memory is short. The spawner has its score for
+    // the moment of the fork.
     while (oom_score_of(loader) != 1000 || oom_score_of(spawner) != oom_score_of(rig->pid))
         assert_true(hg_clock_now_ns() < deadline_ns);
     show(rig);
