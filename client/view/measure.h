@@ -11,7 +11,7 @@ struct hg_measure {
     double points[2][3], normals[2][3];
 };
 
-// A third point begins anew.
+// With two points there already, the next one starts a new measurement.
 void hg_measure_add(struct hg_measure *r, const float point[3], const float normal[3]);
 double hg_measure_distance(const struct hg_measure *r); // 0 with less than two points
 // Between the surfaces at the points, degrees; 0 where one of them has no normal.

@@ -72,7 +72,7 @@ static uint32_t all_samples_of(const struct hg_view_settings *s)
     return samples > SUN_SAMPLES ? samples : SUN_SAMPLES;
 }
 
-// Nearest hit that the field may shade, metres.
+// Nearest hit that the field may shade, metres: the last grid is the finest (shaders/shared/gi.h).
 static float nearest_end(const struct hg_view_state *view)
 {
     struct hg_gpu_probes probes;

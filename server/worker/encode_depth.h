@@ -21,8 +21,8 @@ struct hg_depth_grid {
     uint32_t width, height; // px, of the picture
     uint32_t columns, rows; // of cells
     bool orthographic;
-    // What is filled in row by row: sums and the nearest depth of the cells' pixels.
-    float *sums, *nearest, *farthest; // [rows][columns]; nearest infinite: nothing is there
+    // Filled in row by row: sums, nearest and farthest depth of the pixels of each cell.
+    float *sums, *nearest, *farthest; // [rows][columns], where counts > 0
     uint32_t *counts;                 // [rows][columns] pixels with a surface
     uint64_t read_ns;                 // how long that took
 };
