@@ -249,12 +249,13 @@ static void slow_readers_share_what_there_is(void **state)
     end(&d, &honest, &slow[0]);
 }
 
-// Memory of the daemon, once it is at most `enough`, or has not changed for three seconds (in which
-// buffers are given back), or for a minute.
+// Memory of the daemon, once it is at most `enough`, or has not changed for eight seconds (in which
+// buffers are given back, and the heap is trimmed: within five seconds of its last time), or after
+// a minute.
 static uint64_t settled(struct daemon *d, uint64_t enough)
 {
     uint64_t now = daemon_rss_bytes(d);
-    for (int quiet = 0, tries = 0; now > enough && quiet < 30 && tries < 600; tries++) {
+    for (int quiet = 0, tries = 0; now > enough && quiet < 80 && tries < 600; tries++) {
         usleep(100000);
         const uint64_t then = now;
         now = daemon_rss_bytes(d);
