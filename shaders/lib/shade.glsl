@@ -325,8 +325,8 @@ vec4 layers(ivec2 pixel)
 {
     uint at = hg_frame.blend.heads.v[uint(pixel.y) * hg_frame.width + uint(pixel.x)];
     vec4 front = vec4(0.0);
-    uint left = uint(HG_BLEND_MAX_LAYERS); // more than that have only old lists, beyond the area, of helper invocations
-    do {
+    // Helper invocations have no list (node 0 is no surface), or an old one, which is beyond the area.
+    for (uint left = uint(HG_BLEND_MAX_LAYERS); at != 0u && front.a < 1.0 && left > 0u; left--) {
         uvec2 id = uvec2(hg_frame.blend.nodes.v[at].draw, hg_frame.blend.nodes.v[at].primitive);
         float depth;
         hg_texture_forget();
@@ -337,7 +337,7 @@ vec4 layers(ivec2 pixel)
         }
         front += (1.0 - front.a) * color;
         at = hg_frame.blend.nodes.v[at].next;
-    } while (at != 0u && front.a < 1.0 && --left > 0u);
+    }
     return front;
 }
 
