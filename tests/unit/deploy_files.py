@@ -6,6 +6,8 @@ of heliod's; promtool accepts the queries and haproxy accepts haproxy.cfg, where
 code 77 when neither is and nothing else is wrong); manifests refer to what they define; the container
 and the manifests name options that exist.
 """
+import copy
+import importlib.util
 import json
 import os
 import re
@@ -13,6 +15,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+
+from kubernetes_schema import document_faults
 
 SOURCE, DEPLOY = sys.argv[1], os.path.join(sys.argv[1], "deploy")
 METRIC = re.compile(r"\bheliod_[a-z0-9_]+\b")
@@ -104,6 +108,22 @@ def documents():
     return [d for d in yaml.safe_load_all(text("kubernetes", "heliod.yaml")) if d]
 
 
+def check_schema(found):
+    if not importlib.util.find_spec("kubernetes"):
+        print("not installed: python3-kubernetes")
+        return
+    for d in found:
+        for fault in document_faults(d):
+            expect(False, "heliod.yaml: " + fault)
+    # It does find faults.
+    broken = copy.deepcopy(next(d for d in found if d["kind"] == "StatefulSet"))
+    spec = broken["spec"]["template"]["spec"]
+    spec["containers"][0]["readynessProbe"] = spec["containers"][0].pop("readinessProbe")
+    spec["terminationGracePeriodSeconds"] = "45"
+    del broken["spec"]["selector"]
+    expect(len(document_faults(broken)) == 3, "three faults are not found: %s" % document_faults(broken))
+
+
 REQUIRED = {"Service": ("v1", ["ports"]), "StatefulSet": ("apps/v1", ["serviceName", "selector", "template"]),
             "Deployment": ("apps/v1", ["selector", "template"]),
             "PodDisruptionBudget": ("policy/v1", ["selector"]),
@@ -141,6 +161,7 @@ def check_kubernetes():
     found = documents()
     if found is None:
         return
+    check_schema(found)
     check_proxied(found)
     labels, services = {}, {}
     for d in found:
