@@ -268,6 +268,7 @@ test("is usable by keyboard alone", async () => {
     await page.waitForSelector("dialog[open]");
     await page.keyboard.press("Escape");
     await page.waitForSelector("dialog", { hidden: true });
+    await page.setViewport({ width: 360, height: 300 });
 });
 
 // Does something, and waits for the exact picture that comes of it: the server says which it is.
@@ -343,7 +344,9 @@ test("the animation bar sets the time, plays and pauses", async () => {
     await settleAfter(() => seek(0), isSet);
 });
 
+// Choosing a mode asks for as many samples as it has by default: of a small picture here, and the others stay quick.
 test("switches to path tracing and back", async () => {
+    await page.setViewport({ width: 160, height: 120 });
     await panel("view", true);
     for (const [text, mode] of [["Path traced", "PATH"], ["Real time", "REALTIME"]]) {
         await settleAfter(() => evaluate((label) => {
@@ -354,6 +357,7 @@ test("switches to path tracing and back", async () => {
         await waitFor(page, (wanted) => (window.helio.view.frame.mode ?? "REALTIME") === wanted, mode);
     }
     await panel("view", false);
+    await evaluate(() => window.helio.setParams({ samples: 4 }));
 });
 
 test("takes a picture of what is shown", async () => {

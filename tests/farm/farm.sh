@@ -18,6 +18,7 @@ render() { # folder options...: twelve frames of the worm
     ${run:-} "$helio" render "$worm" -o "$temp/$folder/f-##.png" --size 64x48 --samples 2 --exposure 0 --gi none --frames 0-22:2 --fps 20 \
         --stats "$temp/stats.json" "$@"
 }
+start_daemon "$models" "$temp"
 mkdir "$temp/once" "$temp/again"
 expect 0 render once --progress json
 told '"index":1,"of":12'
@@ -39,11 +40,10 @@ stat_is skipped_frames 6
 told 'f-06.png: was made from something else; it is made again'
 told 'f-02.png: .*; it is made again'
 for f in "$temp"/once/*.png; do same "$f" "$temp/again/${f##*/}"; done
-expect 0 render again --skip-existing --seed 1 --frames 0-0
+expect 0 render again --skip-existing --seed 1 --frames 0-0 --connect "$url"
 stat_is skipped_frames 0
 
 # Other kinds of files.
-start_daemon "$models" "$temp"
 for kind in exr jpg; do
     one=("$helio" render "$knot" -o "$temp/one.$kind" --size 64x48 --samples 2 --exposure 0 --gi none --skip-existing
         --stats "$temp/stats.json" --connect "$url")
@@ -116,7 +116,7 @@ trace() { # out options...
     ${run:-} "$helio" render "$knot" -o "$out" --size 96x64 --mode path --env sky --exposure 0 --exr float --spp 256 \
         --aov depth,cryptomatte,variance --stats "$temp/stats.json" "$@"
 }
-expect 0 trace "$temp/whole.exr"
+expect 0 trace "$temp/whole.exr" --connect "$url"
 stat_is samples 256
 grep -q '"rays": [1-9]' "$temp/stats.json" || fail "no rays were counted"
 for round in 1 2 3; do
@@ -144,7 +144,7 @@ same "$temp/whole.exr" "$temp/part.exr"
 [ -e "$temp/part.exr.checkpoint" ] && fail "the checkpoint is still there"
 expect 0 trace "$temp/part.exr" --skip-existing
 stat_is skipped_frames 1
-expect 0 trace "$temp/limit.exr" --spp 60000 --time 1
+expect 0 trace "$temp/limit.exr" --spp 60000 --time 1 --connect "$url"
 
 # A worker that dies in the middle: the next one goes on from the newest film that was kept.
 for round in 1 2 3; do
@@ -165,7 +165,7 @@ same "$temp/whole.exr" "$temp/dies.exr"
 
 # A daemon that is stopped gives its clients the time to keep their films.
 "$heliod" --listen "unix:$temp/brief" --asset-root "$models" --isolation shared --sandbox best-effort \
-    --log warn --drain-timeout 60 &
+    --log warn --drain-timeout 3600 &
 brief=$!
 answers() { "$helio" ping --count 1 --connect "unix:$temp/brief" >/dev/null 2>&1; }
 until_true answers
@@ -175,6 +175,9 @@ client=$!
 begun() { grep -q '"samples","done":[1-9]' "$temp/out" || ! kill -0 $client 2>/dev/null; }
 until_true begun
 kill -TERM $(pgrep -P $brief) $brief
+kept() { [ -s "$temp/drained.exr.checkpoint" ] || ! kill -0 $client 2>/dev/null; }
+until_true kept
+kill -TERM $brief # the second one ends it at once
 wait $client
 code=$?
 [ $code = 4 ] || fail "exit $code instead of 4 when the daemon was stopped"
@@ -224,12 +227,12 @@ told 'it ended and is replaced'
 same_series deaths
 cp "$temp"/series/s-0[246].exr "$temp/holes"
 rm "$temp/holes/s-04.exr"
-expect 0 series holes --skip-existing
+expect 0 series holes --skip-existing --connect "$url"
 told 'frames 2 to 2 are made again, unwritten'
 told 'frames 6 to 6 are made again, unwritten'
 stat_is skipped_frames 2
 same_series holes
-expect 0 series holes --skip-existing --frames 4-10:2 # no part of the series from 2 on
+expect 0 series holes --skip-existing --frames 4-10:2 --connect "$url" # no part of the series from 2 on
 stat_is skipped_frames 0
 
 [ $failures = 0 ] || exit 1
