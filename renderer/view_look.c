@@ -150,8 +150,10 @@ uint64_t hg_view_look_bytes(const struct hg_view *view)
 
 struct reading {
     const struct hg_geometry *geometry;
-    const struct hg_surface_rect *rect;
+    uint32_t width;
     struct hg_surface_point *points; // [width]
+    void (*row)(void *user, uint32_t y, const struct hg_surface_point *points);
+    void *user;
     double origin[3];
 };
 
@@ -175,21 +177,43 @@ static struct hg_surface_point point_of(const struct reading *r, const struct hg
 static void read_row(void *user, uint32_t y, const struct hg_gpu_pick *pixels)
 {
     const struct reading *r = user;
-    for (uint32_t x = 0; x < r->rect->width; x++)
+    for (uint32_t x = 0; x < r->width; x++)
         r->points[x] = point_of(r, &pixels[x]);
-    r->rect->row(r->rect->user, y, r->points);
+    r->row(r->user, y, r->points);
+}
+
+// Of rows of r->width; hg_free(r->points).
+static enum hg_status begin_reading(
+    const struct hg_view *view, struct reading *r, struct hg_error *err)
+{
+    r->geometry = view->state.scene_gpu->geometry;
+    r->points = hg_calloc((size_t)r->width, sizeof *r->points);
+    if (r->points == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "surfaces", NULL, "no memory");
+    hg_geometry_origin(r->geometry, r->origin);
+    return HG_OK;
 }
 
 enum hg_status hg_view_surfaces(
     struct hg_view *view, const struct hg_surface_rect *rect, struct hg_error *err)
 {
     const VkRect2D pixels = {{(int32_t)rect->x, (int32_t)rect->y}, {rect->width, rect->height}};
-    struct reading r = {.geometry = view->state.scene_gpu->geometry, .rect = rect};
-    r.points = hg_calloc((size_t)rect->width, sizeof *r.points);
-    if (r.points == NULL)
-        return hg_error_set(err, HG_E_NOMEM, "surfaces", NULL, "no memory");
-    hg_geometry_origin(r.geometry, r.origin);
-    const enum hg_status status = hg_view_state_surfaces(&view->state, pixels, read_row, &r, err);
+    struct reading r = {.width = rect->width, .row = rect->row, .user = rect->user};
+    enum hg_status status = begin_reading(view, &r, err);
+    if (status == HG_OK)
+        status = hg_view_state_surfaces(&view->state, pixels, read_row, &r, err);
+    hg_free(r.points);
+    return status;
+}
+
+enum hg_status hg_view_surface_grid(
+    struct hg_view *view, const struct hg_surface_grid *grid, struct hg_error *err)
+{
+    const VkExtent2D cells = {grid->columns, grid->rows};
+    struct reading r = {.width = grid->columns, .row = grid->row, .user = grid->user};
+    enum hg_status status = begin_reading(view, &r, err);
+    if (status == HG_OK)
+        status = hg_view_state_grid(&view->state, cells, read_row, &r, err);
     hg_free(r.points);
     return status;
 }

@@ -52,6 +52,15 @@ struct hg_surface_rect {
 };
 enum hg_status hg_view_surfaces(
     struct hg_view *view, const struct hg_surface_rect *rect, struct hg_error *err) HG_MUST_CHECK;
+// The surfaces at the centres of equal cells of the picture, likewise: costs as much as a rectangle
+// of so many pixels. HG_E_INVAL: more columns or rows than it has pixels, or none.
+struct hg_surface_grid {
+    uint32_t columns, rows;
+    void (*row)(void *user, uint32_t y, const struct hg_surface_point *points); // [columns]
+    void *user;
+};
+enum hg_status hg_view_surface_grid(
+    struct hg_view *view, const struct hg_surface_grid *grid, struct hg_error *err) HG_MUST_CHECK;
 uint64_t hg_view_shown_revision(const struct hg_view *view); // of the scene, in the newest step
 
 #endif

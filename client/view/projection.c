@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/vec3d.h"
+
 static const double near_share = 1e-3; // of the farther end's depth, where a segment is cut
 
 struct hg_projection_rect hg_projection_picture(
@@ -30,28 +32,6 @@ bool hg_projection_pixel(
     return true;
 }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static bool normalize(double v[3])
-{
-    const double length = sqrt(dot(v, v));
-    if (!isfinite(length) || length < 1e-12)
-        return false;
-    for (int i = 0; i < 3; i++)
-        v[i] /= length;
-    return true;
-}
-
 bool hg_projection_look(struct hg_projection_view *view, const struct hgp_view_camera *camera,
     const struct hg_projection_rect *rect)
 {
@@ -62,16 +42,16 @@ bool hg_projection_look(struct hg_projection_view *view, const struct hgp_view_c
         view->forward[i] = (double)camera->target[i] - camera->eye[i];
         up[i] = camera->has_up ? camera->up[i] : i == 1;
     }
-    if (!normalize(view->forward))
+    if (!hg_normalize3d(view->forward))
         return false;
-    cross(view->forward, up, view->right);
-    if (!normalize(view->right)) { // straight up or down: any direction to the right
+    hg_cross3d(view->forward, up, view->right);
+    if (!hg_normalize3d(view->right)) { // straight up or down: any direction to the right
         const double other[3] = {0, 0, view->forward[1] < 0 ? -1 : 1};
-        cross(view->forward, other, view->right);
-        if (!normalize(view->right))
+        hg_cross3d(view->forward, other, view->right);
+        if (!hg_normalize3d(view->right))
             return false;
     }
-    cross(view->right, view->forward, view->up);
+    hg_cross3d(view->right, view->forward, view->up);
     const bool flat = camera->has_kind && camera->kind == HGP_camera_kind_ORTHOGRAPHIC;
     const double vfov = camera->has_vfov_rad ? camera->vfov_rad : 3.14159265358979323846 / 4;
     view->tangent = flat ? 0 : tan(vfov / 2);
@@ -84,13 +64,13 @@ bool hg_projection_point(const struct hg_projection_view *view, const double poi
     double d[3];
     for (int i = 0; i < 3; i++)
         d[i] = point[i] - view->eye[i];
-    at[2] = dot(d, view->forward);
+    at[2] = hg_dot3d(d, view->forward);
     if (!(at[2] > 1e-9))
         return false;
     const double half = view->tangent > 0 ? at[2] * view->tangent : view->half_height;
     const double px = view->rect.height / 2.0 / half;
-    at[0] = view->rect.x + view->rect.width / 2.0 + dot(d, view->right) * px;
-    at[1] = view->rect.y + view->rect.height / 2.0 - dot(d, view->up) * px;
+    at[0] = view->rect.x + view->rect.width / 2.0 + hg_dot3d(d, view->right) * px;
+    at[1] = view->rect.y + view->rect.height / 2.0 - hg_dot3d(d, view->up) * px;
     return isfinite(at[0]) && isfinite(at[1]);
 }
 
@@ -112,7 +92,7 @@ bool hg_projection_segment(const struct hg_projection_view *view, const double a
         ends[1][i] = b[i] - view->eye[i];
     }
     for (int i = 0; i < 2; i++)
-        depth[i] = dot(ends[i], view->forward);
+        depth[i] = hg_dot3d(ends[i], view->forward);
     memcpy(ends[0], a, sizeof ends[0]);
     memcpy(ends[1], b, sizeof ends[1]);
     for (int i = 0; i < 2; i++)

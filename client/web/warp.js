@@ -8,7 +8,6 @@ import { axes, cross, dot, scale, sub } from "./camera.js";
 
 const HEAD_BYTES = 12;
 const STEPS = 4094;
-const CELL_PX = 4;
 
 // The cells of a frame's `depth`: { columns, rows, values }, row by row; NaN where nothing is.
 export async function decodeDepth(data, inflate) {
@@ -76,7 +75,6 @@ const VERTEX = `#version 300 es
 precision highp float;
 uniform highp sampler2D cells;
 uniform mat4 warp;
-uniform vec2 size; // px
 uniform bool flatten; // without perspective: d is the depth
 uniform float most;
 out vec2 place;
@@ -84,8 +82,7 @@ flat out vec2 behind;
 flat out float gap;
 ivec2 count;
 vec2 placeOf(ivec2 v) {
-    vec2 from = vec2(v) * ${CELL_PX}.0;
-    vec2 p = (from + min(from + ${CELL_PX}.0, size)) / size - 1.0;
+    vec2 p = vec2(2 * v + 1) / vec2(count) - 1.0;
     p = mix(p, vec2(-3), lessThan(v, ivec2(0)));
     p = mix(p, vec2(3), greaterThanEqual(v, count));
     return vec2(p.x, -p.y);
@@ -107,7 +104,7 @@ void main() {
         ivec2 v = at + ivec2(i & 1, i >> 1);
         float d = depthOf(v);
         vec4 clip = clipOf(v);
-        vec2 p = clip.xy / max(clip.w, 1e-9) * size / ${2 * CELL_PX}.0;
+        vec2 p = clip.xy / max(clip.w, 1e-9) * vec2(count) / 2.0; // in cells
         least = min(least, p);
         greatest = max(greatest, p);
         if (flatten ? d > high : d < low)
@@ -191,7 +188,7 @@ export class Warp {
 
     prepare(gl) {
         this.program = makeProgram(gl);
-        this.at = Object.fromEntries(["cells", "picture", "warp", "size", "flatten", "most"].map(
+        this.at = Object.fromEntries(["cells", "picture", "warp", "flatten", "most"].map(
             (name) => [name, gl.getUniformLocation(this.program, name)]));
         gl.useProgram(this.program);
         makeTexture(gl, 0, ["LINEAR_MIPMAP_LINEAR", "LINEAR"]);
@@ -260,7 +257,6 @@ export class Warp {
         gl.viewport(0, 0, canvas.width, canvas.height);
         gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
         gl.uniformMatrix4fv(at.warp, false, warpMatrix(state.camera, camera, aspect, most));
-        gl.uniform2f(at.size, canvas.width, canvas.height);
         gl.uniform1i(at.flatten, isFlat(camera) ? 1 : 0);
         gl.uniform1f(at.most, most);
         gl.drawArrays(gl.TRIANGLES, 0, 6 * (columns + 1) * (rows + 1));

@@ -3,47 +3,27 @@
 #include <math.h>
 #include <string.h>
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static bool normalize(double v[3])
-{
-    const double length = sqrt(dot(v, v));
-    if (!(length > 1e-12) || !isfinite(length))
-        return false;
-    for (int i = 0; i < 3; i++)
-        v[i] /= length;
-    return true;
-}
+#include "base/vec3d.h"
 
 // right, up, forward: unit. Degenerate input falls back to looking along -z with +y up.
 static void basis(const struct hg_camera_setup *s, double right[3], double up[3], double forward[3])
 {
     for (int i = 0; i < 3; i++)
         forward[i] = s->target[i] - s->eye[i];
-    if (!normalize(forward))
+    if (!hg_normalize3d(forward))
         memcpy(forward, (double[3]){0, 0, -1}, 3 * sizeof(double));
     memcpy(up, s->up, 3 * sizeof(double));
-    if (!normalize(up))
+    if (!hg_normalize3d(up))
         memcpy(up, (double[3]){0, 1, 0}, 3 * sizeof(double));
-    cross(forward, up, right);
-    if (sqrt(dot(right, right)) < 1e-6) { // looking along up
+    hg_cross3d(forward, up, right);
+    if (sqrt(hg_dot3d(right, right)) < 1e-6) { // looking along up
         const double other[3] = {
             0, fabs(forward[1]) > 0.9 ? 0 : 1, fabs(forward[1]) > 0.9 ? -1 : 0};
-        cross(forward, other, right);
+        hg_cross3d(forward, other, right);
     }
-    if (!normalize(right))
+    if (!hg_normalize3d(right))
         memcpy(right, (double[3]){1, 0, 0}, 3 * sizeof(double));
-    cross(right, forward, up);
+    hg_cross3d(right, forward, up);
 }
 
 static void store(const double m[16], struct hg_mat4 *out)
@@ -112,7 +92,7 @@ static void look(const double right[3], const double up[3], const double forward
             view[c * 4 + r] = axes[r][c];
             inverse[r * 4 + c] = axes[r][c];
         }
-        view[12 + r] = -dot(axes[r], eye);
+        view[12 + r] = -hg_dot3d(axes[r], eye);
         inverse[12 + r] = eye[r];
     }
     view[15] = inverse[15] = 1.0;

@@ -3,10 +3,7 @@
 #include <float.h>
 #include <math.h>
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+#include "base/vec3d.h"
 
 // At the poles `up` is the limit that it has beside them, so this covers every direction.
 static void set_axes(struct hg_framing *f, double azimuth, double elevation)
@@ -38,7 +35,7 @@ void hg_framing_begin(struct hg_framing *f, const struct hg_framing_lens *lens)
 void hg_framing_add(struct hg_framing *f, const float point[3])
 {
     const double p[3] = {(double)point[0], (double)point[1], (double)point[2]};
-    const double b = dot(p, f->back), axis[2] = {dot(p, f->right), dot(p, f->up)};
+    const double b = hg_dot3d(p, f->back), axis[2] = {hg_dot3d(p, f->right), hg_dot3d(p, f->up)};
     for (int i = 0; i < 2; i++) {
         f->most[i][0] = fmax(f->most[i][0], f->slope[i] * b - axis[i]);
         f->most[i][1] = fmax(f->most[i][1], f->slope[i] * b + axis[i]);
@@ -53,7 +50,8 @@ void hg_framing_add_ring(struct hg_framing *f, const float axis[3], const float 
     const double radius =
         hypot((double)point[0] - (double)axis[0], (double)point[2] - (double)axis[2]);
     const double center[3] = {(double)axis[0], (double)point[1], (double)axis[2]};
-    const double b = dot(center, f->back), at[2] = {dot(center, f->right), dot(center, f->up)};
+    const double b = hg_dot3d(center, f->back),
+                 at[2] = {hg_dot3d(center, f->right), hg_dot3d(center, f->up)};
     const double level = hypot(f->back[0], f->back[2]); // cosine of the elevation
     for (int side = 0; side < 2; side++) {
         const double sign = side ? 1 : -1;

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/vec3d.h"
 
 #define BLOCK_MESHLETS 4096 // of one job, about
 
@@ -48,23 +49,15 @@ static void move_planes(
     }
 }
 
-// c = a x b
-static void cross(const double a[3], const double b[3], double c[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 // inverse(m) * v of the linear part, and returns its determinant; 0 when it has no inverse. The
 // rows of the inverse are the cross products of the columns over the determinant.
 static double move_back(const float m[12], const double v[3], float out[3])
 {
     const double x[3] = {m[0], m[1], m[2]}, y[3] = {m[3], m[4], m[5]}, z[3] = {m[6], m[7], m[8]};
     double rows[3][3];
-    cross(y, z, rows[0]);
-    cross(z, x, rows[1]);
-    cross(x, y, rows[2]);
+    hg_cross3d(y, z, rows[0]);
+    hg_cross3d(z, x, rows[1]);
+    hg_cross3d(x, y, rows[2]);
     const double det = x[0] * rows[0][0] + x[1] * rows[0][1] + x[2] * rows[0][2];
     if (!(fabs(det) > DBL_MIN))
         return 0.0;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/vec3d.h"
 #include "renderer/denoise/history_state.h"
 
 #define NORMAL_LEAST 0.9f   // cosine between normals of the same surface
@@ -21,11 +22,6 @@
 
 // --- cameras ------------------------------------------------------------------------------------
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static void place_of(
     const struct hg_denoise_camera *c, double x, double y, double depth, double out[3])
 {
@@ -42,15 +38,15 @@ static bool find(
     double d[3];
     for (int i = 0; i < 3; i++)
         d[i] = place[i] - (c->orthographic ? c->across[i] : c->eye[i]);
-    *depth = dot(d, c->forward);
+    *depth = hg_dot3d(d, c->forward);
     if (!c->orthographic) {
         if (!(*depth > 1e-9))
             return false;
         for (int i = 0; i < 3; i++)
             d[i] = d[i] / *depth - c->across[i];
     }
-    *x = dot(d, c->x) / dot(c->x, c->x);
-    *y = dot(d, c->y) / dot(c->y, c->y);
+    *x = hg_dot3d(d, c->x) / hg_dot3d(c->x, c->x);
+    *y = hg_dot3d(d, c->y) / hg_dot3d(c->y, c->y);
     return true;
 }
 

@@ -115,6 +115,7 @@ struct hg_view_buffers {
     struct hg_gpu_buffer pick;     // struct hg_gpu_pick of each pixel that is looked at
     struct hg_gpu_buffer motion;   // depth; visibility (temporal_view.h)
     struct hg_culling *pick_culling; // of what one pixel shows
+    struct hg_view_targets grid;     // of hg_view_state_grid; made when first needed
 };
 
 // --- one batch -----------------------------------------------------------------------------------

@@ -31,10 +31,10 @@ enum hg_frame_part { HG_FRAME_PICTURE, HG_FRAME_SHADOWS };
 // be drawn.
 enum hg_status hg_frame_cull(struct hg_draw *draw, enum hg_frame_part part, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
-// Culls a rectangle of the image for the camera, and loads all of it at once.
+// Culls a rectangle of the drawn size for the camera, and loads all of it at once.
 enum hg_status hg_frame_cull_part(
     struct hg_draw *draw, VkRect2D part, struct hg_error *err) HG_MUST_CHECK;
-// Culls a rectangle for what the planes of the frame block cut, both sides of it.
+// Culls a rectangle of the drawn size for what the planes of the frame block cut, both sides of it.
 enum hg_status hg_frame_cull_cuts(
     struct hg_draw *draw, VkRect2D part, struct hg_error *err) HG_MUST_CHECK;
 // Culls the whole picture for the camera, for hg_frame_record_prefetch; no shadow maps.

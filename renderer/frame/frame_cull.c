@@ -10,11 +10,11 @@
 
 #define MARGIN_PX 2.0f // jitter and rounding
 
-// Clip space of a part of the image, a few pixels wider so that it holds every jittered sample.
-static void narrow(const struct hg_draw *draw, VkRect2D part, float m[16])
+// Clip space of a part of an image of that size, a few pixels wider so that it holds every jittered
+// sample.
+static void narrow(VkExtent2D size_px, VkRect2D part, float m[16])
 {
-    const float px[2] = {
-        (float)draw->request->settings->width, (float)draw->request->settings->height};
+    const float px[2] = {(float)size_px.width, (float)size_px.height};
     const float first[2] = {(float)part.offset.x - MARGIN_PX, (float)part.offset.y - MARGIN_PX};
     const float size[2] = {
         (float)part.extent.width + 2.0f * MARGIN_PX, (float)part.extent.height + 2.0f * MARGIN_PX};
@@ -36,8 +36,15 @@ static bool is_whole(const struct hg_draw *draw)
     return is_exact(draw) && !draw->accumulation->forced && !draw->request->smaller;
 }
 
-// Culls `part` for the camera.
-static struct hg_culling_view camera_view(const struct hg_draw *draw, VkRect2D part)
+static VkExtent2D whole_of(const struct hg_draw *draw)
+{
+    const struct hg_view_settings *s = draw->request->settings;
+    return (VkExtent2D){s->width, s->height};
+}
+
+// Culls `part` of a picture of that size for the camera.
+static struct hg_culling_view camera_view(
+    const struct hg_draw *draw, VkExtent2D size, VkRect2D part)
 {
     // Not the newest sample's: that may have been smaller, with a coarser LOD cut.
     struct hg_gpu_camera camera;
@@ -59,7 +66,7 @@ static struct hg_culling_view camera_view(const struct hg_draw *draw, VkRect2D p
     look.px_scale /= hg_frame_scale(draw); // errors are px of the picture that is seen
     float m[16];
     memcpy(m, camera.view_proj.m, sizeof m);
-    narrow(draw, part, m);
+    narrow(size, part, m);
     if (!off)
         look.plane_count = hg_frustum_planes(m, look.planes);
     return look;
@@ -71,6 +78,15 @@ struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExten
     memcpy(lens.view_proj, camera->view_proj.m, sizeof lens.view_proj);
     memcpy(lens.clip, camera->proj.m + 12, sizeof lens.clip);
     return lens;
+}
+
+// Of a picture without jitter.
+static struct hg_culling_lens centres_of(const struct hg_draw *draw)
+{
+    struct hg_gpu_camera camera;
+    const struct hg_camera_setup setup = hg_frame_setup(draw);
+    hg_camera_fill(&setup, &camera);
+    return hg_frame_lens(&camera, hg_frame_size(draw));
 }
 
 // Sample positions of the next batch: exact for one sample, a range for several.
@@ -93,9 +109,7 @@ static struct hg_culling_lens lens_of(const struct hg_draw *draw, uint32_t sampl
 static VkRect2D area_of(const struct hg_draw *draw)
 {
     const struct hg_tiled_area *area = hg_draw_area(draw);
-    return area != NULL ? area->rect
-                        : (VkRect2D){{0, 0},
-                              {draw->request->settings->width, draw->request->settings->height}};
+    return area != NULL ? area->rect : (VkRect2D){{0, 0}, whole_of(draw)};
 }
 
 // Rays have told which lights each opaque surface sees, and there are no others that maps are for.
@@ -110,15 +124,12 @@ static enum hg_status select_sets(
 {
     const struct hg_tiled_accumulation *s = draw->accumulation;
     struct hg_jobs *jobs = draw->context->jobs;
-    struct hg_culling_view look = camera_view(draw, area_of(draw));
+    struct hg_culling_view look = camera_view(draw, whole_of(draw), area_of(draw));
     const struct hg_culling_lens lens = lens_of(draw, samples);
     const struct hg_device_strategy *strategy = hg_gpu_strategy(draw->context->gpu);
     if (strategy->host_triangle_cull)
         look.lens = &lens;
-    struct hg_gpu_camera camera;
-    const struct hg_camera_setup setup = hg_frame_setup(draw);
-    hg_camera_fill(&setup, &camera);
-    const struct hg_culling_lens host = hg_frame_lens(&camera, hg_frame_size(draw));
+    const struct hg_culling_lens host = centres_of(draw);
     if (strategy->host_raster && draw->request->settings->debug == 0 &&
         !hg_look_clips(draw->request->settings->look))
         look.host = &host;
@@ -185,9 +196,13 @@ enum hg_status hg_frame_cull(
 enum hg_status hg_frame_cull_part(struct hg_draw *draw, VkRect2D part, struct hg_error *err)
 {
     struct hg_culling *culling = draw->culling;
-    struct hg_culling_view look = camera_view(draw, part);
+    struct hg_culling_view look = camera_view(draw, hg_draw_size(draw->request), part);
+    const struct hg_culling_lens lens = centres_of(draw);
     look.wait = look.whole = true;
     look.history = false;
+    // Most triangles show at none of the few samples of a grid.
+    if (draw->request->drawn.width > 0 && hg_gpu_strategy(draw->context->gpu)->host_triangle_cull)
+        look.lens = &lens;
     hg_culling_reset(culling);
     struct hg_jobs *jobs = draw->context->jobs;
     enum hg_status status = hg_culling_add(culling, draw->scene_gpu->geometry, &look, jobs, err);
@@ -202,7 +217,7 @@ enum hg_status hg_frame_cull_part(struct hg_draw *draw, VkRect2D part, struct hg
 enum hg_status hg_frame_cull_cuts(struct hg_draw *draw, VkRect2D part, struct hg_error *err)
 {
     struct hg_culling *culling = draw->culling;
-    struct hg_culling_view look = camera_view(draw, part);
+    struct hg_culling_view look = camera_view(draw, hg_draw_size(draw->request), part);
     look.wait = look.both_sides = true;
     look.history = false;
     look.cut_count = draw->frame->clip_count;
@@ -217,9 +232,8 @@ enum hg_status hg_frame_cull_cuts(struct hg_draw *draw, VkRect2D part, struct hg
 
 enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err)
 {
-    const VkRect2D all = {
-        {0, 0}, {draw->request->settings->width, draw->request->settings->height}};
-    const struct hg_culling_view look = camera_view(draw, all);
+    const VkExtent2D size = whole_of(draw);
+    const struct hg_culling_view look = camera_view(draw, size, (VkRect2D){{0, 0}, size});
     struct hg_jobs *jobs = draw->context->jobs;
     hg_culling_reset(draw->culling);
     const enum hg_status status =

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "base/vec3d.h"
 #include "renderer/frame/frame.h"
 #include "renderer/passes/shade.h"
 #include "renderer/passes/visibility.h"
@@ -16,14 +17,9 @@
 #define TURN_MOST   0.8         // radians ahead
 #define FASTER_MOST 4.0         // from one change to the next, in a steady movement
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static double normalize(double v[3])
 {
-    const double length = sqrt(dot(v, v));
+    const double length = sqrt(hg_dot3d(v, v));
     for (int i = 0; i < 3 && length > 0; i++)
         v[i] /= length;
     return length;
@@ -46,10 +42,10 @@ static struct hg_prefetch_place place_of(const struct hg_view_camera_state *came
 // Two changes belong to one movement: similar direction and size.
 static bool agree(const double a[3], const double b[3])
 {
-    const double la = sqrt(dot(a, a)), lb = sqrt(dot(b, b));
+    const double la = sqrt(hg_dot3d(a, a)), lb = sqrt(hg_dot3d(b, b));
     if (la == 0 && lb == 0)
         return true;
-    return la <= FASTER_MOST * lb && lb <= FASTER_MOST * la && dot(a, b) > 0.5 * la * lb;
+    return la <= FASTER_MOST * lb && lb <= FASTER_MOST * la && hg_dot3d(a, b) > 0.5 * la * lb;
 }
 
 bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t horizon_ns,
@@ -74,7 +70,7 @@ bool hg_prefetch_predict(const struct hg_prefetch_place places[3], uint64_t hori
         move[0][k] += move[1][k];
         turn[0][k] += turn[1][k];
     }
-    const double angle = sqrt(dot(turn[0], turn[0])) * time;
+    const double angle = sqrt(hg_dot3d(turn[0], turn[0])) * time;
     const double turning = angle > TURN_MOST ? time * TURN_MOST / angle : time;
     for (int k = 0; k < 3; k++)
         direction[k] = p[0].direction[k] + turn[0][k] * turning;

@@ -35,6 +35,7 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
     hg_gpu_buffer_destroy(gpu, &view->buffers.motion);
     hg_temporal_view_finish(gpu, &view->motion.temporal);
+    hg_view_forget_grid(view);
 }
 
 // New images first, so that a refusal leaves the old ones.
@@ -692,6 +693,8 @@ enum hg_status hg_view_state_step(
             hg_graph_reset(view->motion.temporal.targets.graph);
         if (view->prefetch.targets.graph != NULL)
             hg_graph_reset(view->prefetch.targets.graph);
+        if (view->buffers.grid.graph != NULL)
+            hg_graph_reset(view->buffers.grid.graph);
     }
     return status;
 }

@@ -42,5 +42,10 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
 enum hg_status hg_view_state_surfaces(struct hg_view_state *view, VkRect2D pixels,
     void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *pixels), void *user,
     struct hg_error *err) HG_MUST_CHECK;
+// The same for the centres of so many equal cells of the whole picture, at most its pixels: costs
+// as much as a picture of that size.
+enum hg_status hg_view_state_grid(struct hg_view_state *view, VkExtent2D cells,
+    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *cells), void *user,
+    struct hg_error *err) HG_MUST_CHECK;
 
 #endif

@@ -197,6 +197,29 @@ static enum hg_status put_caps(
     return status;
 }
 
+static struct hg_draw_request request_of(const struct hg_view_state *view)
+{
+    return (struct hg_draw_request){.settings = &view->settings,
+        .camera = &view->camera,
+        .flags = HG_DRAW_WAIT,
+        .samples = view->settings.samples,
+        .max_samples = 1,
+        .error_px = view->accumulation.error_px}; // as the picture shows it
+}
+
+// What pixels of the drawn size show, into out[pixels].
+static enum hg_status look_through(struct hg_view_state *view, struct hg_draw *draw,
+    VkRect2D pixels, struct hg_gpu_pick *out, struct hg_error *err)
+{
+    draw->culling = view->buffers.pick_culling;
+    const enum hg_status status = look_behind_caps(view, draw, pixels, err);
+    if (status != HG_OK)
+        return status;
+    memcpy(out, view->buffers.pick.mapped,
+        (size_t)pixels.extent.width * pixels.extent.height * sizeof *out);
+    return put_caps(draw, pixels, out, err);
+}
+
 // Into out[pixels].
 static enum hg_status look_at(struct hg_view_state *view, VkRect2D pixels, const char *what,
     struct hg_gpu_pick *out, struct hg_error *err)
@@ -207,20 +230,9 @@ static enum hg_status look_at(struct hg_view_state *view, VkRect2D pixels, const
     if ((uint64_t)pixels.offset.x + pixels.extent.width > seen->width ||
         (uint64_t)pixels.offset.y + pixels.extent.height > seen->height)
         return hg_error_set(err, HG_E_INVAL, what, "x, y", "outside the view");
-    const struct hg_draw_request request = {.settings = &view->settings,
-        .camera = &view->camera,
-        .flags = HG_DRAW_WAIT,
-        .samples = view->settings.samples,
-        .max_samples = 1,
-        .error_px = view->accumulation.error_px}; // as the picture shows it
+    const struct hg_draw_request request = request_of(view);
     struct hg_draw draw = hg_view_draw(view, &request);
-    draw.culling = view->buffers.pick_culling;
-    const enum hg_status status = look_behind_caps(view, &draw, pixels, err);
-    if (status != HG_OK)
-        return status;
-    memcpy(out, view->buffers.pick.mapped,
-        (size_t)pixels.extent.width * pixels.extent.height * sizeof *out);
-    return put_caps(&draw, pixels, out, err);
+    return look_through(view, &draw, pixels, out, err);
 }
 
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,
@@ -239,9 +251,15 @@ enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32
 
 #define PART_PX (1u << 18) // that are looked at at once
 
-enum hg_status hg_view_state_surfaces(struct hg_view_state *view, VkRect2D pixels,
-    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *pixels), void *user,
-    struct hg_error *err)
+struct looking {
+    struct hg_view_state *view;
+    struct hg_draw *draw; // of a grid; NULL: at the pixels of the picture
+    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *pixels);
+    void *user;
+};
+
+// Row by row, in parts.
+static enum hg_status look_at_rows(const struct looking *l, VkRect2D pixels, struct hg_error *err)
 {
     const uint32_t width = pixels.extent.width, most = PART_PX / width > 0 ? PART_PX / width : 1;
     struct hg_gpu_pick *found = hg_calloc((size_t)width * most, sizeof *found);
@@ -250,10 +268,69 @@ enum hg_status hg_view_state_surfaces(struct hg_view_state *view, VkRect2D pixel
     for (uint32_t y = 0; y < pixels.extent.height && status == HG_OK; y += most) {
         const uint32_t left = pixels.extent.height - y, rows = left < most ? left : most;
         const VkRect2D part = {{pixels.offset.x, pixels.offset.y + (int32_t)y}, {width, rows}};
-        status = look_at(view, part, "surfaces", found, err);
+        status = l->draw != NULL ? look_through(l->view, l->draw, part, found, err)
+                                 : look_at(l->view, part, "surfaces", found, err);
         for (uint32_t i = 0; i < rows && status == HG_OK; i++)
-            row(user, y + i, found + (size_t)i * width);
+            l->row(l->user, y + i, found + (size_t)i * width);
     }
     hg_free(found);
     return status;
+}
+
+enum hg_status hg_view_state_surfaces(struct hg_view_state *view, VkRect2D pixels,
+    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *pixels), void *user,
+    struct hg_error *err)
+{
+    const struct looking l = {.view = view, .row = row, .user = user};
+    return look_at_rows(&l, pixels, err);
+}
+
+// --- a grid over the picture ---------------------------------------------------------------------
+
+static void destroy_grid(struct hg_view_state *view)
+{
+    hg_gpu_image_destroy(view->context->gpu, &view->buffers.grid.visibility);
+    hg_gpu_image_destroy(view->context->gpu, &view->buffers.grid.depth);
+}
+
+void hg_view_forget_grid(struct hg_view_state *view)
+{
+    destroy_grid(view);
+    hg_graph_destroy(view->buffers.grid.graph);
+    view->buffers.grid.graph = NULL;
+}
+
+static enum hg_status make_grid(
+    struct hg_view_state *view, struct hg_draw *draw, struct hg_error *err)
+{
+    struct hg_view_targets *t = &view->buffers.grid;
+    const VkExtent2D size = hg_draw_size(draw->request);
+    draw->targets = t;
+    draw->gathered = draw->glass = NULL; // per pixel of the whole size
+    draw->blocks = NULL;
+    if (t->depth.width != size.width || t->depth.height != size.height)
+        destroy_grid(view);
+    const enum hg_status status =
+        hg_draw_make_image(draw, HG_VISIBILITY_FORMAT, "grid visibility", &t->visibility, err);
+    return status == HG_OK ? hg_draw_make_image(draw, HG_DEPTH_FORMAT, "grid depth", &t->depth, err)
+                           : status;
+}
+
+// A picture of as many pixels as there are cells has its samples in their centres.
+enum hg_status hg_view_state_grid(struct hg_view_state *view, VkExtent2D cells,
+    void (*row)(void *user, uint32_t y, const struct hg_gpu_pick *cells), void *user,
+    struct hg_error *err)
+{
+    const struct hg_view_settings *s = &view->settings;
+    if (!hg_view_state_has_pixels(view, 0))
+        return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was rendered yet");
+    if (cells.width == 0 || cells.height == 0 || cells.width > s->width || cells.height > s->height)
+        return hg_error_set(err, HG_E_INVAL, "grid", "cells", "%u x %u of a picture of %u x %u px",
+            cells.width, cells.height, s->width, s->height);
+    struct hg_draw_request request = request_of(view);
+    request.drawn = cells;
+    struct hg_draw draw = hg_view_draw(view, &request);
+    const enum hg_status status = make_grid(view, &draw, err);
+    const struct looking l = {.view = view, .draw = &draw, .row = row, .user = user};
+    return status == HG_OK ? look_at_rows(&l, (VkRect2D){{0, 0}, cells}, err) : status;
 }

@@ -10,5 +10,7 @@ enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buf
     uint32_t format, struct hg_error *err) HG_MUST_CHECK;
 // The picture in motion to the readback of the view.
 void hg_view_record_copy(const struct hg_draw *draw, struct hg_gpu_cmd *cmd);
+// Destroys what hg_view_state_grid draws to.
+void hg_view_forget_grid(struct hg_view_state *view);
 
 #endif

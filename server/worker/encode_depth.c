@@ -11,10 +11,7 @@ void hg_depth_grid_destroy(struct hg_depth_grid *g)
 {
     if (!g)
         return;
-    hg_free(g->sums);
-    hg_free(g->nearest);
-    hg_free(g->farthest);
-    hg_free(g->counts);
+    hg_free(g->depths);
     hg_free(g);
 }
 
@@ -24,58 +21,24 @@ enum hg_status hg_depth_grid_create(uint32_t width, uint32_t height, bool orthog
     struct hg_depth_grid *g = *out = hg_calloc(1, sizeof *g);
     if (!g)
         return hg_error_set(err, HG_E_NOMEM, "depth", NULL, "no memory");
-    g->width = width;
-    g->height = height;
     g->columns = (width + HG_DEPTH_CELL_PX - 1) / HG_DEPTH_CELL_PX;
     g->rows = (height + HG_DEPTH_CELL_PX - 1) / HG_DEPTH_CELL_PX;
     g->orthographic = orthographic;
-    const size_t cells = (size_t)g->columns * g->rows;
-    g->sums = hg_calloc(cells, sizeof *g->sums);
-    g->nearest = hg_calloc(cells, sizeof *g->nearest);
-    g->farthest = hg_calloc(cells, sizeof *g->farthest);
-    g->counts = hg_calloc(cells, sizeof *g->counts);
-    if (g->sums && g->nearest && g->farthest && g->counts)
+    g->depths = hg_calloc((size_t)g->columns * g->rows, sizeof *g->depths);
+    if (g->depths)
         return HG_OK;
     hg_depth_grid_destroy(g);
     *out = NULL;
     return hg_error_set(err, HG_E_NOMEM, "depth", NULL, "no memory");
 }
 
-// What is affine over the picture of a plane.
-static float affine(const struct hg_depth_grid *g, float depth)
-{
-    return g->orthographic ? depth : 1 / depth;
-}
-
-void hg_depth_grid_add(struct hg_depth_grid *g, uint32_t x, uint32_t y, float depth)
-{
-    if (!isfinite(depth) || (!g->orthographic && !(depth > 0)))
-        return;
-    const size_t i = (size_t)(y / HG_DEPTH_CELL_PX) * g->columns + x / HG_DEPTH_CELL_PX;
-    const bool first = g->counts[i]++ == 0;
-    g->nearest[i] = first ? depth : fminf(g->nearest[i], depth);
-    g->farthest[i] = first ? depth : fmaxf(g->farthest[i], depth);
-    g->sums[i] += affine(g, depth);
-}
-
-static uint32_t pixels_of(const struct hg_depth_grid *g, uint32_t column, uint32_t row)
-{
-    const uint32_t x = column * HG_DEPTH_CELL_PX, y = row * HG_DEPTH_CELL_PX;
-    const uint32_t across = g->width - x < HG_DEPTH_CELL_PX ? g->width - x : HG_DEPTH_CELL_PX,
-                   down = g->height - y < HG_DEPTH_CELL_PX ? g->height - y : HG_DEPTH_CELL_PX;
-    return across * down;
-}
-
-// The middle of one surface that fills the cell; where there are several, the nearest: what is in
-// front moves most, and its edge must not stay behind.
+// What is affine over the picture of a plane; infinite: nothing is there.
 static float value_of(const struct hg_depth_grid *g, uint32_t column, uint32_t row)
 {
-    const size_t i = (size_t)row * g->columns + column;
-    const float spread = g->farthest[i] - g->nearest[i];
-    const bool whole = g->counts[i] == pixels_of(g, column, row);
-    if (whole && spread <= HG_DEPTH_SURFACE * fabsf(g->nearest[i]))
-        return g->sums[i] / (float)g->counts[i];
-    return affine(g, g->nearest[i]);
+    const float depth = g->depths[(size_t)row * g->columns + column];
+    if (!isfinite(depth) || (!g->orthographic && !(depth > 0)))
+        return INFINITY;
+    return g->orthographic ? depth : 1 / depth;
 }
 
 struct range {
@@ -87,9 +50,9 @@ static struct range range_of(const struct hg_depth_grid *g)
     struct range r = {INFINITY, -INFINITY};
     for (uint32_t row = 0; row < g->rows; row++)
         for (uint32_t c = 0; c < g->columns; c++) {
-            if (g->counts[(size_t)row * g->columns + c] == 0)
-                continue;
             const float v = value_of(g, c, row);
+            if (!isfinite(v))
+                continue;
             r.low = fminf(r.low, v);
             r.high = fmaxf(r.high, v);
         }
@@ -99,9 +62,10 @@ static struct range range_of(const struct hg_depth_grid *g)
 static uint16_t quantise(
     const struct hg_depth_grid *g, struct range r, uint32_t column, uint32_t row)
 {
-    if (g->counts[(size_t)row * g->columns + column] == 0)
+    const float v = value_of(g, column, row);
+    if (!isfinite(v))
         return 0;
-    const float share = r.high > r.low ? (value_of(g, column, row) - r.low) / (r.high - r.low) : 0;
+    const float share = r.high > r.low ? (v - r.low) / (r.high - r.low) : 0;
     return (uint16_t)(1 + lrintf(share * HG_DEPTH_STEPS));
 }
 

@@ -1,9 +1,9 @@
 // encode_depth.h - how far the surfaces of a frame are, for clients that reproject it.
 // Floor 6, private to server/worker. Thread: the grid belongs to one thread at a time.
 //
-// A grid of cells of 4 x 4 px, quantised to 12 bits between the nearest and the farthest cell:
-// docs/protocol.md has the format. Perspective frames have 1 / depth, which is affine over the
-// picture of a plane, orthographic ones the depth, which is that there.
+// A grid of equal cells of about 4 x 4 px, quantised to 12 bits between the nearest and the
+// farthest one: docs/protocol.md has the format. Perspective frames have 1 / depth, which is affine
+// over the picture of a plane, orthographic ones the depth, which is that there.
 #ifndef HG_SERVER_WORKER_ENCODE_DEPTH_H
 #define HG_SERVER_WORKER_ENCODE_DEPTH_H
 
@@ -14,25 +14,19 @@
 #include "base/status.h"
 
 enum { HG_DEPTH_CELL_PX = 4, HG_DEPTH_STEPS = 4094 };
-// Pixels of a cell that lie within this share of the nearest one's depth are one surface.
-#define HG_DEPTH_SURFACE 0.05f
 
 struct hg_depth_grid {
-    uint32_t width, height; // px, of the picture
-    uint32_t columns, rows; // of cells
+    uint32_t columns, rows;
     bool orthographic;
-    // Filled in row by row: sums, nearest and farthest depth of the pixels of each cell.
-    float *sums, *nearest, *farthest; // [rows][columns], where counts > 0
-    uint32_t *counts;                 // [rows][columns] pixels with a surface
-    uint64_t read_ns;                 // how long that took
+    float
+        *depths; // [rows][columns] at the centres, along the view direction, metres; infinite: none
+    uint64_t read_ns; // how long reading them took
 };
 
-// HG_E_NOMEM.
+// For a picture of that size, px; the caller fills in the depths. HG_E_NOMEM.
 enum hg_status hg_depth_grid_create(uint32_t width, uint32_t height, bool orthographic,
     struct hg_depth_grid **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_depth_grid_destroy(struct hg_depth_grid *grid); // accepts NULL
-// A pixel that shows a surface at a depth along the view direction, metres; infinite: none.
-void hg_depth_grid_add(struct hg_depth_grid *grid, uint32_t x, uint32_t y, float depth);
 // The data of the frame's `depth`. HG_E_NOMEM.
 enum hg_status hg_depth_encode(
     const struct hg_depth_grid *grid, struct hg_writer *out, struct hg_error *err) HG_MUST_CHECK;

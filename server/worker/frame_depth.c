@@ -33,11 +33,11 @@ static void describe_camera(const struct view_slot *view, struct hgp_frame *fram
     frame->vfov_rad = (float)(2 * atan(1 / scale));
 }
 
-static void add_row(void *user, uint32_t y, const struct hg_surface_point *points)
+static void take_row(void *user, uint32_t y, const struct hg_surface_point *points)
 {
     struct hg_depth_grid *grid = user;
-    for (uint32_t x = 0; x < grid->width; x++)
-        hg_depth_grid_add(grid, x, y, points[x].depth);
+    for (uint32_t x = 0; x < grid->columns; x++)
+        grid->depths[(size_t)y * grid->columns + x] = points[x].depth;
 }
 
 static bool is_wanted(const struct session *session, const struct view_slot *view,
@@ -60,10 +60,11 @@ void hg_frame_depth_attach(
     describe_camera(view, &frame);
     enum hg_status status = hg_depth_grid_create(
         frame.width, frame.height, frame.kind == HGP_camera_kind_ORTHOGRAPHIC, &grid, &err);
-    const struct hg_surface_rect all = {
-        .width = frame.width, .height = frame.height, .row = add_row, .user = grid};
-    if (!status)
-        status = hg_view_surfaces(view->view, &all, &err);
+    if (!status) {
+        const struct hg_surface_grid cells = {
+            .columns = grid->columns, .rows = grid->rows, .row = take_row, .user = grid};
+        status = hg_view_surface_grid(view->view, &cells, &err);
+    }
     if (status) {
         hg_warn(WORKER, "view %u: a frame goes without its depth: %s", view->number, err.reason);
         hg_depth_grid_destroy(grid);

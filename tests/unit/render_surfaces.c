@@ -225,6 +225,85 @@ static void test_picks_behind_planes_are_what_rays_meet(void **state)
     rig_close(&rig);
 }
 
+// --- grids ---------------------------------------------------------------------------------------
+
+struct cells {
+    uint32_t columns;
+    struct hg_surface_point points[PIXELS];
+};
+
+static void keep_cells(void *user, uint32_t y, const struct hg_surface_point *points)
+{
+    struct cells *cells = user;
+    memcpy(cells->points + (size_t)y * cells->columns, points, cells->columns * sizeof *points);
+}
+
+static void read_grid(struct rig *rig, struct cells *cells, uint32_t columns, uint32_t rows)
+{
+    const struct hg_surface_grid grid = {columns, rows, keep_cells, cells};
+    cells->columns = columns;
+    test_ok(hg_view_surface_grid(rig->view, &grid, &rig->err), &rig->err);
+}
+
+// The surfaces of cells are those of the pixels that their centres lie in, or between. Returns how
+// many could be compared.
+static uint32_t compare_cells(
+    const struct cells *cells, uint32_t rows, const struct seen *seen, const uint64_t *nodes)
+{
+    uint32_t compared = 0;
+    for (uint32_t i = 0; i < cells->columns * rows; i++) {
+        const uint32_t x = (2 * (i % cells->columns) + 1) * SIDE / (2 * cells->columns),
+                       y = (2 * (i / cells->columns) + 1) * SIDE / (2 * rows);
+        const struct hg_surface_point *c = &cells->points[i], *p = &seen->points[y * SIDE + x];
+        if (!is_inner(nodes, (int)(y * SIDE + x)))
+            continue;
+        compared++;
+        assert_int_equal(c->node, p->node);
+        assert_int_equal(c->material, p->material);
+        // A corner of the blocks may lie between the two: half a pixel of a face at an angle.
+        if (p->node != 0)
+            assert_float_equal(c->depth, p->depth, 0.05f * p->depth);
+        else
+            assert_true(isinf(c->depth));
+    }
+    return compared;
+}
+
+static void test_cells_show_what_their_centres_do(void **state)
+{
+    static struct seen seen;
+    static struct cells cells;
+    static uint64_t nodes[PIXELS];
+    struct rig rig;
+    const struct hg_clip clip = {
+        .count = 1, .planes = {{0, -1, 0, -0.6f}}, .caps = HG_CAPS_COLOR, .hatch_px = 8};
+    const struct hg_surface_rect all = {
+        .width = SIDE, .height = SIDE, .row = keep_row, .user = &seen};
+    (void)state;
+    open_scene(&rig);
+    for (int cut = 0; cut < 2; cut++) {
+        test_ok(hg_view_surfaces(rig.view, &all, &rig.err), &rig.err);
+        for (int i = 0; i < PIXELS; i++)
+            nodes[i] = seen.points[i].node;
+        read_grid(&rig, &cells, SIDE, SIDE); // a cell is a pixel: the same, corners included
+        for (int i = 0; i < PIXELS; i++) {
+            assert_int_equal(cells.points[i].node, nodes[i]);
+            assert_true(cells.points[i].depth == seen.points[i].depth);
+        }
+        read_grid(&rig, &cells, SIDE / 4, SIDE / 4);
+        assert_true(compare_cells(&cells, SIDE / 4, &seen, nodes) > 600); // of 1600
+        read_grid(&rig, &cells, 53, 31);
+        assert_true(compare_cells(&cells, 31, &seen, nodes) > 600); // of 1643
+        test_ok(hg_view_set_clip(rig.view, &clip, &rig.err), &rig.err);
+        rig_settle(&rig, 1);
+    }
+    const struct hg_surface_grid wrong[] = {{SIDE + 1, 1, keep_cells, &cells},
+        {1, SIDE + 1, keep_cells, &cells}, {0, 1, keep_cells, &cells}, {1, 0, keep_cells, &cells}};
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(hg_view_surface_grid(rig.view, &wrong[i], &rig.err), HG_E_INVAL);
+    rig_close(&rig);
+}
+
 // --- what a look costs ---------------------------------------------------------------------------
 
 static void test_a_look_takes_two_small_tables(void **state)
@@ -288,6 +367,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_picks_are_what_rays_meet),
         cmocka_unit_test(test_picks_behind_planes_are_what_rays_meet),
+        cmocka_unit_test(test_cells_show_what_their_centres_do),
         cmocka_unit_test(test_a_look_takes_two_small_tables),
         cmocka_unit_test(test_more_overrides_than_there_may_be),
     };

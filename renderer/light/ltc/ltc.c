@@ -4,6 +4,7 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "base/vec3d.h"
 #include "renderer/math/vec.h"
 
 enum {
@@ -19,14 +20,9 @@ struct lobe {
     double albedo, mean[3]; // of the part above the horizon
 };
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static void normalize(double a[3])
 {
-    const double l = sqrt(dot(a, a));
+    const double l = sqrt(hg_dot3d(a, a));
     for (int i = 0; i < 3; i++)
         a[i] /= l;
 }
@@ -73,7 +69,7 @@ static void sample(const struct lobe *b, double u, double w, double l[3])
     h[1] *= b->alpha;
     h[2] = fmax(h[2], 0);
     normalize(h);
-    const double vh = dot(b->v, h);
+    const double vh = hg_dot3d(b->v, h);
     for (int i = 0; i < 3; i++)
         l[i] = 2 * vh * h[i] - b->v[i];
 }
@@ -118,7 +114,7 @@ double hg_ltc_density(const struct hg_ltc *t, const double l[3])
     const double cosine = sqrt(fmax(0, 1 - t->sine * t->sine));
     const double x = cosine * l[0] - t->sine * l[2], z = t->sine * l[0] + cosine * l[2];
     const double o[3] = {(x - t->m13 * z) / t->m11, l[1] / t->m22, z};
-    const double square = dot(o, o);
+    const double square = hg_dot3d(o, o);
     return z > 0 ? z / (HG_PI * t->m11 * t->m22 * square * square) : 0;
 }
 
