@@ -255,6 +255,9 @@ static void on_event(struct hg_viewer *v, SDL_Event *e)
     case SDL_KEYUP:
         on_key(v, &e->key, e->type == SDL_KEYDOWN);
         break;
+    case SDL_TEXTINPUT:
+        hg_viewer_type(v, e->text.text);
+        break;
     case SDL_DROPFILE:
     case SDL_DROPTEXT:
         on_drop(v, &e->drop);
@@ -443,6 +446,7 @@ static enum hg_status open_window(struct hg_viewer *v, struct hg_error *err)
     if (!v->renderer)
         return fail_sdl(err);
     SDL_EventState(SDL_DROPFILE, SDL_ENABLE);
+    SDL_StopTextInput(); // keys are places, until something is searched for
     SDL_GetRendererOutputSize(v->renderer, &v->width, &v->height);
     if (hg_overlay_init(&v->overlay, v->renderer, FONT_PX, &font))
         fprintf(stderr, "helio: %s: %s\n", font.what, font.reason);
