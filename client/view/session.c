@@ -138,6 +138,8 @@ static bool decode_frame(struct hg_view_session *s, const struct hgp_frame *fram
         *stream = (struct hg_view_stream){0};
     take_facts(frame, &mine->facts);
     mine->facts.received_ns = begin_ns;
+    if (hg_warp_copy(&s->work.depth, &mine->depth, &err))
+        hg_view_say_error(s, &err); // the picture is shown all the same
     mine->facts.decode_ns = hg_clock_now_ns() - begin_ns;
     return true;
 }
@@ -187,6 +189,14 @@ static void take_other(struct hg_view_session *s, const struct helio_message *m)
     }
 }
 
+// Every frame's: those that are not shown may bring the depth of the ones that are.
+static void take_depth(struct hg_view_session *s, const struct hgp_frame *frame)
+{
+    struct hg_error err = {0};
+    if (hg_warp_take(&s->work.depth, frame, &err))
+        hg_view_say_error(s, &err);
+}
+
 // Of the frames that have come the newest is shown; those that later ones depend on are decoded,
 // too.
 static void take_messages(struct hg_view_session *s)
@@ -205,7 +215,8 @@ static void take_messages(struct hg_view_session *s)
         if (m->request == 0)
             give_credit(s, m);
         frames++;
-        bytes += m->body->frame.data.size;
+        bytes += m->body->frame.data.size + m->body->frame.depth.size;
+        take_depth(s, &m->body->frame);
         helio_message_free(newest);
         newest = m;
         if (hg_view_is_stream(m->body->frame.encoding)) {
@@ -397,6 +408,12 @@ enum hg_status hg_view_session_create(const struct hg_cli_options *options,
     return status;
 }
 
+void hg_view_picture_finish(struct hg_view_picture *picture)
+{
+    hg_view_pixels_finish(&picture->pixels);
+    hg_warp_depth_finish(&picture->depth);
+}
+
 void hg_view_session_destroy(struct hg_view_session *s)
 {
     struct hg_error err = {0};
@@ -412,8 +429,9 @@ void hg_view_session_destroy(struct hg_view_session *s)
     if (hg_cli_recorder_finish(s->work.recorder, &err))
         hg_cli_report(NULL, HG_CLI_DOING_OUTPUT, &err);
     hg_view_decoder_finish(&s->work.decoder);
-    hg_view_pixels_finish(&s->work.picture.pixels);
-    hg_view_pixels_finish(&s->shown.picture.pixels);
+    hg_view_picture_finish(&s->work.picture);
+    hg_view_picture_finish(&s->shown.picture);
+    hg_warp_depth_finish(&s->work.depth);
     hg_tree_finish(&s->shown.nodes);
     if (s->wake_fd >= 0)
         close(s->wake_fd);

@@ -12,6 +12,7 @@
 #include "client/view/clipping.h"
 #include "client/view/decode.h"
 #include "client/view/tree.h"
+#include "client/view/warp.h"
 
 enum {
     HG_VIEW_NAMES_MAX = 64, // cameras and variants that can be chosen
@@ -90,6 +91,7 @@ struct hg_view_facts {
 struct hg_view_picture {
     struct hg_view_pixels pixels;
     struct hg_view_facts facts;
+    struct hg_warp_depth depth; // of its state, where the view has `depth`
 };
 
 // What the window asks for, beside cameras, poses and clipping planes.
@@ -135,6 +137,8 @@ struct hg_view_answer {
     uint64_t revision;            // of the frame that was looked at, or of the scene with the edit
     float position[3], normal[3]; // world space, metres
 };
+
+void hg_view_picture_finish(struct hg_view_picture *picture);
 
 // Starts the thread and opens the scene of `options`, which are borrowed. `changed` is called on
 // the session's thread when the status changed or a picture came: it wakes the window.

@@ -53,6 +53,7 @@ struct hg_view_work {
     struct hg_view_decoder decoder;
     struct hg_view_stream stream;
     struct hg_view_picture picture; // being decoded
+    struct hg_warp_depth depth;     // of the newest frame's state
     uint32_t assets[HG_VIEW_ASSETS_MAX], asset_count;
     struct hg_cli_recorder *recorder; // NULL: nothing is recorded
     uint64_t ping_ns;                 // when the newest one was sent

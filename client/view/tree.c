@@ -88,8 +88,10 @@ static void flatten(struct hg_tree *t)
     t->row_count = 0;
     while (at != HG_TREE_NONE) {
         const struct hg_tree_node *node = &t->nodes[at];
-        t->rows[t->row_count++] = (struct hg_tree_row){at, depth};
-        if (node->open && node->first != HG_TREE_NONE) {
+        const bool filters = t->filter[0], listed = !filters || node->found;
+        if (listed)
+            t->rows[t->row_count++] = (struct hg_tree_row){at, depth};
+        if (listed && (filters || node->open) && node->first != HG_TREE_NONE) {
             at = node->first;
             depth++;
             continue;
@@ -99,6 +101,21 @@ static void flatten(struct hg_tree *t)
             depth--;
         }
         at = at == HG_TREE_NONE ? at : t->nodes[at].next;
+    }
+}
+
+// What matches, and what is above it; a cycle ends where it was found already.
+static void find_names(struct hg_tree *t)
+{
+    t->matches = 0;
+    for (uint32_t i = 0; i < t->count; i++)
+        t->nodes[i].found = false;
+    for (uint32_t i = 0; t->filter[0] && i < t->count; i++) {
+        if (!strcasestr(hg_tree_name(t, i), t->filter))
+            continue;
+        t->matches++;
+        for (uint32_t n = i; n != HG_TREE_NONE && !t->nodes[n].found; n = t->nodes[n].parent)
+            t->nodes[n].found = true;
     }
 }
 
@@ -127,6 +144,8 @@ void hg_tree_carry(struct hg_tree *t, const struct hg_tree *before)
 {
     t->selected = before->selected;
     t->top = before->top;
+    memcpy(t->filter, before->filter, sizeof t->filter);
+    find_names(t);
     for (uint32_t i = 0; i < before->count; i++) {
         const uint32_t node = hg_tree_find(t, before->nodes[i].id);
         if (node != HG_TREE_NONE)
@@ -188,6 +207,15 @@ static void show_row(struct hg_tree *t, uint32_t row, uint32_t height)
         t->top = row;
     else if (height && row >= t->top + height)
         t->top = row - height + 1;
+}
+
+void hg_tree_set_filter(struct hg_tree *t, const char *text)
+{
+    snprintf(t->filter, sizeof t->filter, "%s", text);
+    find_names(t);
+    t->top = 0;
+    if (t->count)
+        flatten(t);
 }
 
 void hg_tree_set_open(struct hg_tree *t, uint32_t node, bool open)

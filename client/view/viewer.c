@@ -38,7 +38,9 @@ void hg_viewer_send_camera(struct hg_viewer *v)
     const uint64_t seq = hg_view_session_camera(v->session, &camera);
     v->measured.sent[seq % HG_VIEWER_SENT_MAX] =
         (struct hg_viewer_sent){seq, hg_clock_now_ns(), camera};
+    v->measured.newest_seq = seq;
     v->choice.camera = -1;
+    v->dirty |= v->choice.reprojects;
 }
 
 // ---- what the session has ----------------------------------------------------------------------
@@ -47,17 +49,18 @@ static void show_picture(struct hg_viewer *v)
 {
     const struct hg_view_pixels *p = &v->picture.pixels;
     int width = 0, height = 0;
-    if (v->texture)
-        SDL_QueryTexture(v->texture, NULL, NULL, &width, &height);
+    if (v->canvas.texture)
+        SDL_QueryTexture(v->canvas.texture, NULL, NULL, &width, &height);
     if (width != (int)p->width || height != (int)p->height) {
-        if (v->texture)
-            SDL_DestroyTexture(v->texture);
-        v->texture = SDL_CreateTexture(v->renderer, SDL_PIXELFORMAT_RGBA32,
+        if (v->canvas.texture)
+            SDL_DestroyTexture(v->canvas.texture);
+        v->canvas.texture = SDL_CreateTexture(v->renderer, SDL_PIXELFORMAT_RGBA32,
             SDL_TEXTUREACCESS_STREAMING, (int)p->width, (int)p->height);
-        if (v->texture)
-            SDL_SetTextureBlendMode(v->texture, SDL_BLENDMODE_BLEND);
+        if (v->canvas.texture)
+            SDL_SetTextureBlendMode(v->canvas.texture, SDL_BLENDMODE_BLEND);
     }
-    if (!v->texture || SDL_UpdateTexture(v->texture, NULL, p->data, (int)p->width * 4))
+    if (!v->canvas.texture ||
+        SDL_UpdateTexture(v->canvas.texture, NULL, p->data, (int)p->width * 4))
         hg_viewer_say(v, "the picture cannot be shown: %s", SDL_GetError());
     struct hg_viewer_sent *sent =
         &v->measured.sent[v->picture.facts.input_seq % HG_VIEWER_SENT_MAX];
@@ -252,6 +255,9 @@ static void on_event(struct hg_viewer *v, SDL_Event *e)
     case SDL_KEYUP:
         on_key(v, &e->key, e->type == SDL_KEYDOWN);
         break;
+    case SDL_TEXTINPUT:
+        hg_viewer_type(v, e->text.text);
+        break;
     case SDL_DROPFILE:
     case SDL_DROPTEXT:
         on_drop(v, &e->drop);
@@ -282,18 +288,43 @@ static void draw_checker(struct hg_viewer *v)
 bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_projection_rect *rect)
 {
     int width, height;
-    if (!v->texture || SDL_QueryTexture(v->texture, NULL, NULL, &width, &height) || width < 1 ||
-        height < 1)
+    if (!v->canvas.texture || SDL_QueryTexture(v->canvas.texture, NULL, NULL, &width, &height) ||
+        width < 1 || height < 1)
         return false;
     *rect = hg_projection_picture(width, height, v->width, v->height);
     return true;
 }
 
+bool hg_viewer_is_reprojected(const struct hg_viewer *v)
+{
+    return v->choice.reprojects && v->picture.depth.is_known &&
+           v->picture.facts.input_seq < v->measured.newest_seq;
+}
+
+// False: it cannot be, and the picture itself is to be shown.
+static bool draw_reprojected(struct hg_viewer *v, const struct hg_projection_rect *r)
+{
+    struct hgp_view_camera camera = {0};
+    struct hg_warp_mesh *mesh = &v->canvas.mesh;
+    static const SDL_Color white = {255, 255, 255, 255};
+    const int stride = (int)sizeof *mesh->vertices;
+    hg_navigate_camera(&v->navigate, &camera);
+    if (!hg_viewer_is_reprojected(v) || !hg_warp_build(mesh, &v->picture.depth, &camera, r))
+        return false;
+    SDL_RenderSetClipRect(v->renderer, &(SDL_Rect){r->x, r->y, r->width, r->height});
+    const int failed = SDL_RenderGeometryRaw(v->renderer, v->canvas.texture, &mesh->vertices[0].x,
+        stride, &white, 0, &mesh->vertices[0].u, stride, (int)(4 * mesh->quad_count), mesh->indices,
+        (int)(6 * mesh->quad_count), sizeof *mesh->indices);
+    SDL_RenderSetClipRect(v->renderer, NULL);
+    return failed == 0;
+}
+
 static void draw_picture(struct hg_viewer *v)
 {
     struct hg_projection_rect r;
-    if (hg_viewer_picture_rect(v, &r))
-        SDL_RenderCopy(v->renderer, v->texture, NULL, &(SDL_Rect){r.x, r.y, r.width, r.height});
+    if (hg_viewer_picture_rect(v, &r) && !draw_reprojected(v, &r))
+        SDL_RenderCopy(
+            v->renderer, v->canvas.texture, NULL, &(SDL_Rect){r.x, r.y, r.width, r.height});
 }
 
 static void draw(struct hg_viewer *v)
@@ -415,6 +446,7 @@ static enum hg_status open_window(struct hg_viewer *v, struct hg_error *err)
     if (!v->renderer)
         return fail_sdl(err);
     SDL_EventState(SDL_DROPFILE, SDL_ENABLE);
+    SDL_StopTextInput(); // keys are places, until something is searched for
     SDL_GetRendererOutputSize(v->renderer, &v->width, &v->height);
     if (hg_overlay_init(&v->overlay, v->renderer, FONT_PX, &font))
         fprintf(stderr, "helio: %s: %s\n", font.what, font.reason);
@@ -425,14 +457,15 @@ static void close_window(struct hg_viewer *v)
 {
     hg_controls_finish(&v->controls);
     hg_overlay_finish(&v->overlay);
-    if (v->texture)
-        SDL_DestroyTexture(v->texture);
+    if (v->canvas.texture)
+        SDL_DestroyTexture(v->canvas.texture);
     if (v->renderer)
         SDL_DestroyRenderer(v->renderer);
     if (v->window)
         SDL_DestroyWindow(v->window);
     SDL_Quit();
-    hg_view_pixels_finish(&v->picture.pixels);
+    hg_view_picture_finish(&v->picture);
+    hg_warp_mesh_finish(&v->canvas.mesh);
     hg_tree_finish(&v->panels.tree);
     hg_free(v->measured.sent);
     hg_free(v->scene);

@@ -13,7 +13,7 @@ enum { HG_VIEWER_SENT_MAX = 256 }; // cameras whose way to the picture is measur
 
 // What the user has chosen for the view, as far as keys change it.
 struct hg_viewer_choice {
-    bool path, ground;
+    bool path, ground, reprojects;
     enum hgp_background background;
     enum hgp_environment_kind light;
     double rotation_deg, exposure_ev; // EV is added to the metered one
@@ -37,6 +37,7 @@ struct hg_viewer_sent {
 // Measured for the statistics.
 struct hg_viewer_measured {
     struct hg_viewer_sent *sent;          // HG_VIEWER_SENT_MAX of them
+    uint64_t newest_seq;                  // 0: none was sent since the scene was opened
     double latency_ms;                    // of the newest one that was seen
     double fps, bytes_per_s;
     uint64_t frames, bytes, since_ns; // where the running interval began
@@ -60,6 +61,7 @@ struct hg_viewer_panels {
     uint32_t row;       // of the clipping planes: x, y, z, caps
     bool says_selected; // once its name is known
     bool measures;      // clicks are points to measure between
+    bool searches;      // what is typed is the filter of the tree
     bool slides;        // the pointer moves the plane of `row`
 };
 
@@ -80,11 +82,16 @@ struct hg_viewer_times {
     uint64_t message_until_ns, resized_ns, moved_ns;
 };
 
+struct hg_viewer_canvas {
+    SDL_Texture *texture; // of the picture; NULL: none yet
+    struct hg_warp_mesh mesh;
+};
+
 struct hg_viewer {
     const struct hg_cli_options *o;
     SDL_Window *window;
     SDL_Renderer *renderer;
-    SDL_Texture *texture; // of the picture; NULL: none yet
+    struct hg_viewer_canvas canvas;
     struct hg_overlay overlay;
     struct hg_view_session *session;
     struct hg_view_status status;
@@ -109,6 +116,9 @@ int hg_viewer_run(const struct hg_cli_options *options);
 // Sends where the camera stands now.
 void hg_viewer_send_camera(struct hg_viewer *v);
 void hg_viewer_say(struct hg_viewer *v, const char *fmt, ...) HG_PRINTF(2, 3);
+// Until the picture of the newest camera is there, the one before is shown as that camera sees it,
+// where that is wanted.
+bool hg_viewer_is_reprojected(const struct hg_viewer *v);
 // Where the picture stands in the window. False: there is none yet.
 bool hg_viewer_picture_rect(const struct hg_viewer *v, struct hg_projection_rect *rect);
 
@@ -131,6 +141,9 @@ bool hg_viewer_panel_key(struct hg_viewer *v, SDL_Scancode key, bool shift);
 bool hg_viewer_panel_pointer(struct hg_viewer *v, const SDL_Event *event);
 void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box);
 void hg_viewer_draw_panel(struct hg_viewer *v);
+// Text is what the nodes are filtered by, from the key that begins it to Enter or Esc.
+void hg_viewer_search(struct hg_viewer *v, bool on);
+void hg_viewer_type(struct hg_viewer *v, const char *text);
 // Takes back what Esc ends first. False: there is nothing.
 bool hg_viewer_escape(struct hg_viewer *v);
 

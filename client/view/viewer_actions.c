@@ -61,6 +61,7 @@ void hg_viewer_begin_scene(struct hg_viewer *v)
         .size =
             o->has_size ? o->size : (struct hg_cli_size){HGP_STANDARD_width, HGP_STANDARD_height}};
     v->clock = (struct hg_viewer_clock){0};
+    v->measured.newest_seq = 0;
     hg_navigate_set_size(&v->navigate, v->scene->radius);
     if (camera->has_eye && camera->has_target)
         hg_navigate_look(&v->navigate, camera->eye, camera->target, camera);
@@ -135,6 +136,14 @@ static void choose_background(struct hg_viewer *v)
     v->choice.background = kinds[i].kind;
     set_view(v, &(struct hgp_view_set){.has_background = true, .background = kinds[i].kind});
     hg_viewer_say(v, "background %s", kinds[i].name);
+}
+
+// The view is another one after each opening of a scene: it begins without.
+static void choose_reprojection(struct hg_viewer *v)
+{
+    v->choice.reprojects = !v->choice.reprojects;
+    set_view(v, &(struct hgp_view_set){.has_depth = true, .depth = v->choice.reprojects});
+    hg_viewer_say(v, "reprojection between frames %s", v->choice.reprojects ? "on" : "off");
 }
 
 static void choose_ground(struct hg_viewer *v)
@@ -355,6 +364,9 @@ static void do_picture(struct hg_viewer *v, enum hg_view_action action, bool shi
         break;
     case HG_VIEW_DO_BACKGROUND:
         choose_background(v);
+        break;
+    case HG_VIEW_DO_REPROJECT:
+        choose_reprojection(v);
         break;
     case HG_VIEW_DO_GROUND:
         choose_ground(v);

@@ -46,7 +46,8 @@ static void find_camera(const struct hg_viewer *v, struct hgp_view_camera *camer
 {
     const uint64_t seq = v->picture.facts.input_seq;
     const struct hg_viewer_sent *sent = &v->measured.sent[seq % HG_VIEWER_SENT_MAX];
-    if (v->choice.camera < 0 && sent->seq == seq && sent->camera.has_eye)
+    if (v->choice.camera < 0 && sent->seq == seq && sent->camera.has_eye &&
+        !hg_viewer_is_reprojected(v))
         *camera = sent->camera;
     else
         hg_navigate_camera(&v->navigate, camera);

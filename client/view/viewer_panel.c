@@ -11,6 +11,7 @@ void hg_viewer_switch_panel(struct hg_viewer *v, enum hg_viewer_panel panel)
 {
     v->panels.open = v->panels.open == panel ? HG_VIEWER_NO_PANEL : panel;
     v->panels.slides = false;
+    hg_viewer_search(v, false);
     v->help = false;
     hg_controls_release(&v->controls); // arrows that are held were the camera's
     hg_viewer_refresh_tree(v);
@@ -28,6 +29,7 @@ void hg_viewer_reset_panels(struct hg_viewer *v)
     p->listed_ns = 0;
     p->measure.count = 0;
     p->slides = p->says_selected = false;
+    hg_viewer_search(v, false);
     hg_clipping_reset(&p->clipping, v->scene->has_box, v->scene->min, v->scene->max);
 }
 
@@ -51,13 +53,78 @@ void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box)
     box->y = box->all.y + padding + TITLE_ROWS * box->line;
 }
 
+// ---- searching ---------------------------------------------------------------------------------
+
+void hg_viewer_search(struct hg_viewer *v, bool on)
+{
+    v->panels.searches = on;
+    if (on) {
+        hg_controls_release(&v->controls);
+        SDL_StartTextInput();
+    } else {
+        SDL_StopTextInput();
+    }
+}
+
+void hg_viewer_type(struct hg_viewer *v, const char *text)
+{
+    char filter[HG_TREE_FILTER_BYTES];
+    struct hg_tree *tree = &v->panels.tree;
+    const size_t had = strlen(tree->filter), more = strlen(text);
+    if (!v->panels.searches || had + more >= sizeof filter)
+        return;
+    memcpy(filter, tree->filter, had);
+    memcpy(filter + had, text, more + 1);
+    hg_tree_set_filter(tree, filter);
+    v->dirty = true;
+}
+
+// The last character, all of its bytes.
+static void take_back(struct hg_tree *tree)
+{
+    char filter[HG_TREE_FILTER_BYTES];
+    size_t size = strlen(tree->filter);
+    while (size > 0 && (tree->filter[size - 1] & 0xc0) == 0x80)
+        size--;
+    memcpy(filter, tree->filter, sizeof filter);
+    filter[size > 0 ? size - 1 : 0] = 0;
+    hg_tree_set_filter(tree, filter);
+}
+
+// Keys while text is typed: none of them is the camera's. Those that move the selection do that.
+static bool search_key(struct hg_viewer *v, SDL_Scancode key, const struct hg_viewer_box *box)
+{
+    struct hg_tree *tree = &v->panels.tree;
+    if (key == SDL_SCANCODE_BACKSPACE)
+        take_back(tree);
+    else if (key == SDL_SCANCODE_ESCAPE)
+        hg_tree_set_filter(tree, "");
+    else if (key != SDL_SCANCODE_SPACE && key != SDL_SCANCODE_RETURN && key != SDL_SCANCODE_TAB)
+        (void)hg_viewer_tree_key(v, key, box);
+    if (key == SDL_SCANCODE_ESCAPE || key == SDL_SCANCODE_RETURN)
+        hg_viewer_search(v, false);
+    return true;
+}
+
+static bool tree_key(struct hg_viewer *v, SDL_Scancode key, const struct hg_viewer_box *box)
+{
+    if (v->panels.searches)
+        return search_key(v, key, box);
+    if (key != SDL_SCANCODE_SLASH)
+        return hg_viewer_tree_key(v, key, box);
+    hg_viewer_search(v, true);
+    return true;
+}
+
+// ---- keys --------------------------------------------------------------------------------------
+
 bool hg_viewer_panel_key(struct hg_viewer *v, SDL_Scancode key, bool shift)
 {
     struct hg_viewer_box box;
     if (v->status.state != HG_VIEW_OPEN || v->help)
         return false;
     hg_viewer_panel_box(v, &box);
-    const bool taken = v->panels.open == HG_VIEWER_TREE ? hg_viewer_tree_key(v, key, &box)
+    const bool taken = v->panels.open == HG_VIEWER_TREE ? tree_key(v, key, &box)
                        : v->panels.open == HG_VIEWER_CLIPPING
                            ? hg_viewer_clipping_key(v, key, shift)
                            : false;
@@ -130,13 +197,16 @@ bool hg_viewer_panel_pointer(struct hg_viewer *v, const SDL_Event *event)
 void hg_viewer_draw_panel(struct hg_viewer *v)
 {
     struct hg_viewer_box box;
-    char title[80];
+    char title[40 + HG_TREE_FILTER_BYTES];
     const struct hg_viewer_panels *p = &v->panels;
     hg_viewer_panel_box(v, &box);
     if (p->open == HG_VIEWER_NO_PANEL || v->status.state != HG_VIEW_OPEN || !box.rows || v->help)
         return;
     if (p->open == HG_VIEWER_CLIPPING)
         snprintf(title, sizeof title, "Clipping planes");
+    else if (p->searches || p->tree.filter[0])
+        snprintf(title, sizeof title, "Search: %s%s  %u found", p->tree.filter,
+            p->searches ? "_" : "", p->tree.filter[0] ? p->tree.matches : p->tree.count);
     else if (p->tree.count < p->tree.total)
         snprintf(title, sizeof title, "Nodes: the first %u of %u", p->tree.count, p->tree.total);
     else
@@ -155,6 +225,8 @@ bool hg_viewer_escape(struct hg_viewer *v)
     struct hg_viewer_panels *p = &v->panels;
     if (p->measures)
         hg_viewer_switch_measure(v);
+    else if (p->open == HG_VIEWER_TREE && p->tree.filter[0])
+        hg_tree_set_filter(&p->tree, "");
     else if (p->open != HG_VIEWER_NO_PANEL)
         hg_viewer_switch_panel(v, p->open);
     else if (p->tree.selected && v->status.state == HG_VIEW_OPEN)

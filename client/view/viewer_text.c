@@ -103,7 +103,8 @@ static void draw_statistics(struct hg_viewer *v)
         f->settled ? "settled" : "refining");
     hg_overlay_add(
         &text, HG_OVERLAY_PLAIN, "%5.1f frames/s  %8.1f kB/s", m->fps, m->bytes_per_s * 1e-3);
-    hg_overlay_add(&text, HG_OVERLAY_PLAIN, "input to picture %6.1f ms", m->latency_ms);
+    hg_overlay_add(&text, HG_OVERLAY_PLAIN, "input to picture %6.1f ms%s", m->latency_ms,
+        hg_viewer_is_reprojected(v) ? ", reprojected" : "");
     hg_overlay_add(
         &text, HG_OVERLAY_PLAIN, "round trip       %6.2f ms", (double)v->status.rtt_ns * 1e-6);
     hg_overlay_add(
@@ -187,10 +188,10 @@ void hg_viewer_title(const struct hg_viewer *v, char *title, size_t size)
                         : !open                           ? v->status.text
                         : v->choice.path                  ? "path"
                                                           : "real time";
-    if (open && v->choice.path && v->texture)
+    if (open && v->choice.path && v->canvas.texture)
         snprintf(
             progress, sizeof progress, " %u samples%s", f->samples, f->settled ? ", done" : "");
-    else if (open && v->texture)
+    else if (open && v->canvas.texture)
         snprintf(progress, sizeof progress, "%s", f->settled ? ", settled" : "");
     if (open)
         add_inspected(v, inspected, sizeof inspected);

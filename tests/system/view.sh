@@ -80,7 +80,8 @@ shot first.png
 "$helio" render "$model" -o "$temp/reference.png" --size 96x64 --gi none --samples 2 -q
 "$helio" compare "$temp/first.png" "$temp/reference.png" --metric max --fail-above 0 >"$temp/compare.log" 2>&1 ||
     fail "the screenshot is another picture"
-# Keys and pointer change what is seen.
+# Keys and pointer change what is seen, with reprojection between frames.
+key r
 key 3
 other_shot back.png first.png
 xdotool mousemove --window "$window" 40 30 mousedown 1 mousemove --window "$window" 50 30 \

@@ -78,6 +78,32 @@ static void test_fold(void **state)
     hg_tree_finish(&t);
 }
 
+static void test_filter(void **state)
+{
+    (void)state;
+    struct hg_tree t, fresh;
+    assert_int_equal(make(&t, house, HOUSE, NULL), HG_OK);
+    hg_tree_set_filter(&t, "DO"); // what is above stays, unfolded or not
+    assert_rows(&t, "house\n  wall\n    door\n    window\n");
+    assert_int_equal(t.matches, 2);
+    hg_tree_set_filter(&t, "window");
+    assert_rows(&t, "house\n  wall\n    window\n");
+    assert_int_equal(make(&fresh, house, HOUSE, NULL), HG_OK);
+    hg_tree_carry(&fresh, &t); // of an edited scene
+    assert_rows(&fresh, "house\n  wall\n    window\n");
+    assert_int_equal(fresh.matches, 1);
+    hg_tree_set_filter(&t, "none of them");
+    assert_rows(&t, "");
+    assert_int_equal(t.matches, 0);
+    assert_false(hg_tree_move(&t, 1, 10));
+    hg_tree_set_filter(&t, "");
+    assert_rows(&t, "house\n  wall\n  roof\n");
+    hg_tree_finish(&fresh);
+    hg_tree_finish(&t);
+    hg_tree_set_filter(&t, "x"); // before nodes are listed
+    assert_rows(&t, "");
+}
+
 static void test_reveal_and_move(void **state)
 {
     (void)state;
@@ -351,6 +377,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_fold),
+        cmocka_unit_test(test_filter),
         cmocka_unit_test(test_reveal_and_move),
         cmocka_unit_test(test_carry),
         cmocka_unit_test(test_bad_lists),
