@@ -141,7 +141,7 @@ static enum hg_status make_blocks(
     const struct hg_view_settings *s = &view->settings;
     struct hg_draw_blocks *b = &view->gi.gather.blocks;
     const uint32_t columns = HG_SAMPLE_BLOCK_COLUMNS(s->width),
-                   rows = HG_SAMPLE_BLOCK_COLUMNS(s->height);
+                   rows = HG_SAMPLE_BLOCK_ROWS(s->height);
     const size_t count = (size_t)columns * rows;
     forget_blocks(view);
     if (!film_tells_all(view) || s->samples <= HG_GI_LEAST_SAMPLES)

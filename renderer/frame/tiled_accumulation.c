@@ -245,8 +245,9 @@ enum hg_status hg_tiled_accumulation_shown(const struct hg_draw *draw, struct hg
 static uint32_t enough(const struct hg_draw *draw, uint32_t x, uint32_t y)
 {
     const struct hg_draw_blocks *b = draw->blocks;
-    return b == NULL ? draw->request->samples
-                     : b->counts[y / HG_SAMPLE_BLOCK_PX * b->columns + x / HG_SAMPLE_BLOCK_PX];
+    return b == NULL
+               ? draw->request->samples
+               : b->counts[y / HG_SAMPLE_BLOCK_HEIGHT * b->columns + x / HG_SAMPLE_BLOCK_WIDTH];
 }
 
 // Least number of samples of the pixels of a rectangle; those with samples enough have all.

@@ -6,16 +6,19 @@
 #include "shaders/shared/sample_blocks.h"
 
 #define LEAST_SAMPLES HG_GI_LEAST_SAMPLES
-// Contrast of neighbours up to which a quarter of the samples, and half of them, leave no more
-// error than all of them do at an edge of contrast 1: that falls with the number of samples to the
-// power of 3/4, as they are spread evenly over a pixel (Mitchell 1996).
-#define SMOOTH 0.35f
-#define PLAIN  0.60f
+// Contrast of neighbours up to which 2, 3, ... eighths of the samples leave no more error than all
+// of them do at an edge of contrast 1: that falls with the number of samples to the power of 3/4,
+// as they are spread evenly over a pixel (Mitchell 1996).
+#define FIRST_EIGHTHS 2
+static const float plain[] = {0.35f, 0.47f, 0.60f, 0.70f, 0.80f, 0.90f};
+
 #define FACING 0.5f  // of the light on a surface, per unit that its normal changes by
 #define DARK   0.04f // albedo that differences are held against, at least
 #define SLOPES 3.0f  // depth that changes by so many times as much on one side is an edge
 #define STEP   0.01f // of the depth, which is none
-#define WINDOW (HG_SAMPLE_BLOCK_PX + 2) // pixels along a block with those beside it
+// A block with the pixels beside it.
+#define WIDTH  (HG_SAMPLE_BLOCK_WIDTH + 2)
+#define HEIGHT (HG_SAMPLE_BLOCK_HEIGHT + 2)
 
 struct job {
     const struct hg_gi_gather_input *in;
@@ -69,17 +72,17 @@ static bool is_step(const struct seen *before, const struct seen *at, const stru
 }
 
 // Of a window of pixels, those beyond the picture's edge being those at it.
-static float contrast_in(const struct seen s[WINDOW][WINDOW])
+static float contrast_in(const struct seen s[HEIGHT][WIDTH])
 {
     float most = 0;
-    for (int y = 0; y < WINDOW; y++)
-        for (int x = 0; x < WINDOW; x++) {
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
             if (x > 0)
                 most = fmaxf(most, contrast_of(&s[y][x], &s[y][x - 1]));
             if (y > 0)
                 most = fmaxf(most, contrast_of(&s[y][x], &s[y - 1][x]));
-            if ((x > 0 && x + 1 < WINDOW && is_step(&s[y][x - 1], &s[y][x], &s[y][x + 1])) ||
-                (y > 0 && y + 1 < WINDOW && is_step(&s[y - 1][x], &s[y][x], &s[y + 1][x])))
+            if ((x > 0 && x + 1 < WIDTH && is_step(&s[y][x - 1], &s[y][x], &s[y][x + 1])) ||
+                (y > 0 && y + 1 < HEIGHT && is_step(&s[y - 1][x], &s[y][x], &s[y + 1][x])))
                 return 1;
         }
     return most;
@@ -92,7 +95,10 @@ static uint32_t within(int64_t at, uint32_t count)
 
 static uint32_t enough(float contrast, uint32_t samples)
 {
-    const uint32_t share = samples >> (contrast <= SMOOTH ? 2 : contrast <= PLAIN ? 1 : 0);
+    uint32_t eighths = FIRST_EIGHTHS;
+    while (eighths < 8 && contrast > plain[eighths - FIRST_EIGHTHS])
+        eighths++;
+    const uint32_t share = (samples * eighths + 7) / 8;
     const uint32_t least = samples < LEAST_SAMPLES ? samples : LEAST_SAMPLES;
     return share > least ? share : least;
 }
@@ -103,11 +109,11 @@ static void block_row(void *user, size_t row)
     const struct hg_gi_gather_input *in = job->in;
     const uint32_t columns = HG_SAMPLE_BLOCK_COLUMNS(in->width);
     for (uint32_t column = 0; column < columns; column++) {
-        struct seen window[WINDOW][WINDOW];
-        for (int y = 0; y < WINDOW; y++)
-            for (int x = 0; x < WINDOW; x++) {
-                const int64_t left = (int64_t)column * HG_SAMPLE_BLOCK_PX - 1 + x;
-                const int64_t top = (int64_t)row * HG_SAMPLE_BLOCK_PX - 1 + y;
+        struct seen window[HEIGHT][WIDTH];
+        for (int y = 0; y < HEIGHT; y++)
+            for (int x = 0; x < WIDTH; x++) {
+                const int64_t left = (int64_t)column * HG_SAMPLE_BLOCK_WIDTH - 1 + x;
+                const int64_t top = (int64_t)row * HG_SAMPLE_BLOCK_HEIGHT - 1 + y;
                 window[y][x] = seen_at(
                     in, (size_t)within(top, in->height) * in->width + within(left, in->width));
             }
@@ -119,5 +125,5 @@ void hg_gi_gather_samples(struct hg_jobs *jobs, const struct hg_gi_gather_input 
     uint32_t samples, uint32_t *counts)
 {
     struct job job = {input, samples, counts};
-    hg_jobs_for(jobs, HG_SAMPLE_BLOCK_COLUMNS(input->height), block_row, &job);
+    hg_jobs_for(jobs, HG_SAMPLE_BLOCK_ROWS(input->height), block_row, &job);
 }

@@ -39,7 +39,7 @@ void main()
             samples = push.progress.v[uint(pixel.y) * push.width + uint(pixel.x)] &
                 HG_PROGRESS_SAMPLES_MASK;
         if ((hg_counted & 2u) != 0u) {
-            uvec2 block = uvec2(pixel) / HG_SAMPLE_BLOCK_PX;
+            uvec2 block = HG_SAMPLE_BLOCK_OF(pixel);
             samples = min(samples, push.blocks.v[block.y * push.columns + block.x]);
         }
         scale = 1.0 / float(max(samples, 1u));

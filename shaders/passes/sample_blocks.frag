@@ -13,7 +13,7 @@ layout(push_constant, scalar) uniform hg_push
 
 void main()
 {
-    uvec2 block = uvec2(gl_FragCoord.xy) / HG_SAMPLE_BLOCK_PX;
+    uvec2 block = HG_SAMPLE_BLOCK_OF(gl_FragCoord.xy);
     if (push.number < push.counts.v[block.y * push.columns + block.x])
         discard;
     gl_FragDepth = uintBitsToFloat(HG_SAMPLE_BLOCK_DEPTH_BITS);

@@ -5,7 +5,9 @@
 
 #include "shared/types.h"
 
-#define HG_SAMPLE_BLOCK_PX 4 // side of a block: what CPU devices shade or leave out together
+// Sides of a block: what CPU devices with vectors of eight shade or leave out together.
+#define HG_SAMPLE_BLOCK_WIDTH  4
+#define HG_SAMPLE_BLOCK_HEIGHT 2
 
 #define HG_SAMPLE_BLOCK_DEPTH_BITS 0x0d800000u // HG_UNLIT_TILES_DEPTH, where there are enough
 
@@ -23,6 +25,12 @@ struct hg_gpu_sample_blocks {
 HG_SHARED_SIZE(hg_gpu_sample_blocks, 16);
 
 #define HG_SAMPLE_BLOCK_COLUMNS(width_px)                                                          \
-    (((width_px) + HG_SAMPLE_BLOCK_PX - 1u) / HG_SAMPLE_BLOCK_PX)
+    (((width_px) + HG_SAMPLE_BLOCK_WIDTH - 1u) / HG_SAMPLE_BLOCK_WIDTH)
+#define HG_SAMPLE_BLOCK_ROWS(height_px)                                                            \
+    (((height_px) + HG_SAMPLE_BLOCK_HEIGHT - 1u) / HG_SAMPLE_BLOCK_HEIGHT)
+#ifndef __STDC__
+#define HG_SAMPLE_BLOCK_OF(pixel)                                                                  \
+    (uvec2(pixel) / uvec2(HG_SAMPLE_BLOCK_WIDTH, HG_SAMPLE_BLOCK_HEIGHT))
+#endif
 
 #endif
