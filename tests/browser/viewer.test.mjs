@@ -113,8 +113,17 @@ const caughtPixels = () => evaluate(() => {
     return { base64: btoa(text), width, height };
 }).then(({ base64, ...size }) => ({ pixels: Buffer.from(base64, "base64"), ...size }));
 
+// How far keys have turned the camera depends on time: all of the scene is seen again.
+async function fitView() {
+    await page.focus("#picture");
+    await page.keyboard.press("KeyF");
+    await waitFor(page, () => !window.helio.isAwake);
+    await waitExact(page);
+}
+
 // A frame of a codec in motion, and the exact picture of the same camera.
 async function compareInMotion(codec, isStream) {
+    await fitView();
     await evaluate((name) => window.helio.view.setCodec(name), codec);
     await catchFrames(codec);
     await page.focus("#picture");
@@ -152,6 +161,7 @@ test("every codec that browser and server share shows the same picture", async (
     }
     await evaluate(() => window.helio.setParams({ exposure_mode: "AUTO" }));
     await evaluate(() => window.helio.view.setCodec("auto"));
+    await fitView();
 });
 
 // Frames come to the page, and wait there: what a long way to the server does, for as long as wanted.
