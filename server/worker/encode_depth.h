@@ -18,8 +18,7 @@ enum { HG_DEPTH_CELL_PX = 4, HG_DEPTH_STEPS = 4094 };
 struct hg_depth_grid {
     uint32_t columns, rows;
     bool orthographic;
-    float
-        *depths; // [rows][columns] at the centres, along the view direction, metres; infinite: none
+    float *depths;    // [rows][columns] at the centres, along the view, metres; infinite: none
     uint64_t read_ns; // how long reading them took
 };
 

@@ -3,8 +3,8 @@
 
 METRICS: what `heliod --print-docs metrics` says. Every metric of the rules and of the dashboard is one
 of heliod's; promtool accepts the queries, haproxy haproxy.cfg and systemd-analyze the units, where these are
-installed (exit code 77 when none is and nothing else is wrong); manifests refer to what they define; the container
-and the manifests name options that exist.
+installed (exit code 77 when none is and nothing else is wrong); manifests refer to what they define, and have the
+fields of their kinds where python3-kubernetes is installed; the container and the manifests name options that exist.
 """
 import copy
 import importlib.util

@@ -93,9 +93,10 @@ def await_true(what, condition):
         time.sleep(0.05)
 
 
-def listens(port):
-    with socket.socket() as s:
-        return s.connect_ex(("127.0.0.1", port)) == 0
+def is_listening(port):
+    """Asked without connecting: pvserver takes one client."""
+    out = subprocess.run(["ss", "-tlnH", f"sport = :{port}"], check=True, capture_output=True, text=True).stdout
+    return bool(out.strip())
 
 
 def result(latency_ms, sent_bytes, cpu_s):
@@ -146,7 +147,7 @@ def paraview(args):
         env = {"DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1"}
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         server = programs.start("pvserver", f"--server-port={port}", env=env, **quiet)
-        await_true("pvserver", lambda: received_bytes(port) or listening(port))
+        await_true("pvserver", lambda: is_listening(port))
         client = programs.start("pvpython", os.path.join(HERE, "paraview_client.py"), str(port), args.scene,
                                 str(width), str(height), str(args.poses), env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                 stderr=subprocess.DEVNULL, text=True)
@@ -158,12 +159,6 @@ def paraview(args):
                 after = processor_s(roots), received_bytes(port)
                 return result(json.loads(line.split(" ", 1)[1]), after[1] - before[1], after[0] - before[0])
         raise Failure("pvpython ended without a result")
-
-
-def listening(port):
-    """Without a connection, which would be the server's only one."""
-    out = subprocess.run(["ss", "-tlnH", f"sport = :{port}"], check=True, capture_output=True, text=True).stdout
-    return bool(out.strip())
 
 
 # ---- three.js, Chromium, TigerVNC -----------------------------------------------------------------
@@ -202,7 +197,7 @@ def vnc(args):
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         screen = programs.start("Xvnc", display, "-geometry", f"{width}x{height}", "-depth", "24", "-SecurityTypes",
                                 "None", "-localhost", "-rfbport", str(port), "-AlwaysShared", **quiet)
-        await_true("Xvnc", lambda: listens(port))
+        await_true("Xvnc", lambda: is_listening(port))
         browser = programs.start("chromium", "--no-sandbox", "--kiosk", "--no-first-run", f"--user-data-dir={profile}",
                                  f"--window-size={width},{height}", "--window-position=0,0", "--use-angle=swiftshader",
                                  "--enable-unsafe-swiftshader", page, env={"DISPLAY": display}, **quiet)
