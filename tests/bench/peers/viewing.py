@@ -112,12 +112,11 @@ def result(latency_ms, sent_bytes, cpu_s):
 def latency_run(args, poses):
     width, height = args.size
     options = {"scene": args.scene, "width": width, "height": height, "poses": poses}
-    with tempfile.NamedTemporaryFile("r") as report:
-        code = subprocess.run([args.helio, "bench", "latency", "-q", "--options", json.dumps(options), "--json",
-                               report.name, "--cache-dir", args.cache_dir]).returncode
-        if code:
-            raise Failure(f"helio bench latency: exit code {code}")
-        return json.load(report)
+    child = subprocess.run([args.helio, "bench", "latency", "-q", "--options", json.dumps(options), "--cache-dir",
+                            args.cache_dir], stdout=subprocess.PIPE, text=True)
+    if child.returncode:
+        raise Failure(f"helio bench latency: exit code {child.returncode}")
+    return json.loads(child.stdout)
 
 
 def helio(args):
