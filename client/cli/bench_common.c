@@ -66,15 +66,15 @@ static enum hg_status make_folder(struct hg_bench_daemon *d, struct hg_error *er
     return status;
 }
 
-static enum hg_status spawn_daemon(
-    struct hg_bench_daemon *d, const char *tokens, const char *const *more, struct hg_error *err)
+static enum hg_status spawn_daemon(struct hg_bench_daemon *d, const char *tokens,
+    const char *cache_dir, const char *const *more, struct hg_error *err)
 {
     char cache[128], file[128];
     snprintf(cache, sizeof cache, "%s/cache", d->folder);
     snprintf(file, sizeof file, "%s/tokens", d->folder);
     hg_program_path("HELIOD", "../bin/heliod", d->program, sizeof d->program);
-    const char *argv[ARGS] = {d->program, "--listen", d->url, "--cache-dir", cache, "--sandbox",
-        "best-effort", "--log", "error"};
+    const char *argv[ARGS] = {d->program, "--listen", d->url, "--cache-dir",
+        cache_dir ? cache_dir : cache, "--sandbox", "best-effort", "--log", "error"};
     int count = 9;
     if (tokens) {
         enum hg_status status = hg_file_write_atomic(file, tokens, strlen(tokens), err);
@@ -171,12 +171,12 @@ static enum hg_status await_daemon(
 }
 
 enum hg_status hg_bench_daemon_start(struct hg_bench_daemon *d, const char *tokens,
-    const char *token, const char *const *more, struct hg_error *err)
+    const char *token, const char *cache_dir, const char *const *more, struct hg_error *err)
 {
     *d = (struct hg_bench_daemon){0};
     enum hg_status status = make_folder(d, err);
     if (!status)
-        status = spawn_daemon(d, tokens, more, err);
+        status = spawn_daemon(d, tokens, cache_dir, more, err);
     if (!status)
         status = guard(d, err);
     return status ? status : await_daemon(d, token, err);

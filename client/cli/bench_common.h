@@ -29,10 +29,12 @@ enum hg_status hg_bench_scene_find(
 
 // Starts heliod on a unix socket in a temporary folder and waits until it takes sessions. It writes
 // nothing to our standard output, and ends with this process.
-// `tokens`: of its token file; NULL: it trusts its own user. `more`: further options, ended by
+// `tokens`: of its token file; NULL: it trusts its own user. `cache_dir`: of its caches, which stay
+// for the next one; NULL: an empty folder, removed at the end. `more`: further options, ended by
 // NULL. On failure hg_bench_daemon_stop is still to be called.
 enum hg_status hg_bench_daemon_start(struct hg_bench_daemon *d, const char *tokens,
-    const char *token, const char *const *more, struct hg_error *err) HG_MUST_CHECK;
+    const char *token, const char *cache_dir, const char *const *more,
+    struct hg_error *err) HG_MUST_CHECK;
 void hg_bench_daemon_stop(struct hg_bench_daemon *d); // accepts a zeroed one
 
 // Milliseconds {p50, p95, p99, max, count} of times in ns, which are sorted. NULL: no memory.

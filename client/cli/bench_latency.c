@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "client/cli/bench_common.h"
+#include "client/cli/bench_cpu.h"
 #include "client/cli/bench_flow.h"
 #include "client/cli/viewer.h"
 
@@ -22,6 +23,7 @@ struct latency {
     uint32_t count; // of the samples that follow
     int64_t total_ns[SAMPLES], overhead_ns[SAMPLES], stage_ns[HG_VIEWER_STAGES][SAMPLES];
     uint64_t bytes, begun_ns, ended_ns;
+    struct hg_bench_cpu begun_cpu, ended_cpu;
 };
 
 static void note_sample(void *user, const struct hg_viewer_sample *sample)
@@ -123,9 +125,11 @@ static enum hg_status measure(struct latency *l, struct hg_error *err)
     v->on_sample = note_sample;
     v->user = l;
     v->frames = v->stale = 0;
+    l->begun_cpu = hg_bench_cpu_now(l->daemon.pid);
     l->begun_ns = hg_clock_now_ns();
     status = turn(l, l->poses, err);
     l->ended_ns = hg_clock_now_ns();
+    l->ended_cpu = hg_bench_cpu_now(l->daemon.pid);
     return status;
 }
 
@@ -134,15 +138,17 @@ static json_t *report_of(struct latency *l)
     const struct hg_viewer *v = &l->viewer;
     const double seconds = (double)(l->ended_ns - l->begun_ns) * 1e-9;
     json_t *stages = json_object();
+    json_t *cpu = hg_bench_cpu_report(&l->begun_cpu, &l->ended_cpu, v->frames, !l->url);
     for (int k = 0; k < HG_VIEWER_STAGES; k++)
         json_object_set_new(
             stages, hg_viewer_stage_names[k], hg_bench_percentiles(l->stage_ns[k], l->count));
-    return json_pack("{s:s, s:i, s:i, s:s, s:f, s:f, s:o, s:o, s:o, s:I, s:I, s:f, s:f, s:f, s:f}",
-        "scene", v->options.asset, "width", (int)v->options.width, "height", (int)v->options.height,
+    return json_pack(
+        "{s:s, s:i, s:i, s:s, s:f, s:f, s:o, s:o, s:o, s:o, s:I, s:I, s:f, s:f, s:f, s:f}", "scene",
+        v->options.asset, "width", (int)v->options.width, "height", (int)v->options.height,
         "encoding", l->encoding, "poses_per_s", v->options.poses_per_s, "target_fps",
         (double)v->options.target_fps, "overhead_ms",
         hg_bench_percentiles(l->overhead_ns, l->count), "total_ms",
-        hg_bench_percentiles(l->total_ns, l->count), "stages", stages, "frames",
+        hg_bench_percentiles(l->total_ns, l->count), "stages", stages, "cpu_ms", cpu, "frames",
         (json_int_t)v->frames, "stale_frames", (json_int_t)v->stale, "frames_per_s",
         seconds > 0 ? (double)v->frames / seconds : 0.0, "bytes_per_frame",
         l->count ? (double)l->bytes / l->count : 0.0, "mbit_per_s",
@@ -160,7 +166,7 @@ static enum hg_status start_daemon(struct latency *l, struct hg_error *err)
     l->viewer.options.asset = l->scene.path;
     if (!*l->scene.folder)
         more[2] = NULL;
-    return hg_bench_daemon_start(&l->daemon, NULL, NULL, more, err);
+    return hg_bench_daemon_start(&l->daemon, NULL, NULL, l->cli->options->cache_dir, more, err);
 }
 
 enum hg_status hg_cli_bench_latency(

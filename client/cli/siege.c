@@ -228,7 +228,8 @@ static enum hg_status begin(struct siege *s, struct hg_error *err)
         "classes");
     if (!s->report)
         return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
-    return hg_bench_daemon_start(&s->daemon, tokens, "honest-token-1", more, err);
+    return hg_bench_daemon_start(
+        &s->daemon, tokens, "honest-token-1", s->cli->options->cache_dir, more, err);
 }
 
 static enum hg_status run(struct siege *s, struct hg_error *err)

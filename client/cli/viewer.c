@@ -132,7 +132,7 @@ enum hg_status hg_viewer_hide(struct hg_viewer *v, bool hidden, struct hg_error 
 static struct hgp_view_camera pose_camera(const struct hg_viewer *v, uint64_t seq)
 {
     struct hgp_view_camera camera = v->fit;
-    const uint32_t turn = v->options.poses ? v->options.poses : TURN_POSES;
+    const uint32_t turn = v->options.poses > 1 ? v->options.poses : TURN_POSES;
     const double angle = 6.283185307179586 * (double)(seq % turn) / (double)turn;
     const double x = (double)(v->fit.eye[0] - v->fit.target[0]),
                  z = (double)(v->fit.eye[2] - v->fit.target[2]);
@@ -222,6 +222,8 @@ static enum hg_status take_all(struct hg_viewer *v, struct hg_error *err)
     while (!status && !has_enough(v) && !(status = helio_next(v->h, &message, err))) {
         if (message->type == HGP_T_frame && !message->request)
             status = take_frame(v, message, err);
+        else if (message->type == HGP_T_error) // of a camera, or of a picture that failed
+            status = hg_cli_error_of(&message->body->error, err);
         helio_message_free(message);
     }
     return status == HG_E_AGAIN ? HG_OK : status;

@@ -39,8 +39,10 @@ struct hg_viewer;
 struct hg_viewer_options {
     const char *url, *token, *scene_name, *asset; // asset: loaded when the scene is new, unless
     enum hg_status (*build)(struct hg_viewer *v, struct hg_error *err); // this makes it
-    uint32_t width, height, poses; // poses: of a turn around the scene; at most HG_VIEWER_POSES
-    double poses_per_s;            // 0: the next one as soon as the one before is shown
+    uint32_t width, height;
+    uint32_t poses;     // of a turn around the scene, at most HG_VIEWER_POSES; 0, 1: 300, as a pose
+                        // that leaves the picture as it is brings no frame
+    double poses_per_s; // 0: the next one as soon as the one before is shown
     float target_fps;              // of the view
     enum hgp_encoding encoding;
     bool path;           // mode PATH

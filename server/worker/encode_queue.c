@@ -132,7 +132,8 @@ static enum hg_status run_encoder(struct encode_stream *stream, struct encode_re
     const struct encoder_ops *ops = stream->queue->find(encoding);
     struct encoder_state *s = state_of(stream, encoding);
     enum hg_status status = open_state(ops, s, request, err);
-    request->key_frame = s->wants_key;
+    // A picture that is sent again cannot name itself as the one that it takes.
+    request->key_frame = s->wants_key || (s->number && request->frame.number == s->number);
     if (!status)
         status = ops->encode(s->state, request, out, err);
     if (!status && out->data.failed)

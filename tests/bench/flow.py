@@ -48,6 +48,9 @@ assert list(latency["stages"]) == STAGES, latency["stages"]
 for times in (latency["overhead_ms"], latency["total_ms"], *latency["stages"].values()):
     assert times["count"] == 20 and times["p50"] <= times["p95"] <= times["p99"] <= times["max"], times
 assert 0 < latency["overhead_ms"]["p50"] <= latency["total_ms"]["p50"], latency
+cpu = latency["cpu_ms"]
+assert abs(cpu["daemon"] + cpu["workers"] + cpu["client"] - cpu["total"]) < 1e-2 and cpu["client"] > 0, cpu
+assert min(cpu.values()) >= 0, cpu
 print(json.dumps(latency, indent=1))
 
 many = report("many", seconds=0.3, viewers=[1, 2], phases=["viewers", "stuck"])

@@ -212,7 +212,7 @@ int main(int argc, char **argv)
         .target_fps = 30,
         .encoding = HGP_encoding_JPEG,
         .timeout_ns = WAIT_NS};
-    if (hg_bench_daemon_start(&n.daemon, NULL, NULL, NULL, &err))
+    if (hg_bench_daemon_start(&n.daemon, NULL, NULL, NULL, NULL, &err))
         fail(&err);
     json_t *root = json_pack("{s:o, s:o, s:o}", "trace", run_trace(&n), "rtt_300_ms", run_long(&n),
         "stalls", run_stalls(&n));

@@ -508,6 +508,28 @@ static void test_frames_say_what_they_depend_on(void **state)
     }
 }
 
+// Asked for twice in tiles, the picture at rest is a key frame twice: it cannot take itself.
+static void test_a_picture_again_is_a_key_frame(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_view_camera first = camera(QUICK, 1);
+    uint64_t number = 0;
+    set_view(rig, QUICK, SIDE, HGP_encoding_JPEG);
+    expect_ok(rig, HGP_T_view_camera, &first);
+    for (int i = 0; i < 2; i++) {
+        ask(rig, HGP_T_frame_request,
+            &(struct hgp_frame_request){.view = QUICK,
+                .settled = true,
+                .has_encoding = true,
+                .encoding = HGP_encoding_TILES});
+        const struct hgp_frame *frame = next_frame(rig);
+        assert_int_equal(frame->encoding, HGP_encoding_TILES);
+        assert_false(frame->has_depends);
+        assert_true(i == 0 || frame->number == number);
+        number = frame->number;
+    }
+}
+
 // ---- parts of it --------------------------------------------------------------------------------
 
 enum { LARGE = 1024 }; // px; no frame for the thread of small ones
@@ -630,6 +652,7 @@ int main(void)
         TEST(test_codecs_are_negotiated),
         TEST(test_codecs_of_a_view_without_background),
         TEST(test_frames_say_what_they_depend_on),
+        TEST(test_a_picture_again_is_a_key_frame),
         cmocka_unit_test_setup_teardown(
             test_frames_are_encoded_by_when_they_are_due, start_queue, stop_queue),
         cmocka_unit_test_setup_teardown(
