@@ -1,6 +1,7 @@
 // fidelity_score.c - pictures in, distances and strips out; driven by fidelity.py.
-//   fidelity_score sizes FILE...                         WIDTH HEIGHT per line, "0 0" = unreadable
-//   fidelity_score compare WxH STRIP OURS FIRST FILE...  makes FIRST a thumb like the others (size
+//   fidelity_score sizes FILE...                         WIDTH HEIGHT of WebP files, a line each,
+//   "0 0" = unreadable fidelity_score compare WxH STRIP OURS FIRST FILE...  makes FIRST a thumb
+//   like the others (size
 //       WxH, through WebP at quality 90), saves it as OURS, prints the matrix of distances in dB
 //       (FIRST and all FILEs, one row per line) and draws a strip: the pictures in order, below
 //       each of them its difference from FIRST
@@ -28,7 +29,10 @@ static struct hg_image load(const char *path)
 {
     struct hg_image image;
     struct hg_error err = {0};
-    if (hg_image_read_file(path, HG_PIXEL_RGBA8, NULL, &image, &err))
+    const size_t length = strlen(path);
+    const bool webp = length > 5 && strcmp(path + length - 5, ".webp") == 0;
+    if (webp ? score_read_webp(path, &image, &err)
+             : hg_image_read_file(path, HG_PIXEL_RGBA8, NULL, &image, &err))
         die(&err);
     return image;
 }
@@ -47,11 +51,12 @@ static void save(const struct hg_image *image, const char *path)
 static int print_sizes(int count, char **paths)
 {
     for (int i = 0; i < count; i++) {
-        struct hg_image_info info;
-        if (hg_image_probe_file(paths[i], &info, NULL))
+        struct score_webp webp;
+        if (score_open_webp(paths[i], &webp, NULL))
             printf("0 0\n");
         else
-            printf("%u %u\n", info.width, info.height);
+            printf("%u %u\n", webp.width, webp.height);
+        score_close_webp(&webp);
     }
     return 0;
 }
@@ -130,6 +135,20 @@ static void load_all(
     }
 }
 
+// The same in both directions.
+static void print_matrix(const struct hg_image *pictures, int count)
+{
+    double db[max_pictures][max_pictures];
+    for (int i = 0; i < count; i++) {
+        db[i][i] = -100;
+        for (int j = i + 1; j < count; j++)
+            db[i][j] = db[j][i] = score_distance(&pictures[i], &pictures[j]);
+    }
+    for (int i = 0; i < count; i++)
+        for (int j = 0; j < count; j++)
+            printf("%.4f%c", db[i][j], j + 1 < count ? ' ' : '\n');
+}
+
 static int compare(const char *size, const char *strip, const char *ours, int count, char **paths)
 {
     struct hg_image pictures[max_pictures];
@@ -138,10 +157,7 @@ static int compare(const char *size, const char *strip, const char *ours, int co
         return 2;
     load_all(pictures, width, height, count, paths);
     save(&pictures[0], ours);
-    for (int i = 0; i < count; i++)
-        for (int j = 0; j < count; j++)
-            printf("%.4f%c", i == j ? -100.0 : score_distance(&pictures[i], &pictures[j]),
-                j + 1 < count ? ' ' : '\n');
+    print_matrix(pictures, count);
     draw_strip(strip, pictures, count);
     for (int i = 0; i < count; i++)
         hg_image_finish(&pictures[i]);

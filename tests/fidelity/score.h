@@ -22,6 +22,22 @@ double score_distance(const struct hg_image *a, const struct hg_image *b);
 void score_resize(
     const struct hg_image *image, uint32_t width, uint32_t height, struct hg_image *out);
 
+// A WebP file, read by libwebp alone: it holds straight alpha, as the metric wants it, and a
+// process that asks for a size loads no image library. Errors name the file. Closed by the caller,
+// read or not.
+struct score_webp {
+    uint8_t *bytes;
+    size_t size;
+    uint32_t width, height;
+    bool has_alpha;
+};
+enum hg_status score_open_webp(
+    const char *path, struct score_webp *out, struct hg_error *err) HG_MUST_CHECK;
+void score_close_webp(struct score_webp *webp); // accepts a zeroed one
+// Its pixels, RGBA8, finished by the caller.
+enum hg_status score_read_webp(
+    const char *path, struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
+
 // What WebP at this quality leaves of the picture (as the published thumbs were stored): 4:2:0
 // colour and its quantisation. In place; RGBA8. False when libwebp fails.
 bool score_as_webp(struct hg_image *image, float quality);

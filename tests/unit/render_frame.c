@@ -27,17 +27,30 @@ static void assert_same(const struct hg_refbuf *a, const struct hg_refbuf *b, in
         fail_msg("bytes differ by up to %d", worst);
 }
 
-// RGBA8 of a settled test scene, in a renderer of its own.
+// RGBA8 of a settled test scene.
+static struct hg_refbuf *render_in(struct rig *rig, const char *path, uint32_t step, float turn)
+{
+    const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
+    rig_use_scene(rig, rig_load(path, hg_renderer_jobs(rig->renderer)), &params);
+    rig_look_at_scene(rig, turn);
+    rig_settle(rig, step);
+    struct hg_refbuf *out = rig_pixels(rig, HG_PIXEL_RGBA8);
+    rig_close_scene(rig);
+    return out;
+}
+
+static void open_overridden(struct rig *rig, struct hg_debug_overrides overrides)
+{
+    rig_open_with(rig, &(struct hg_renderer_params){.threads = 2, .overrides = overrides});
+}
+
+// In a renderer of its own.
 static struct hg_refbuf *render_overridden(
     const char *path, uint32_t step, float turn, struct hg_debug_overrides overrides)
 {
     struct rig rig;
-    const struct hg_view_params params = {.width = 96, .height = 64, .samples = 5, .seed = 3};
-    rig_open_with(&rig, &(struct hg_renderer_params){.threads = 2, .overrides = overrides});
-    rig_use_scene(&rig, rig_load(path, hg_renderer_jobs(rig.renderer)), &params);
-    rig_look_at_scene(&rig, turn);
-    rig_settle(&rig, step);
-    struct hg_refbuf *out = rig_pixels(&rig, HG_PIXEL_RGBA8);
+    open_overridden(&rig, overrides);
+    struct hg_refbuf *out = render_in(&rig, path, step, turn);
     rig_close(&rig);
     return out;
 }
@@ -175,14 +188,14 @@ static void test_blend_order(void **state)
     (void)state;
     const float colors[4][4] = {
         {1, 0, 0, 0.5f}, {0, 1, 0, 0.25f}, {0, 0, 1, 0.75f}, {0.5f, 0.5f, 0.5f, 1}};
+    struct rig rig;
+    rig_open(&rig, false);
     for (int order = 0; order < 4; order++) {
-        struct rig rig;
         const struct hg_view_params params = {.width = 32,
             .height = 32,
             .samples = 1,
             .tonemap = HG_TONEMAP_LINEAR,
             .background = HG_BACKGROUND_NONE};
-        rig_open(&rig, false);
         struct hg_scene *scene = rig_new_scene();
         for (int k = 0; k < 4; k++) { // node ids in another order each time
             const int layer = (k * (order == 3 ? 3 : 1) + order) % 4;
@@ -201,8 +214,9 @@ static void test_blend_order(void **state)
         for (int c = 0; c < 3; c++)
             assert_true(fabsf(got[c] - want[c]) < 1e-5f);
         assert_true(fabsf(got[3] - 1) < 1e-6f);
-        rig_close(&rig);
+        rig_close_scene(&rig);
     }
+    rig_close(&rig);
 }
 
 // Blends `count` sheets one behind the other and compares with the same in double precision, as far
@@ -258,33 +272,43 @@ static void test_many_layers(void **state)
 
 // --- the same bytes ------------------------------------------------------------------------------
 
+// In one renderer, in another one, and with all samples in one step.
 static void test_same_bytes(void **state)
 {
     (void)state;
     static const char *const paths[] = {PANES, WORM};
+    struct rig one, other;
+    open_overridden(&one, (struct hg_debug_overrides){0});
+    open_overridden(&other, (struct hg_debug_overrides){0});
     for (int i = 0; i < 2; i++) {
-        struct hg_refbuf *a = render(paths[i], 1, 0.4f);
-        struct hg_refbuf *again = render(paths[i], 1, 0.4f);
-        struct hg_refbuf *steps = render(paths[i], 16, 0.4f);
+        struct hg_refbuf *a = render_in(&one, paths[i], 1, 0.4f);
+        struct hg_refbuf *again = render_in(&other, paths[i], 1, 0.4f);
+        struct hg_refbuf *steps = render_in(&one, paths[i], 16, 0.4f);
         assert_same(a, again, 0);
         assert_same(a, steps, 0);
         hg_refbuf_unref(a);
         hg_refbuf_unref(again);
         hg_refbuf_unref(steps);
     }
+    rig_close(&one);
+    rig_close(&other);
 }
 
 static void test_culling_changes_nothing(void **state)
 {
     (void)state;
+    struct rig culling, drawing_all;
+    open_overridden(&culling, (struct hg_debug_overrides){0});
+    open_overridden(&drawing_all, (struct hg_debug_overrides){.no_culling = true});
     for (int i = 0; i < 3; i++) {
-        struct hg_refbuf *on = render(PANES, 4, (float)i * 2.0f);
-        struct hg_refbuf *off = render_overridden(
-            PANES, 4, (float)i * 2.0f, (struct hg_debug_overrides){.no_culling = true});
+        struct hg_refbuf *on = render_in(&culling, PANES, 4, (float)i * 2.0f);
+        struct hg_refbuf *off = render_in(&drawing_all, PANES, 4, (float)i * 2.0f);
         assert_same(on, off, 0);
         hg_refbuf_unref(on);
         hg_refbuf_unref(off);
     }
+    rig_close(&culling);
+    rig_close(&drawing_all);
 }
 
 // The paths of GPUs: no mapped memory, tables by address, one pipeline for all features. Other
