@@ -1,10 +1,12 @@
 // fidelity_score.c - pictures in, distances and strips out; driven by fidelity.py.
-//   fidelity_score sizes FILE...                         WIDTH HEIGHT of WebP files, a line each,
-//   "0 0" = unreadable fidelity_score compare WxH STRIP OURS FIRST FILE...  makes FIRST a thumb
-//   like the others (size
-//       WxH, through WebP at quality 90), saves it as OURS, prints the matrix of distances in dB
-//       (FIRST and all FILEs, one row per line) and draws a strip: the pictures in order, below
-//       each of them its difference from FIRST
+//
+//   fidelity_score sizes FILE...
+//       WIDTH HEIGHT of WebP files, a line each, "0 0" = unreadable
+//
+//   fidelity_score compare WxH STRIP OURS FIRST FILE...
+//       makes FIRST a thumb like the others (size WxH, through WebP at quality 90), saves it as
+//       OURS, prints the matrix of distances in dB (FIRST and all FILEs, one row per line) and
+//       draws a strip: the pictures in order, below each of them its difference from FIRST
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
