@@ -484,7 +484,7 @@ test("a codec that fails is left for the next one", async () => {
         window.helio.setParams({ samples });
         return window.helio.view.setCodec("auto");
     }, SAMPLES);
-    await waitExact(page);
+    await fitView();
 });
 
 test("measures between two picks", async () => {
