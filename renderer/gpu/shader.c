@@ -1,10 +1,12 @@
 // shader.c - SPIR-V by the names of shaders, and modules of it for one pipeline each.
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
 #include "renderer/gpu/embed.h"
 #include "renderer/gpu/internal.h"
+#include "renderer/gpu/optimise.h"
 #include "renderer/gpu/specialise.h"
 
 static enum hg_status compile(
@@ -51,6 +53,12 @@ enum hg_status hg_gpu_shader_ready(struct hg_gpu *gpu, const char *name, struct 
     return status;
 }
 
+static bool wants_optimised(void)
+{
+    const char *given = getenv("HELIO_GPU_OPTIMISE");
+    return given != NULL && strcmp(given, "on") == 0;
+}
+
 enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const uint32_t *values,
     uint32_t value_count, struct hg_gpu_shader_module *out, struct hg_error *err)
 {
@@ -58,9 +66,14 @@ enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const 
     const struct hg_gpu_shader *shader = find(gpu, name);
     if (shader == NULL)
         return hg_error_set(err, HG_E_NOTFOUND, name, NULL, "no such shader");
-    struct hg_spirv spirv;
+    struct hg_spirv spirv, shorter;
     out->specialised =
         hg_spirv_specialise(shader->words, shader->size_bytes, values, value_count, &spirv);
+    if (out->specialised && wants_optimised() &&
+        hg_spirv_optimise(spirv.words, spirv.size_bytes, &shorter)) {
+        hg_spirv_free(&spirv);
+        spirv = shorter;
+    }
     const VkShaderModuleCreateInfo info = {.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO,
         .codeSize = out->specialised ? spirv.size_bytes : shader->size_bytes,
         .pCode = out->specialised ? spirv.words : shader->words};

@@ -10,13 +10,9 @@
 
 #define SPV_ENABLE_UTILITY_CODE
 #include <spirv/unified1/spirv.h>
-// The header has it inline only, which in C is no definition.
-extern void SpvHasResultAndType(SpvOp opcode, bool *has_result, bool *has_result_type);
 
 #include "base/alloc.h"
 
-#define HEADER_WORDS 5
-#define MOST_IDS     (1u << 22)
 #define NOTHING      0xffffffffu
 
 enum kind { KIND_OTHER, KIND_BOOL, KIND_INT };
@@ -50,16 +46,6 @@ struct walk {
     bool failed; // something that is not known here
 };
 
-static uint32_t op_of(const uint32_t *i)
-{
-    return *i & 0xffffu;
-}
-
-static uint32_t length_of(const uint32_t *i)
-{
-    return *i >> 16;
-}
-
 // An id that must be below the bound.
 static struct id *id_at(struct walk *w, uint32_t id)
 {
@@ -74,11 +60,11 @@ static struct id *id_at(struct walk *w, uint32_t id)
 static struct id *result_of(struct walk *w, const uint32_t *i)
 {
     bool result, type;
-    SpvHasResultAndType(op_of(i), &result, &type);
+    SpvHasResultAndType(hg_spirv_op(i), &result, &type);
     if (!result)
         return NULL;
     const uint32_t at = type ? 2 : 1;
-    if (at >= length_of(i)) {
+    if (at >= hg_spirv_length(i)) {
         w->failed = true;
         return NULL;
     }
@@ -89,79 +75,6 @@ static struct id *result_of(struct walk *w, const uint32_t *i)
 }
 
 // --- values --------------------------------------------------------------------------------------
-
-static bool binary(uint32_t op, uint32_t a, uint32_t b, uint32_t *out)
-{
-    const int32_t x = (int32_t)a, y = (int32_t)b;
-    switch (op) {
-    case SpvOpIAdd:
-        *out = a + b;
-        return true;
-    case SpvOpISub:
-        *out = a - b;
-        return true;
-    case SpvOpIMul:
-        *out = a * b;
-        return true;
-    case SpvOpUDiv:
-        *out = b != 0 ? a / b : 0;
-        return b != 0;
-    case SpvOpUMod:
-        *out = b != 0 ? a % b : 0;
-        return b != 0;
-    case SpvOpShiftLeftLogical:
-        *out = b < 32 ? a << b : 0;
-        return b < 32;
-    case SpvOpShiftRightLogical:
-        *out = b < 32 ? a >> b : 0;
-        return b < 32;
-    case SpvOpBitwiseAnd:
-    case SpvOpLogicalAnd:
-        *out = a & b;
-        return true;
-    case SpvOpBitwiseOr:
-    case SpvOpLogicalOr:
-        *out = a | b;
-        return true;
-    case SpvOpBitwiseXor:
-        *out = a ^ b;
-        return true;
-    case SpvOpIEqual:
-    case SpvOpLogicalEqual:
-        *out = a == b;
-        return true;
-    case SpvOpINotEqual:
-    case SpvOpLogicalNotEqual:
-        *out = a != b;
-        return true;
-    case SpvOpULessThan:
-        *out = a < b;
-        return true;
-    case SpvOpULessThanEqual:
-        *out = a <= b;
-        return true;
-    case SpvOpUGreaterThan:
-        *out = a > b;
-        return true;
-    case SpvOpUGreaterThanEqual:
-        *out = a >= b;
-        return true;
-    case SpvOpSLessThan:
-        *out = x < y;
-        return true;
-    case SpvOpSLessThanEqual:
-        *out = x <= y;
-        return true;
-    case SpvOpSGreaterThan:
-        *out = x > y;
-        return true;
-    case SpvOpSGreaterThanEqual:
-        *out = x >= y;
-        return true;
-    default:
-        return false;
-    }
-}
 
 // One known side may be enough.
 static bool half_known(uint32_t op, const struct id *a, const struct id *b, uint32_t *out)
@@ -179,7 +92,7 @@ static uint32_t arity(uint32_t op)
     uint32_t unused;
     if (op == SpvOpLogicalNot || op == SpvOpNot || op == SpvOpSNegate)
         return 1;
-    return op == SpvOpSelect ? 3 : binary(op, 1, 1, &unused) ? 2 : 0;
+    return op == SpvOpSelect ? 3 : hg_spirv_fold(op, 1, 1, &unused) ? 2 : 0;
 }
 
 // The value of an operation on `count` ids, if it can be told.
@@ -198,7 +111,8 @@ static bool evaluate(
         *out = chosen->value;
         return a->known && chosen->known;
     }
-    return a->known && b->known ? binary(op, a->value, b->value, out) : half_known(op, a, b, out);
+    return a->known && b->known ? hg_spirv_fold(op, a->value, b->value, out)
+                                : half_known(op, a, b, out);
 }
 
 static bool is_scalar(struct walk *w, uint32_t type)
@@ -223,44 +137,30 @@ static void put_instruction(struct walk *w, const uint32_t *i)
     struct id *result = result_of(w, i);
     if (result != NULL)
         result->defined = true;
-    put(w, i, length_of(i));
+    put(w, i, hg_spirv_length(i));
 }
 
 // --- in front of the functions -------------------------------------------------------------------
 
-// True: nothing that a driver asks for.
-static bool is_note(uint32_t op)
-{
-    return op == SpvOpName || op == SpvOpMemberName || op == SpvOpLine || op == SpvOpNoLine ||
-           op == SpvOpSource || op == SpvOpSourceContinued || op == SpvOpSourceExtension ||
-           op == SpvOpString || op == SpvOpModuleProcessed;
-}
-
-static bool is_decoration(uint32_t op)
-{
-    return op == SpvOpDecorate || op == SpvOpMemberDecorate || op == SpvOpDecorateId ||
-           op == SpvOpDecorateString || op == SpvOpMemberDecorateString ||
-           op == SpvOpDecorationGroup || op == SpvOpGroupDecorate || op == SpvOpGroupMemberDecorate;
-}
-
 static bool is_spec_decoration(const uint32_t *i)
 {
-    return op_of(i) == SpvOpDecorate && length_of(i) == 4 && i[2] == SpvDecorationSpecId;
+    return hg_spirv_op(i) == SpvOpDecorate && hg_spirv_length(i) == 4 &&
+           i[2] == SpvDecorationSpecId;
 }
 
 static void note_decoration(struct walk *w, const uint32_t *i)
 {
     if (is_spec_decoration(i))
         id_at(w, i[1])->spec = i[3];
-    w->failed |= op_of(i) == SpvOpDecorationGroup || op_of(i) == SpvOpGroupDecorate ||
-                 op_of(i) == SpvOpGroupMemberDecorate;
+    w->failed |= hg_spirv_op(i) == SpvOpDecorationGroup || hg_spirv_op(i) == SpvOpGroupDecorate ||
+                 hg_spirv_op(i) == SpvOpGroupMemberDecorate;
 }
 
 static void note_type(struct walk *w, const uint32_t *i)
 {
-    if (op_of(i) == SpvOpTypeBool)
+    if (hg_spirv_op(i) == SpvOpTypeBool)
         id_at(w, i[1])->kind = KIND_BOOL;
-    if (op_of(i) == SpvOpTypeInt && length_of(i) == 4 && i[2] == 32)
+    if (hg_spirv_op(i) == SpvOpTypeInt && hg_spirv_length(i) == 4 && i[2] == 32)
         id_at(w, i[1])->kind = KIND_INT;
 }
 
@@ -288,7 +188,7 @@ static uint32_t given(const struct walk *w, const struct id *id, uint32_t otherw
 
 static void constant(struct walk *w, const uint32_t *i)
 {
-    const uint32_t op = op_of(i), length = length_of(i);
+    const uint32_t op = hg_spirv_op(i), length = hg_spirv_length(i);
     struct id *result = result_of(w, i);
     if (result == NULL)
         return;
@@ -349,7 +249,7 @@ static bool is_edge(struct walk *w, uint32_t from, uint32_t to)
 static void note_phi(struct walk *w, const uint32_t *i, uint32_t block)
 {
     const struct id *one = NULL;
-    for (uint32_t k = 3; k + 1 < length_of(i); k += 2) {
+    for (uint32_t k = 3; k + 1 < hg_spirv_length(i); k += 2) {
         if (!is_edge(w, i[k + 1], block))
             continue;
         const struct id *from = id_at(w, i[k]);
@@ -363,12 +263,12 @@ static void note_phi(struct walk *w, const uint32_t *i, uint32_t block)
 
 static void note_branch(struct walk *w, const uint32_t *i, const uint32_t *merge, uint32_t block)
 {
-    if (length_of(i) < 4) {
+    if (hg_spirv_length(i) < 4) {
         w->failed = true;
         return;
     }
     const struct id *condition = id_at(w, i[1]);
-    if (condition->known && merge != NULL && op_of(merge) == SpvOpSelectionMerge) {
+    if (condition->known && merge != NULL && hg_spirv_op(merge) == SpvOpSelectionMerge) {
         id_at(w, block)->goes_to = i[condition->value != 0 ? 2 : 3];
         reach(w, id_at(w, block)->goes_to);
         return;
@@ -381,8 +281,8 @@ static void note_branch(struct walk *w, const uint32_t *i, const uint32_t *merge
 
 static void note_switch(struct walk *w, const uint32_t *i, const uint32_t *merge)
 {
-    w->failed |= length_of(i) < 3 || id_at(w, id_at(w, i[1])->type)->kind != KIND_INT;
-    for (uint32_t k = 2; k < length_of(i); k += 2)
+    w->failed |= hg_spirv_length(i) < 3 || id_at(w, id_at(w, i[1])->type)->kind != KIND_INT;
+    for (uint32_t k = 2; k < hg_spirv_length(i); k += 2)
         reach(w, i[k]);
     if (merge != NULL)
         id_at(w, merge[1])->declared = true;
@@ -390,7 +290,7 @@ static void note_switch(struct walk *w, const uint32_t *i, const uint32_t *merge
 
 static void note_loop(struct walk *w, const uint32_t *i, uint32_t block)
 {
-    if (length_of(i) < 4) {
+    if (hg_spirv_length(i) < 4) {
         w->failed = true;
         return;
     }
@@ -413,10 +313,10 @@ static void note_instruction(
     struct walk *w, const uint32_t *i, const uint32_t **merge, uint32_t block)
 {
     struct id *result = result_of(w, i);
-    const uint32_t length = length_of(i);
+    const uint32_t length = hg_spirv_length(i);
     if (w->failed)
         return;
-    switch (op_of(i)) {
+    switch (hg_spirv_op(i)) {
     case SpvOpPhi:
         note_phi(w, i, block);
         return;
@@ -443,8 +343,8 @@ static void note_instruction(
         break;
     }
     uint32_t value;
-    if (result != NULL && length > 3 && arity(op_of(i)) > 0 && is_scalar(w, i[1]) &&
-        evaluate(w, op_of(i), i + 3, length - 3, &value))
+    if (result != NULL && length > 3 && arity(hg_spirv_op(i)) > 0 && is_scalar(w, i[1]) &&
+        evaluate(w, hg_spirv_op(i), i + 3, length - 3, &value))
         know(result, value);
 }
 
@@ -452,9 +352,9 @@ static void note_function(struct walk *w, size_t at)
 {
     uint32_t block = 0;
     const uint32_t *merge = NULL;
-    for (const uint32_t *i = w->words + at; !w->failed && op_of(i) != SpvOpFunctionEnd;
-         i += length_of(i)) {
-        if (op_of(i) == SpvOpLabel) {
+    for (const uint32_t *i = w->words + at; !w->failed && hg_spirv_op(i) != SpvOpFunctionEnd;
+         i += hg_spirv_length(i)) {
+        if (hg_spirv_op(i) == SpvOpLabel) {
             if (block == 0)
                 reach(w, i[1]);
             block = i[1];
@@ -475,7 +375,7 @@ static void put_phi(struct walk *w, const uint32_t *i, uint32_t block)
     if (w->failed)
         return;
     w->out_count = at + 3;
-    for (uint32_t k = 3; k + 1 < length_of(i); k += 2)
+    for (uint32_t k = 3; k + 1 < hg_spirv_length(i); k += 2)
         if (is_edge(w, i[k + 1], block))
             put(w, i + k, 2);
     w->out[at] = (uint32_t)(w->out_count - at) << 16 | SpvOpPhi;
@@ -493,26 +393,26 @@ static void put_unreachable(struct walk *w, const uint32_t *label, const struct 
 
 static void put_in_block(struct walk *w, const uint32_t *i, uint32_t block)
 {
-    const uint32_t op = op_of(i), goes_to = id_at(w, block)->goes_to;
+    const uint32_t op = hg_spirv_op(i), goes_to = id_at(w, block)->goes_to;
     if (op == SpvOpPhi)
         put_phi(w, i, block);
     else if (op == SpvOpBranchConditional && goes_to != 0)
         put(w, (const uint32_t[]){2u << 16 | SpvOpBranch, goes_to}, 2);
-    else if ((op != SpvOpSelectionMerge || goes_to == 0) && !is_note(op))
+    else if ((op != SpvOpSelectionMerge || goes_to == 0) && !hg_spirv_is_note(op))
         put_instruction(w, i);
 }
 
 static void put_function(struct walk *w, size_t at)
 {
     uint32_t block = 0;
-    for (const uint32_t *i = w->words + at; !w->failed; i += length_of(i)) {
-        const uint32_t op = op_of(i);
+    for (const uint32_t *i = w->words + at; !w->failed; i += hg_spirv_length(i)) {
+        const uint32_t op = hg_spirv_op(i);
         if (op == SpvOpLabel) {
             block = i[1];
             if (!id_at(w, block)->reached && id_at(w, block)->declared)
                 put_unreachable(w, i, id_at(w, block));
         }
-        if ((op == SpvOpFunctionEnd || block == 0) && !is_note(op))
+        if ((op == SpvOpFunctionEnd || block == 0) && !hg_spirv_is_note(op))
             put_instruction(w, i);
         else if (block != 0 && id_at(w, block)->reached)
             put_in_block(w, i, block);
@@ -529,7 +429,7 @@ static uint32_t least_length(uint32_t op)
     if (op == SpvOpFunction)
         return 5;
     const bool two = op == SpvOpLabel || op == SpvOpBranch || op == SpvOpSelectionMerge ||
-                     op == SpvOpTypeBool || is_decoration(op);
+                     op == SpvOpTypeBool || hg_spirv_is_decoration(op);
     return two ? 2 : 1;
 }
 
@@ -538,9 +438,9 @@ static bool check(struct walk *w)
 {
     bool inside = false;
     w->first_function = w->count;
-    for (size_t at = HEADER_WORDS; at < w->count; at += length_of(w->words + at)) {
+    for (size_t at = HG_SPIRV_HEADER_WORDS; at < w->count; at += hg_spirv_length(w->words + at)) {
         const uint32_t *i = w->words + at;
-        const uint32_t op = op_of(i), length = length_of(i);
+        const uint32_t op = hg_spirv_op(i), length = hg_spirv_length(i);
         if (length < least_length(op) || length > w->count - at)
             return false;
         if (op == SpvOpFunction) {
@@ -555,11 +455,11 @@ static bool check(struct walk *w)
 
 static void note_globals(struct walk *w)
 {
-    for (const uint32_t *i = w->words + HEADER_WORDS;
-         i < w->words + w->first_function && !w->failed; i += length_of(i)) {
-        if (is_decoration(op_of(i)))
+    for (const uint32_t *i = w->words + HG_SPIRV_HEADER_WORDS;
+         i < w->words + w->first_function && !w->failed; i += hg_spirv_length(i)) {
+        if (hg_spirv_is_decoration(hg_spirv_op(i)))
             note_decoration(w, i);
-        else if (op_of(i) == SpvOpEntryPoint && length_of(i) > 2)
+        else if (hg_spirv_op(i) == SpvOpEntryPoint && hg_spirv_length(i) > 2)
             note_call(w, i[2]);
     }
 }
@@ -567,22 +467,22 @@ static void note_globals(struct walk *w)
 // Decorations of what is not there any more are dropped when all has been written.
 static void put_globals(struct walk *w)
 {
-    for (const uint32_t *i = w->words + HEADER_WORDS;
-         i < w->words + w->first_function && !w->failed; i += length_of(i)) {
+    for (const uint32_t *i = w->words + HG_SPIRV_HEADER_WORDS;
+         i < w->words + w->first_function && !w->failed; i += hg_spirv_length(i)) {
         note_type(w, i);
-        if (is_constant(op_of(i)))
+        if (is_constant(hg_spirv_op(i)))
             constant(w, i);
-        else if (!is_note(op_of(i)) && !is_spec_decoration(i))
+        else if (!hg_spirv_is_note(hg_spirv_op(i)) && !is_spec_decoration(i))
             put_instruction(w, i);
     }
 }
 
 static void drop_decorations(struct walk *w)
 {
-    size_t to = HEADER_WORDS;
-    for (size_t at = HEADER_WORDS; at < w->out_count;) {
-        const uint32_t *i = w->out + at, length = length_of(i);
-        if (!is_decoration(op_of(i)) || id_at(w, i[1])->defined) {
+    size_t to = HG_SPIRV_HEADER_WORDS;
+    for (size_t at = HG_SPIRV_HEADER_WORDS; at < w->out_count;) {
+        const uint32_t *i = w->out + at, length = hg_spirv_length(i);
+        if (!hg_spirv_is_decoration(hg_spirv_op(i)) || id_at(w, i[1])->defined) {
             memmove(w->out + to, i, length * sizeof *i);
             to += length;
         }
@@ -593,7 +493,7 @@ static void drop_decorations(struct walk *w)
 
 static void run(struct walk *w)
 {
-    put(w, w->words, HEADER_WORDS);
+    put(w, w->words, HG_SPIRV_HEADER_WORDS);
     note_globals(w);
     put_globals(w);
     for (uint32_t n = 0; n < w->call_count && !w->failed; n++) {
@@ -603,9 +503,9 @@ static void run(struct walk *w)
             note_function(w, f->function);
     }
     for (size_t at = w->first_function; at < w->count && !w->failed;
-         at += length_of(w->words + at)) {
+         at += hg_spirv_length(w->words + at)) {
         const uint32_t *i = w->words + at;
-        if (op_of(i) == SpvOpFunction && id_at(w, i[2])->reached)
+        if (hg_spirv_op(i) == SpvOpFunction && id_at(w, i[2])->reached)
             put_function(w, at);
     }
     drop_decorations(w);
@@ -616,8 +516,8 @@ bool hg_spirv_specialise(const uint32_t *words, size_t size_bytes, const uint32_
 {
     *out = (struct hg_spirv){0};
     const size_t count = size_bytes / sizeof *words;
-    if (count < HEADER_WORDS || words[0] != SpvMagicNumber || words[3] == 0 ||
-        words[3] > MOST_IDS || count > UINT32_MAX)
+    if (count < HG_SPIRV_HEADER_WORDS || words[0] != SpvMagicNumber || words[3] == 0 ||
+        words[3] > HG_SPIRV_MOST_IDS || count > UINT32_MAX)
         return false;
     // An unreachable block takes no more room than what was there, a constant's value no more than
     // its operation.
@@ -644,10 +544,4 @@ bool hg_spirv_specialise(const uint32_t *words, size_t size_bytes, const uint32_
     }
     *out = (struct hg_spirv){w.out, w.out_count * sizeof *w.out};
     return true;
-}
-
-void hg_spirv_free(struct hg_spirv *spirv)
-{
-    hg_free(spirv->words);
-    *spirv = (struct hg_spirv){0};
 }

@@ -5,14 +5,7 @@
 #ifndef HG_RENDERER_GPU_SPECIALISE_H
 #define HG_RENDERER_GPU_SPECIALISE_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-struct hg_spirv {
-    uint32_t *words;
-    size_t size_bytes;
-};
+#include "renderer/gpu/spirv.h"
 
 // values: of the constants with ids 0..value_count - 1; others keep their defaults. Branches, not
 // switches, whose condition then is known lose the side that is not taken, and functions that
@@ -21,6 +14,5 @@ struct hg_spirv {
 // decorations), is malformed, or there is no memory; *out is empty.
 bool hg_spirv_specialise(const uint32_t *words, size_t size_bytes, const uint32_t *values,
     uint32_t value_count, struct hg_spirv *out);
-void hg_spirv_free(struct hg_spirv *spirv);
 
 #endif

@@ -14,6 +14,7 @@
 #include "base/file.h"
 #include "renderer/gpu/embed.h"
 #include "renderer/gpu/gpu.h"
+#include "renderer/gpu/optimise.h"
 #include "renderer/gpu/specialise.h"
 #include "tests/support/check.h"
 #include "tests/support/folder.h"
@@ -79,8 +80,12 @@ static void test_valid(void **state)
             assert_true(hg_spirv_specialise(out.words, out.size_bytes, values, CONSTANTS, &again));
             assert_int_equal(again.size_bytes, out.size_bytes);
             assert_memory_equal(again.words, out.words, out.size_bytes);
-            hg_spirv_free(&out);
             hg_spirv_free(&again);
+            if (!hg_spirv_optimise(out.words, out.size_bytes, &again))
+                fail_msg("%s could not be optimised", shaders[s].name);
+            valid(folder, shaders[s].name, &again);
+            hg_spirv_free(&again);
+            hg_spirv_free(&out);
         }
     }
     assert_true(test_folder_remove(folder));
@@ -164,9 +169,8 @@ static void dispatch(struct hg_gpu *gpu, const struct constants *c,
     test_ok(hg_gpu_wait(gpu, value, err), err);
 }
 
-static void test_same_results(void **state)
+static void check_results(void)
 {
-    (void)state;
     enum { COUNT = 64 };
     struct hg_error err = {0};
     struct hg_gpu *gpu;
@@ -187,6 +191,20 @@ static void test_same_results(void **state)
     hg_gpu_buffer_destroy(gpu, &words);
     assert_int_equal(hg_gpu_validation_messages(gpu), 0);
     hg_gpu_destroy(gpu);
+}
+
+static void test_same_results(void **state)
+{
+    (void)state;
+    check_results();
+}
+
+static void test_same_results_optimised(void **state)
+{
+    (void)state;
+    setenv("HELIO_GPU_OPTIMISE", "on", 1);
+    check_results();
+    unsetenv("HELIO_GPU_OPTIMISE");
 }
 
 // What is ruled out is gone: nothing to tell constants by, no function but the one.
@@ -220,6 +238,8 @@ static void test_malformed(void **state)
         memcpy(words, shader->words, cut);
         (void)hg_spirv_specialise(words, cut, values, 3, &out);
         hg_spirv_free(&out);
+        (void)hg_spirv_optimise(words, cut, &out);
+        hg_spirv_free(&out);
         free(words);
     }
     for (uint32_t k = 0; k < 20000; k++) {
@@ -229,7 +249,13 @@ static void test_malformed(void **state)
         for (uint32_t n = 0; n <= k % 3; n++)
             words[next(&seed) % (shader->size_bytes / 4)] =
                 k % 2 == 0 ? next(&seed) << 8 | next(&seed) : next(&seed) % 400;
-        (void)hg_spirv_specialise(words, shader->size_bytes, values, 3, &out);
+        if (hg_spirv_specialise(words, shader->size_bytes, values, 3, &out)) {
+            struct hg_spirv shorter;
+            (void)hg_spirv_optimise(out.words, out.size_bytes, &shorter);
+            hg_spirv_free(&shorter);
+        }
+        hg_spirv_free(&out);
+        (void)hg_spirv_optimise(words, shader->size_bytes, &out);
         hg_spirv_free(&out);
         free(words);
     }
@@ -240,6 +266,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_valid),
         cmocka_unit_test(test_same_results),
+        cmocka_unit_test(test_same_results_optimised),
         cmocka_unit_test(test_smaller),
         cmocka_unit_test(test_malformed),
     };
