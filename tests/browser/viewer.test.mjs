@@ -234,12 +234,18 @@ test("a picture at rest brings only the tiles that an edit has changed, to the l
     const settings = { still_encoding: "TILES", exposure_mode: "FIXED", exposure_ev: 0 };
     const before = await evaluate(() => window.helio.view.params.still_encoding);
     await evaluate((s) => window.helio.setParams(s), settings);
-    await turn("ArrowRight");
     const still = () => evaluate(() => {
         const { encoding, depends, data, lossless } = window.helio.view.frame;
         return { encoding, isPart: depends !== undefined, bytes: data.length, lossless };
     });
-    const first = await still(), stills = [];
+    const stills = [];
+    // A whole one first: the first after the settings may have been one already, and this one its changes.
+    const first = await until(async () => {
+        await evaluate(() => window.helio.connection.send("key_frame", { view: 1 }));
+        await turn("ArrowRight");
+        const whole = await still();
+        return !whole.isPart && whole;
+    }, "a whole picture in tiles");
     assert.equal(first.encoding, "TILES");
     for (const isVisible of [false, true]) {
         await settleAfter(() => evaluate(async (is) => {
