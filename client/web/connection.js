@@ -192,6 +192,7 @@ export class Connection extends EventTarget {
         try {
             const resumed = await this.call("resume", { secret });
             this.ticket = resumed.secret;
+            this.session = resumed.session; // the one before, not that of this connection's welcome
             return resumed;
         } catch (error) {
             if (error.status === "closed")

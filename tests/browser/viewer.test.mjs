@@ -116,11 +116,10 @@ const caughtPixels = () => evaluate(() => {
     return { base64: btoa(text), width, height };
 }).then(({ base64, ...size }) => ({ pixels: Buffer.from(base64, "base64"), ...size }));
 
-// How far keys have turned the camera depends on time: all of the scene is seen again.
+// How far keys have turned the camera depends on time: the whole scene again, from where it is seen well.
 async function fitView() {
-    await page.focus("#picture");
-    await page.keyboard.press("KeyF");
-    await waitFor(page, () => !window.helio.isAwake);
+    await evaluate(() => window.helio.fit(0n, [0.5, 0.45]));
+    await waitFor(page, () => !window.helio.flight && !window.helio.isAwake);
     await waitExact(page);
 }
 
