@@ -216,3 +216,23 @@ export function psnr(a, b) {
         sum += i % 4 === 3 ? 0 : (a[i] - b[i]) ** 2;
     return sum === 0 ? 999 : 10 * Math.log10(255 * 255 / (sum / (a.length * 0.75)));
 }
+
+// ---- files ---------------------------------------------------------------------------------------
+
+// A square that one variant makes red, the other one blue, and a camera before it.
+export function makeVariants() {
+    const floats = new Float32Array([-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, -1, 0, 1, 1, 0, -1, 1, 0]);
+    const material = (...color) => ({ emissiveFactor: color, pbrMetallicRoughness: { baseColorFactor: [0, 0, 0, 1] } });
+    const bytes = Buffer.from(floats.buffer);
+    return JSON.stringify({ asset: { version: "2.0" }, extensionsUsed: ["KHR_materials_variants"],
+        extensions: { KHR_materials_variants: { variants: [{ name: "red" }, { name: "blue" }] } },
+        buffers: [{ byteLength: bytes.length, uri: `data:application/octet-stream;base64,${bytes.toString("base64")}` }],
+        bufferViews: [{ buffer: 0, byteLength: bytes.length }],
+        accessors: [{ bufferView: 0, componentType: 5126, count: 6, type: "VEC3", min: [-1, -1, 0], max: [1, 1, 0] }],
+        materials: [material(0, 1, 0), material(1, 0, 0), material(0, 0, 1)],
+        meshes: [{ primitives: [{ attributes: { POSITION: 0 }, material: 0, extensions: { KHR_materials_variants: { mappings: [
+            { material: 1, variants: [0] }, { material: 2, variants: [1] }] } } }] }],
+        cameras: [{ type: "perspective", perspective: { yfov: 0.5, znear: 0.1 } }],
+        nodes: [{ mesh: 0 }, { name: "near", camera: 0, translation: [0, 0, 3] }, { name: "far", camera: 0, translation: [0, 0, 30] }],
+        scenes: [{ nodes: [0, 1, 2] }], scene: 0 });
+}
