@@ -66,6 +66,18 @@ static void await_fault(struct hg_disk_watch *w, uint32_t place, pid_t pid, enum
     }
 }
 
+// A pass over all places that have been set has begun and ended.
+static void await_counted(struct hg_disk_watch *w, uint32_t place, pid_t pid)
+{
+    char name[40], path[TEST_FOLDER_MAX + 300];
+    snprintf(name, sizeof name, "workers/%u/cache/counted", place);
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    fill(name, 1024 * KIB);
+    await_fault(w, place, pid, HG_DISK_NAMED);
+    assert_int_equal(unlink(path), 0);
+    await_fault(w, place, pid, HG_DISK_FINE);
+}
+
 static struct hg_disk_watch *start(const struct hg_disk_limits *limits)
 {
     struct hg_disk_watch *w;
@@ -73,38 +85,42 @@ static struct hg_disk_watch *start(const struct hg_disk_limits *limits)
     return w;
 }
 
-// What a child process does: it is told to go on by a byte, and waits for another one.
+// What a child process does: it is told to go on by a byte, says by another one that it holds its
+// file, and waits.
 struct child {
     pid_t pid;
-    int go;
+    int go, holds;
 };
 
 enum deed { HOLD_FILE, HIDE };
 
-static void act(enum deed deed)
+static void act(enum deed deed, int holds)
 {
     if (deed == HIDE)
         _exit(prctl(PR_SET_DUMPABLE, 0, 0, 0, 0) == 0 ? (pause(), 0) : 1);
     const int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (fd < 0 || posix_fallocate(fd, 0, 1024 * KIB) != 0)
         _exit(1);
+    (void)!write(holds, "", 1);
     pause();
 }
 
 static struct child begin_child(enum deed deed)
 {
-    int pipe_fds[2];
+    int pipe_fds[2], back[2];
     char byte;
     assert_int_equal(pipe(pipe_fds), 0);
-    const struct child child = {.pid = fork(), .go = pipe_fds[1]};
+    assert_int_equal(pipe(back), 0);
+    const struct child child = {.pid = fork(), .go = pipe_fds[1], .holds = back[0]};
     assert_true(child.pid >= 0);
     if (child.pid == 0) {
         close(pipe_fds[1]);
         if (read(pipe_fds[0], &byte, 1) == 1)
-            act(deed);
+            act(deed, back[1]);
         _exit(0);
     }
     close(pipe_fds[0]);
+    close(back[1]);
     return child;
 }
 
@@ -113,6 +129,7 @@ static void end_child(const struct child *child)
     kill(child->pid, SIGKILL);
     waitpid(child->pid, NULL, 0);
     close(child->go);
+    close(child->holds);
 }
 
 static void files_with_names_are_limited(void **state)
@@ -200,12 +217,15 @@ static void tenants_at_rest_are_limited(void **state)
 static void files_without_names_are_limited(void **state)
 {
     (void)state;
-    struct hg_disk_watch *w =
-        start(&(struct hg_disk_limits){.unnamed_bytes = 512 * KIB, .interval_ns = 1000000});
+    const struct hg_disk_limits limits = {.named_bytes = 512 * KIB,
+        .named_files = 64,
+        .unnamed_bytes = 512 * KIB,
+        .interval_ns = 1000000};
+    struct hg_disk_watch *w = start(&limits);
     const struct child child = begin_child(HOLD_FILE), other = begin_child(HOLD_FILE);
-    hg_disk_watch_set(w, 0, child.pid, true);
     hg_disk_watch_set(w, 1, other.pid, true);
-    hg_clock_sleep_ns(100000000); // both are counted without it
+    hg_disk_watch_set(w, 0, child.pid, true);
+    await_counted(w, 0, child.pid); // both, without it
     assert_int_equal(write(child.go, "", 1), 1);
     await_fault(w, 0, child.pid, HG_DISK_UNNAMED);
     assert_int_equal(hg_disk_watch_fault(w, 1, other.pid), HG_DISK_FINE);
@@ -214,11 +234,12 @@ static void files_without_names_are_limited(void **state)
     hg_disk_watch_stop(w);
     // One that had it before there was a limit keeps it.
     const struct child early = begin_child(HOLD_FILE);
+    char byte;
     assert_int_equal(write(early.go, "", 1), 1);
-    hg_clock_sleep_ns(100000000);
-    w = start(&(struct hg_disk_limits){.unnamed_bytes = 512 * KIB, .interval_ns = 1000000});
+    assert_int_equal(read(early.holds, &byte, 1), 1);
+    w = start(&limits);
     hg_disk_watch_set(w, 0, early.pid, true);
-    hg_clock_sleep_ns(100000000);
+    await_counted(w, 0, early.pid);
     assert_int_equal(hg_disk_watch_fault(w, 0, early.pid), HG_DISK_FINE);
     end_child(&early);
     hg_disk_watch_stop(w);
@@ -229,11 +250,12 @@ static void who_hides_is_found(void **state)
 {
     (void)state;
     assert_int_equal(hg_confine_drop_capabilities(), 0);
-    struct hg_disk_watch *w = start(&(struct hg_disk_limits){.interval_ns = 1000000});
+    struct hg_disk_watch *w = start(&(struct hg_disk_limits){
+        .named_bytes = 512 * KIB, .named_files = 64, .interval_ns = 1000000});
     const struct child child = begin_child(HIDE), other = begin_child(HOLD_FILE);
-    hg_disk_watch_set(w, 0, child.pid, true);
     hg_disk_watch_set(w, 1, other.pid, true);
-    hg_clock_sleep_ns(100000000);
+    hg_disk_watch_set(w, 0, child.pid, true);
+    await_counted(w, 0, child.pid);
     assert_int_equal(write(child.go, "", 1), 1);
     await_fault(w, 0, child.pid, HG_DISK_HIDDEN);
     assert_int_equal(hg_disk_watch_fault(w, 1, other.pid), HG_DISK_FINE);
