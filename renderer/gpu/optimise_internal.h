@@ -216,6 +216,8 @@ struct opt_shape opt_shape_of(const struct opt *o, const uint32_t *i);
 // The type of a part of a composite, or 0.
 uint32_t opt_part_type(struct opt *o, uint32_t type, uint32_t part);
 uint32_t opt_part_count(struct opt *o, uint32_t type);
+// A truth value, or an integer of 32 bits: what can be folded.
+bool opt_is_short(struct opt *o, uint32_t type);
 static inline uint32_t opt_slots(struct opt *o, uint32_t type)
 {
     const uint32_t leaves = opt_type(o, type)->leaves;

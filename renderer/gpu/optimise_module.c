@@ -83,7 +83,7 @@ static void read_type(struct opt *o, const uint32_t *i)
     }
 }
 
-static bool is_short(struct opt *o, uint32_t type)
+bool opt_is_short(struct opt *o, uint32_t type)
 {
     const struct opt_type *t = opt_type(o, type);
     const uint32_t *def = opt_id(o, type)->def;
@@ -94,7 +94,7 @@ static void read_constant(struct opt *o, const uint32_t *i)
 {
     const uint32_t op = hg_spirv_op(i);
     struct opt_id *id = opt_id(o, i[2]);
-    id->known = is_short(o, i[1]) && (op != SpvOpConstant || hg_spirv_length(i) == 4);
+    id->known = opt_is_short(o, i[1]) && (op != SpvOpConstant || hg_spirv_length(i) == 4);
     id->number = op == SpvOpConstant ? i[3] : op == SpvOpConstantTrue;
 }
 

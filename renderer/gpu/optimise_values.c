@@ -314,13 +314,6 @@ uint32_t opt_unflatten(struct opt *o, uint32_t type, const uint32_t *leaves, uin
 
 // --- what can be told ----------------------------------------------------------------------------
 
-static bool is_short(struct opt *o, uint32_t type)
-{
-    const uint32_t *def = opt_id(o, type)->def;
-    return def != NULL && (hg_spirv_op(def) == SpvOpTypeBool ||
-                              (hg_spirv_op(def) == SpvOpTypeInt && def[2] == 32));
-}
-
 static uint32_t fold_one(struct opt *o, uint32_t op, uint32_t type, uint32_t a)
 {
     uint32_t number;
@@ -359,7 +352,8 @@ uint32_t opt_fold(struct opt *o, uint32_t op, uint32_t type, const uint32_t *val
         return opt_resolve(o, values[1]) == opt_resolve(o, values[2]) ? opt_resolve(o, values[1])
                                                                       : 0;
     }
-    if (!is_short(o, type) || count == 0 || count > 2 || !is_short(o, opt_type_of(o, values[0])))
+    if (!opt_is_short(o, type) || count == 0 || count > 2 ||
+        !opt_is_short(o, opt_type_of(o, values[0])))
         return 0;
     return count == 1 ? fold_one(o, op, type, values[0]) : fold_two(o, op, type, values);
 }

@@ -1,4 +1,4 @@
-// spirv.c - what is told of operations.
+// spirv.c - constant folding of integer operations, and kinds of instructions.
 #include "renderer/gpu/spirv.h"
 
 #define SPV_ENABLE_UTILITY_CODE

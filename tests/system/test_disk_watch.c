@@ -85,8 +85,8 @@ static struct hg_disk_watch *start(const struct hg_disk_limits *limits)
     return w;
 }
 
-// What a child process does: it is told to go on by a byte, says by another one that it holds its
-// file, and waits.
+// A child process: a byte written to `go` starts it; a byte read from `holds` says that its file
+// is open.
 struct child {
     pid_t pid;
     int go, holds;
