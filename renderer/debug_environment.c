@@ -9,6 +9,13 @@ static bool is(const char *variable, const char *value)
     return given != NULL && strcmp(given, value) == 0;
 }
 
+static enum hg_override either(const char *variable)
+{
+    return is(variable, "off") ? HG_OVERRIDE_OFF
+           : is(variable, "on") ? HG_OVERRIDE_ON
+                                : HG_OVERRIDE_AUTO;
+}
+
 struct hg_debug_overrides hg_debug_environment_read(void)
 {
     return (struct hg_debug_overrides){
@@ -16,8 +23,7 @@ struct hg_debug_overrides hg_debug_environment_read(void)
         .no_cpu_raster = is("HELIO_RASTER", "device"),
         .no_prefetch = is("HELIO_PREFETCH", "off"),
         .table_addresses = is("HELIO_GPU_TABLES", "off"),
-        .unlit_tiles = is("HELIO_DARK", "off")  ? HG_OVERRIDE_OFF
-                       : is("HELIO_DARK", "on") ? HG_OVERRIDE_ON
-                                                : HG_OVERRIDE_AUTO,
+        .short_shaders = either("HELIO_GPU_OPTIMISE"),
+        .unlit_tiles = either("HELIO_DARK"),
     };
 }

@@ -45,7 +45,9 @@ static enum hg_status init(
         .validation_try = validation_try,
         .overrides = {.no_host_raster = params->overrides.no_cpu_raster,
             .no_host_triangle_cull = params->overrides.no_culling,
-            .no_uniform_tables = params->overrides.table_addresses}};
+            .no_uniform_tables = params->overrides.table_addresses,
+            .no_short_shaders = params->overrides.short_shaders == HG_OVERRIDE_OFF,
+            .short_shaders = params->overrides.short_shaders == HG_OVERRIDE_ON}};
     if (params->cache_dir != NULL) {
         r->cache_dir = hg_strdup(params->cache_dir);
         if (r->cache_dir == NULL)

@@ -53,12 +53,6 @@ enum hg_status hg_gpu_shader_ready(struct hg_gpu *gpu, const char *name, struct 
     return status;
 }
 
-static bool wants_optimised(void)
-{
-    const char *given = getenv("HELIO_GPU_OPTIMISE");
-    return given != NULL && strcmp(given, "on") == 0;
-}
-
 enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const uint32_t *values,
     uint32_t value_count, struct hg_gpu_shader_module *out, struct hg_error *err)
 {
@@ -69,7 +63,7 @@ enum hg_status hg_gpu_shader_module(struct hg_gpu *gpu, const char *name, const 
     struct hg_spirv spirv, shorter;
     out->specialised =
         hg_spirv_specialise(shader->words, shader->size_bytes, values, value_count, &spirv);
-    if (out->specialised && wants_optimised() &&
+    if (out->specialised && gpu->strategy.short_shaders &&
         hg_spirv_optimise(spirv.words, spirv.size_bytes, &shorter)) {
         hg_spirv_free(&spirv);
         spirv = shorter;

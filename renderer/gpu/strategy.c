@@ -5,7 +5,7 @@ struct hg_device_strategy hg_device_strategy_choose(
     bool is_cpu, const struct hg_device_overrides *overrides)
 {
     if (!is_cpu)
-        return (struct hg_device_strategy){0};
+        return (struct hg_device_strategy){.short_shaders = overrides->short_shaders};
     return (struct hg_device_strategy){.host_reads = true,
         .huge_pages = true,
         .host_raster = !overrides->no_host_raster,
@@ -17,5 +17,6 @@ struct hg_device_strategy hg_device_strategy_choose(
         .flat_shading = true,
         .host_film = true,
         .host_rays = true,
+        .short_shaders = !overrides->no_short_shaders,
         .lazy_pipelines = true};
 }

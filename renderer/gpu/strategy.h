@@ -45,13 +45,17 @@ struct hg_device_strategy {
     // Rays go to Embree first: 17 Mrays/s of primary rays against 2.8 of the compute backend
     // (docs/internals/trace.md).
     bool host_rays;
+    // Shaders go through gpu/optimise.h before the driver has them: its front end takes a third of
+    // the time (docs/internals/gpu.md).
+    bool short_shaders;
     // Pipelines compile when they are first drawn with, so that warming up draws pictures.
     bool lazy_pipelines;
 };
 
-// For tests and for people who look into a frame: decisions taken as on a GPU.
+// For tests and for people who look into a frame: decisions taken as on a GPU, but short_shaders,
+// which asks for what is not done on GPUs.
 struct hg_device_overrides {
-    bool no_host_raster, no_host_triangle_cull, no_uniform_tables;
+    bool no_host_raster, no_host_triangle_cull, no_uniform_tables, no_short_shaders, short_shaders;
 };
 
 // is_cpu: the device is a software rasteriser.

@@ -15,6 +15,7 @@ struct hg_debug_overrides {
     bool no_cpu_raster;   // on CPU devices, too, the device draws every triangle
     bool no_prefetch;     // no texture page is read before it is missing
     bool table_addresses; // shaders reach every table by address, as on GPUs; same to one in 255
+    enum hg_override short_shaders; // shaders by gpu/optimise.h; the same to rounding
     enum hg_override unlit_tiles; // shading tiles that no light reaches without lights
     uint64_t path_slice_ns;       // length of a step of path tracing; 0 = that of pathtrace/path.c
     uint32_t blend_first_nodes;   // of lists of blended surfaces; 0 = by the picture's size

@@ -584,6 +584,8 @@ static const char environment_text[] =
     "| `HELIO_RASTER=device` | On CPU devices, too, the device draws every triangle. |\n"
     "| `HELIO_PREFETCH=off` | No texture page is read before it is missing. |\n"
     "| `HELIO_GPU_TABLES=off` | Shaders reach every table by address, as on GPUs. |\n"
+    "| `HELIO_GPU_OPTIMISE=on`, `off` | Shaders are made shorter before the driver compiles them; "
+    "default on CPU devices. |\n"
     "| `HELIO_DARK=on`, `off` | Tiles that no light reaches are shaded without lights everywhere, "
     "nowhere; default where it pays. |\n";
 

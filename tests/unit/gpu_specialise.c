@@ -169,13 +169,13 @@ static void dispatch(struct hg_gpu *gpu, const struct constants *c,
     test_ok(hg_gpu_wait(gpu, value, err), err);
 }
 
-static void check_results(void)
+static void check_results(const struct hg_device_overrides *overrides)
 {
     enum { COUNT = 64 };
     struct hg_error err = {0};
     struct hg_gpu *gpu;
     struct hg_gpu_buffer words;
-    const struct hg_gpu_params params = {.validation = true};
+    const struct hg_gpu_params params = {.validation = true, .overrides = *overrides};
     test_ok(hg_gpu_create(&params, &gpu, &err), &err);
     test_ok(
         hg_gpu_buffer_create(gpu, HG_GPU_BUFFER_READBACK, COUNT * 4, "words", &words, &err), &err);
@@ -196,15 +196,13 @@ static void check_results(void)
 static void test_same_results(void **state)
 {
     (void)state;
-    check_results();
+    check_results(&(struct hg_device_overrides){.no_short_shaders = true});
 }
 
 static void test_same_results_optimised(void **state)
 {
     (void)state;
-    setenv("HELIO_GPU_OPTIMISE", "on", 1);
-    check_results();
-    unsetenv("HELIO_GPU_OPTIMISE");
+    check_results(&(struct hg_device_overrides){.short_shaders = true});
 }
 
 // What is ruled out is gone: nothing to tell constants by, no function but the one.
