@@ -329,6 +329,19 @@ static void test_gpu_paths_agree(void **state)
     hg_refbuf_unref(by_address);
 }
 
+// Shaders as the driver gets them on CPU devices, and as they were written.
+static void test_short_shaders_agree(void **state)
+{
+    (void)state;
+    struct hg_refbuf *shorter = render_overridden(
+        PANES, 4, 0.4f, (struct hg_debug_overrides){.short_shaders = HG_OVERRIDE_ON});
+    struct hg_refbuf *written = render_overridden(
+        PANES, 4, 0.4f, (struct hg_debug_overrides){.short_shaders = HG_OVERRIDE_OFF});
+    assert_same(shorter, written, 0);
+    hg_refbuf_unref(shorter);
+    hg_refbuf_unref(written);
+}
+
 static const char *self;
 
 static void hash_in_child(const char *threads, char hex[65])
@@ -510,6 +523,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_culling_changes_nothing),
         cmocka_unit_test(test_gpu_paths_agree),
+        cmocka_unit_test(test_short_shaders_agree),
         cmocka_unit_test(test_budget_changes_nothing),
         cmocka_unit_test(test_thread_count_changes_nothing),
         cmocka_unit_test(test_settles_and_restarts),
