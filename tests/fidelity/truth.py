@@ -170,6 +170,7 @@ def main():
     options = parser.parse_args()
     with open(os.path.join(HERE, "truth.toml"), "rb") as file:
         rows = [r for r in tomllib.load(file)["row"] if not options.only or r["name"] in options.only]
+    options.out = os.path.abspath(options.out)
     options.url = None
     if options.make:
         make(options, rows)
