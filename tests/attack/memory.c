@@ -330,17 +330,17 @@ static void idle_sessions_keep(
     free(idle);
 }
 
-// Buffers are given back; pages that the heap keeps are more or fewer.
+// Buffers are given back.
 static void idle_sessions_are_small(void **state)
 {
     (void)state;
-    idle_sessions_keep(open_only, "opened", 8 * 1024);
+    idle_sessions_keep(open_only, "opened", 4 * 1024);
 }
 
 static void sessions_that_were_used_are_small(void **state)
 {
     (void)state;
-    idle_sessions_keep(open_and_use, "with a view", 8 * 1024);
+    idle_sessions_keep(open_and_use, "with a view", 4 * 1024);
 }
 
 // Journals of all scenes have a limit, and a tenant its share: another one can still edit.
