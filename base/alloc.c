@@ -4,6 +4,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "base/checked.h"
 #include "base/spill.h"
@@ -82,6 +83,33 @@ void hg_free(void *ptr)
     if (!hg_spill_unref(ptr))
         free(ptr);
 }
+
+#if defined(__SANITIZE_ADDRESS__) // which looks at the heap only
+void *hg_pages_calloc(size_t size)
+{
+    return hg_calloc(size, 1);
+}
+
+void hg_pages_free(void *ptr, size_t size)
+{
+    (void)size;
+    hg_free(ptr);
+}
+#else
+void *hg_pages_calloc(size_t size)
+{
+    if (hg_alloc_should_fail())
+        return NULL;
+    void *ptr = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return ptr == MAP_FAILED ? NULL : ptr;
+}
+
+void hg_pages_free(void *ptr, size_t size)
+{
+    if (ptr)
+        munmap(ptr, size);
+}
+#endif
 
 enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t size)
 {

@@ -1,5 +1,5 @@
 // alloc.h - the project's only way to the heap: overflow-checked, and made to fail by tests.
-// Floor 0. Thread-safe. All results are freed with hg_free.
+// Floor 0. Thread-safe. All results but pages are freed with hg_free.
 #ifndef HG_BASE_ALLOC_H
 #define HG_BASE_ALLOC_H
 
@@ -24,6 +24,11 @@ void hg_free(void *ptr);
 // Grows *ptr (elements of `size` bytes, capacity *capacity) so that it holds `need` elements.
 // Geometric growth; on failure nothing changes and HG_E_NOMEM is returned.
 enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t size) HG_MUST_CHECK;
+
+// Zeroed memory in pages of its own, for a multiple of their size: those that are never touched
+// take nothing, and none is left when it is freed (hg_pages_free, with the same size).
+void *hg_pages_calloc(size_t size) HG_MUST_CHECK;
+void hg_pages_free(void *ptr, size_t size); // accepts NULL
 
 // Gives what is free in the heap back to the system: after much was taken and freed by many threads.
 // Takes milliseconds.

@@ -12,7 +12,7 @@ uint8_t *hgp_framer_space(struct hgp_framer *f, size_t *size)
         *size = missing < HGP_FRAMER_READ_BYTES ? missing : HGP_FRAMER_READ_BYTES;
         return f->frames->payload(f->partial) + f->filled;
     }
-    if (!f->chunk && !(f->chunk = hg_calloc(HGP_FRAMER_CHUNK_BYTES, 1)))
+    if (!f->chunk && !(f->chunk = hg_pages_calloc(HGP_FRAMER_CHUNK_BYTES)))
         return NULL;
     if (f->start) { // what is left is a part of a header, unless messages wait to be taken
         memmove(f->chunk, f->chunk + f->start, f->end - f->start);
@@ -88,7 +88,7 @@ bool hgp_framer_rest(struct hgp_framer *f)
 {
     if (!f->chunk || !hgp_framer_is_empty(f))
         return false;
-    hg_free(f->chunk);
+    hg_pages_free(f->chunk, HGP_FRAMER_CHUNK_BYTES);
     f->chunk = NULL;
     f->start = f->end = 0;
     return true;
@@ -96,7 +96,7 @@ bool hgp_framer_rest(struct hgp_framer *f)
 
 void hgp_framer_finish(struct hgp_framer *f)
 {
-    hg_free(f->chunk);
+    hg_pages_free(f->chunk, HGP_FRAMER_CHUNK_BYTES);
     if (f->partial)
         f->frames->destroy(f->partial);
     *f = (struct hgp_framer){.frames = f->frames};

@@ -200,7 +200,7 @@ static void save_session(const struct hg_handover *h, const struct hg_session *s
     hg_write_u8(&w, s->resume.has_ticket);
     hg_write_u8(&w, s->attached);
     hg_write_u64(&w, s->resume.parked_ns ? h->sessions->loop->now_ns - s->resume.parked_ns + 1 : 0);
-    hg_write_u32(&w, s->poisons);
+    hg_write_u32(&w, s->load.poisons);
     hg_write_u64(&w, s->bytes.uploaded);
     hg_write_u64(&w, (uint64_t)s->scope.expires_s);
     hg_write_u32(&w, s->scope.max_sessions);
@@ -385,7 +385,7 @@ static enum hg_status load_session(const struct hg_handover *h, struct hg_reader
     s->attached = hg_read_u8(r);
     uint64_t parked_ns = hg_read_u64(r);
     s->resume.parked_ns = !parked_ns ? 0 : parked_ns < now_ns ? now_ns - parked_ns : 1;
-    s->poisons = hg_read_u32(r);
+    s->load.poisons = hg_read_u32(r);
     s->bytes.uploaded = hg_read_u64(r);
     s->scope.expires_s = (int64_t)hg_read_u64(r);
     s->scope.max_sessions = hg_read_u32(r);

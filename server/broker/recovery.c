@@ -23,13 +23,13 @@ enum { REPLAY_DEATHS = 2 };
 
 // The journal holds the edits of open batches, too: a session with one open comes first, so that it
 // is open again before any session has a view of the scene.
-static void attach_all(struct hg_session_table *table, struct hg_shared_scene *scene)
+static void attach_all(struct hg_shared_scene *scene)
 {
     scene->in_worker = true;
     scene->link->feed.pump = true; // suspects wait for the last scene
     for (int open = 1; open >= 0; open--)
-        for (struct hg_session *it = table->first; it; it = it->next)
-            if (it->scene == scene && !it->attached && (it->batch_open || !open))
+        for (struct hg_session *it = scene->people.first; it; it = it->share.next)
+            if (!it->attached && (it->batch_open || !open))
                 hg_session_request_attach(it);
 }
 
@@ -70,27 +70,36 @@ static void end_replay(struct hg_link *link)
         (double)(hg_clock_now_ns() - link->replay.start_ns) * 1e-6,
         (unsigned long long)hg_journal_get_stats(scene->journal).entries, link->replay.failed);
     link->replay.scene = NULL;
-    attach_all(link->owner, scene);
+    attach_all(scene);
     if (!scene->kept_until_ns)
         hg_shared_scene_leave_channel(scene);
 }
 
-void hg_recovery_continue(struct hg_link *link)
+static void rebuild(struct hg_link *link)
 {
     struct hg_session_table *table = link->owner;
-    for (struct hg_shared_scene *it = table->scenes.first, *next;
-         it && link->state == HG_LINK_UP && !link->replay.scene; it = next) {
+    for (struct hg_shared_scene *it = table->scenes.first, *next; it; it = next) {
         next = it->next;
+        if (link->state != HG_LINK_UP || link->replay.scene)
+            return; // goes on when it is up, or the replay is over
         if (it->in_worker || it->link != link)
             continue;
         if (!hg_journal_get_stats(it->journal).entries && !it->kept_until_ns) {
-            attach_all(table, it);
+            attach_all(it);
             continue;
         }
         begin_replay(link, it);
         if (!link->replay.waiting)
             end_replay(link);
     }
+    link->feed.rebuild = link->state != HG_LINK_UP || link->replay.scene;
+}
+
+void hg_recovery_continue(struct hg_link *link)
+{
+    struct hg_session_table *table = link->owner;
+    if (link->feed.rebuild)
+        rebuild(link);
     hg_trial_check_time(link);
     if (link->feed.pump) {
         link->feed.pump = false;
@@ -151,7 +160,7 @@ static void give_up_request(struct hg_session *s, struct hg_request *request)
     }
     hg_session_request_drop(s, request);
     s->table->ended |= !s->conn; // whose last edit this may have been
-    if (++s->poisons < HG_SESSION_POISONS || !s->conn)
+    if (++s->load.poisons < HG_SESSION_POISONS || !s->conn)
         return;
     hg_error_set(&err, HG_E_WORKER, "session", NULL,
         "requests of this session made the worker die again and again");
@@ -237,6 +246,7 @@ static void take_death(struct hg_link *link)
     struct hg_shared_scene *replaying = link->replay.scene;
     link->replay.scene = NULL;
     hg_trial_accuse(link);
+    link->feed.rebuild = true;
     for (struct hg_shared_scene *it = table->scenes.first; it; it = it->next)
         if (it->link == link)
             it->in_worker = it->on_channel = false;

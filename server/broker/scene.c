@@ -44,6 +44,7 @@ static struct hg_shared_scene *allocate(struct hg_scene_table *table)
 static void give_worker(struct hg_shared_scene *scene, struct hg_link *link)
 {
     scene->link = link;
+    link->feed.rebuild = true;
     link->whose.scene_count++;
 }
 

@@ -32,6 +32,7 @@ struct hg_scene_camera {
 
 // What the sessions of a scene know of each other.
 struct hg_scene_people {
+    struct hg_session *first; // its sessions, those that came last first (session_share.h)
     struct hg_scene_camera camera;
     uint64_t edits;        // accepted, since the start of the daemon
     bool participants_due; // to tell those that watch

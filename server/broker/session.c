@@ -86,9 +86,8 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
         hg_conn_fail(s->conn, request, &err);
         return;
     }
-    s->scene = scene;
     s->first_id = first_id;
-    hg_session_share_enter(s);
+    hg_session_share_enter(s, scene);
     hg_outq_hold(&s->conn->out, scene->logged);
     hg_session_record(s);
     if (scene->in_worker)
@@ -123,7 +122,7 @@ static void leave_scene(struct hg_session *s, bool edits_under_way, bool is_end)
             scene->link, s->number, 0, HGP_T_session_detach, &(struct hgp_session_detach){0});
     s->attached = s->batch_open = false;
     s->bytes.verified = 0;
-    s->scene = NULL;
+    hg_session_share_unlink(s);
     if (!is_end)
         hg_session_record(s); // before that of the scene's end
     if (scene && !edits_under_way)
@@ -372,6 +371,9 @@ struct hg_session *hg_session_create(
     s->role = role;
     snprintf(s->name, sizeof s->name, "%.*s", (int)name.size, name.size ? name.data : "");
     HG_LIST_ADD(table->first, s);
+    struct hg_session **bucket = &table->buckets[s->number % HG_SESSION_BUCKETS];
+    s->same_bucket = *bucket;
+    *bucket = s;
     table->count++;
     return s;
 }
@@ -382,6 +384,10 @@ void hg_session_destroy(struct hg_session *s)
     leave_scene(s, has_edits(s), true);
     hg_pixel_account_unref(&s->table->pixels, s->pace.account);
     HG_LIST_REMOVE(s->table->first, s);
+    struct hg_session **bucket = &s->table->buckets[s->number % HG_SESSION_BUCKETS];
+    while (*bucket != s)
+        bucket = &(*bucket)->same_bucket;
+    *bucket = s->same_bucket;
     s->table->count--;
     hg_free(s->failed);
     hg_free(s);

@@ -241,11 +241,11 @@ static void tell_watcher(struct hg_session *s, const struct hg_annotations *all)
     s->share.behind = false;
 }
 
-void hg_session_annotation_tick(struct hg_session_table *table, struct hg_shared_scene *scene)
+void hg_session_annotation_tick(struct hg_shared_scene *scene)
 {
     struct hg_annotations *all = &scene->people.annotations;
-    for (struct hg_session *it = table->first; it; it = it->next)
-        if (it->scene == scene && it->conn && it->share.watch.annotations)
+    for (struct hg_session *it = scene->people.first; it; it = it->share.next)
+        if (it->conn && it->share.watch.annotations)
             tell_watcher(it, all);
     for (uint32_t i = 0; i < all->count && all->due; i++)
         all->items[i].due = false;

@@ -12,6 +12,6 @@ void hg_session_annotation_remove(
     struct hg_session *session, uint32_t request, const struct hgp_annotation_remove *m);
 // Sends all of the scene's: the answer to a query, or what a watcher is to know.
 void hg_session_annotation_tell(struct hg_session *session, uint32_t request);
-void hg_session_annotation_tick(struct hg_session_table *table, struct hg_shared_scene *scene);
+void hg_session_annotation_tick(struct hg_shared_scene *scene);
 
 #endif

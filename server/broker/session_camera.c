@@ -13,23 +13,20 @@ static const uint64_t pose_interval_ns = 15000000; // between poses that watcher
 
 // ---- who has it ---------------------------------------------------------------------------------
 
-static struct hg_session *find_in(
-    const struct hg_session_table *table, const struct hg_shared_scene *scene, uint64_t number)
+static struct hg_session *find_in(const struct hg_shared_scene *scene, uint64_t number)
 {
-    for (struct hg_session *it = table->first; it; it = it->next)
-        if (it->number == number && it->scene == scene)
-            return it;
-    return NULL;
+    struct hg_session *it = scene->people.first;
+    while (it && it->number != number)
+        it = it->share.next;
+    return it;
 }
 
 // The session that waits longest. NULL: none does.
-static struct hg_session *next_in_line(
-    const struct hg_session_table *table, const struct hg_shared_scene *scene)
+static struct hg_session *next_in_line(const struct hg_shared_scene *scene)
 {
     struct hg_session *best = NULL;
-    for (struct hg_session *it = table->first; it; it = it->next)
-        if (it->scene == scene && it->conn && it->share.asked_ns &&
-            (!best || it->share.asked_ns < best->share.asked_ns))
+    for (struct hg_session *it = scene->people.first; it; it = it->share.next)
+        if (it->conn && it->share.asked_ns && (!best || it->share.asked_ns < best->share.asked_ns))
             best = it;
     return best;
 }
@@ -51,7 +48,7 @@ static void set_holder(struct hg_session_table *table, struct hg_shared_scene *s
 static void pass_on(
     struct hg_session_table *table, struct hg_shared_scene *scene, enum hgp_camera_change change)
 {
-    struct hg_session *next = scene->people.camera.locked ? NULL : next_in_line(table, scene);
+    struct hg_session *next = scene->people.camera.locked ? NULL : next_in_line(scene);
     set_holder(table, scene, next, change);
 }
 
@@ -112,7 +109,7 @@ void hg_session_camera_give(struct hg_session *s, uint32_t request, const struct
     const uint64_t number = m->has_session ? m->session : 0;
     if (may_ask(s, "camera_give", &err) && !is_locked_for(s, "camera_give", &err)) {
         struct hg_scene_camera *camera = &s->scene->people.camera;
-        struct hg_session *to = number ? find_in(s->table, s->scene, number) : NULL;
+        struct hg_session *to = number ? find_in(s->scene, number) : NULL;
         if (!number && s->share.asked_ns) { // it no longer waits
             s->share.asked_ns = 0;
             camera->change = HGP_camera_change_WAITING;
@@ -210,11 +207,10 @@ static void give_pose(struct hg_session *s, struct hg_session_view *view)
     bring(s, view);
 }
 
-static void give_all(struct hg_session_table *table, const struct hg_shared_scene *scene,
-    const struct hg_session_view *except)
+static void give_all(const struct hg_shared_scene *scene, const struct hg_session_view *except)
 {
-    for (struct hg_session *s = table->first; s; s = s->next)
-        for (struct hg_session_view *it = s->scene == scene ? s->views : NULL; it; it = it->next)
+    for (struct hg_session *s = scene->people.first; s; s = s->share.next)
+        for (struct hg_session_view *it = s->views; it; it = it->next)
             if (it->follow.on && it != except)
                 give_pose(s, it);
 }
@@ -252,8 +248,8 @@ static void tell_pose(struct hg_session_table *table, struct hg_shared_scene *sc
     struct hg_packet *packet = encode_moved(&scene->people.camera);
     scene->people.camera.pose_due = packet == NULL;
     scene->people.camera.told_ns = table->loop->now_ns;
-    for (struct hg_session *it = table->first; it && packet; it = it->next)
-        if (it->scene == scene && it->conn && it->share.watch.camera && !hg_conn_is_slow(it->conn))
+    for (struct hg_session *it = scene->people.first; it && packet; it = it->share.next)
+        if (it->conn && it->share.watch.camera && !hg_conn_is_slow(it->conn))
             hg_conn_send_packet(it->conn, 0, hg_packet_ref(packet));
     hg_packet_unref(packet);
 }
@@ -274,7 +270,7 @@ static void take_pose(struct hg_session *s, struct hg_session_view *view, struct
     camera->pose = whole;
     camera->mover = s->number;
     camera->pose_due = true;
-    give_all(s->table, s->scene, view);
+    give_all(s->scene, view);
     if (now_ns - camera->told_ns >= pose_interval_ns)
         tell_pose(s->table, s->scene);
 }
@@ -328,16 +324,15 @@ void hg_session_camera_follow(
 
 // ---- telling ------------------------------------------------------------------------------------
 
-static struct hg_packet *encode_state(
-    const struct hg_session_table *table, const struct hg_shared_scene *scene)
+static struct hg_packet *encode_state(const struct hg_shared_scene *scene)
 {
     const struct hg_scene_camera *camera = &scene->people.camera;
     struct hgp_waiting_session *list = hg_calloc(WAITING, sizeof *list);
     uint64_t *asked_ns = hg_calloc(WAITING, sizeof *asked_ns);
     uint32_t count = 0;
     struct hg_packet *packet = NULL;
-    for (struct hg_session *it = table->first; it && list && asked_ns; it = it->next) {
-        if (it->scene != scene || !it->share.asked_ns || count == WAITING)
+    for (struct hg_session *it = scene->people.first; it && list && asked_ns; it = it->share.next) {
+        if (!it->share.asked_ns || count == WAITING)
             continue;
         uint32_t at = count++;
         for (; at > 0 && asked_ns[at - 1] > it->share.asked_ns; at--) {
@@ -360,7 +355,7 @@ static struct hg_packet *encode_state(
 
 void hg_session_camera_tell(struct hg_session *s)
 {
-    struct hg_packet *packet = encode_state(s->table, s->scene);
+    struct hg_packet *packet = encode_state(s->scene);
     if (packet)
         hg_conn_send_packet(s->conn, 0, packet);
     else
@@ -370,12 +365,12 @@ void hg_session_camera_tell(struct hg_session *s)
         hg_conn_send_packet(s->conn, 0, packet);
 }
 
-static void tell_all(struct hg_session_table *table, struct hg_shared_scene *scene)
+static void tell_all(struct hg_shared_scene *scene)
 {
-    struct hg_packet *packet = encode_state(table, scene);
+    struct hg_packet *packet = encode_state(scene);
     scene->people.camera.due = packet == NULL;
-    for (struct hg_session *it = table->first; it && packet; it = it->next)
-        if (it->scene == scene && it->conn && it->share.watch.camera)
+    for (struct hg_session *it = scene->people.first; it && packet; it = it->share.next)
+        if (it->conn && it->share.watch.camera)
             hg_conn_send_packet(it->conn, 0, hg_packet_ref(packet));
     hg_packet_unref(packet);
 }
@@ -387,7 +382,7 @@ static void check_turn(struct hg_session_table *table, struct hg_shared_scene *s
     const uint64_t now_ns = table->loop->now_ns;
     if (!camera->holder || camera->locked)
         return;
-    const struct hg_session *next = next_in_line(table, scene);
+    const struct hg_session *next = next_in_line(scene);
     if (o->camera_timeout_ns && now_ns - camera->moved_ns >= o->camera_timeout_ns)
         pass_on(table, scene, HGP_camera_change_INACTIVE);
     else if (next && o->camera_turn_ns && now_ns - camera->since_ns >= o->camera_turn_ns &&
@@ -400,11 +395,11 @@ void hg_session_camera_tick(struct hg_session_table *table, struct hg_shared_sce
     struct hg_scene_camera *camera = &scene->people.camera;
     check_turn(table, scene);
     if (camera->due)
-        tell_all(table, scene);
+        tell_all(scene);
     if (camera->pose_due && camera->pose)
         tell_pose(table, scene);
-    for (struct hg_session *s = camera->pose ? table->first : NULL; s; s = s->next)
-        for (struct hg_session_view *it = s->scene == scene ? s->views : NULL; it; it = it->next)
+    for (struct hg_session *s = camera->pose ? scene->people.first : NULL; s; s = s->share.next)
+        for (struct hg_session_view *it = s->views; it; it = it->next)
             if (it->follow.due && it->camera)
                 bring(s, it);
 }

@@ -1,6 +1,7 @@
 #include "server/broker/session_share.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -18,12 +19,17 @@ static bool may_miss(const struct hg_session *s)
 
 // ---- participants -------------------------------------------------------------------------------
 
-static uint32_t list_participants(const struct hg_session_table *table,
-    const struct hg_shared_scene *scene, struct hgp_participant *out)
+static int compare_sessions(const void *a, const void *b)
+{
+    const struct hgp_participant *x = a, *y = b;
+    return x->session < y->session ? -1 : x->session > y->session;
+}
+
+static uint32_t list_participants(const struct hg_shared_scene *scene, struct hgp_participant *out)
 {
     uint32_t count = 0;
-    for (struct hg_session *it = table->first; it; it = it->next) {
-        if (it->scene != scene || (!it->conn && !it->resume.parked_ns) || count == PARTICIPANTS)
+    for (struct hg_session *it = scene->people.first; it; it = it->share.next) {
+        if ((!it->conn && !it->resume.parked_ns) || count == PARTICIPANTS)
             continue;
         out[count++] = (struct hgp_participant){.session = it->number,
             .role = it->role,
@@ -32,34 +38,32 @@ static uint32_t list_participants(const struct hg_session_table *table,
             .color = hg_session_record_color(it),
             .away = !it->conn};
     }
-    for (uint32_t i = 1; i < count; i++) // sessions are few, and nearly in the reverse order
-        for (uint32_t k = i; k > 0 && out[k - 1].session > out[k].session; k--) {
-            const struct hgp_participant swap = out[k];
-            out[k] = out[k - 1];
-            out[k - 1] = swap;
-        }
+    qsort(out, count, sizeof *out, compare_sessions);
     return count;
 }
 
-static struct hg_packet *encode_participants(
-    const struct hg_session_table *table, const struct hg_shared_scene *scene)
+static struct hg_packet *encode_participants(const struct hg_shared_scene *scene)
 {
     struct hgp_participant *list = hg_calloc(PARTICIPANTS, sizeof *list);
     if (!list)
         return NULL;
-    uint32_t count = list_participants(table, scene, list);
+    uint32_t count = list_participants(scene, list);
     struct hg_packet *packet =
         hg_packet_encode(HGP_T_participants, &(struct hgp_participants){.sessions = {list, count}});
     hg_free(list);
     return packet;
 }
 
-static void tell_participants(struct hg_session_table *table, struct hg_shared_scene *scene)
+// Nothing is encoded for nobody.
+static void tell_participants(struct hg_shared_scene *scene)
 {
-    struct hg_packet *packet = encode_participants(table, scene);
-    scene->people.participants_due = packet == NULL; // no memory: the next tick
-    for (struct hg_session *it = table->first; it && packet; it = it->next)
-        if (it->scene == scene && it->conn && it->share.watch.participants)
+    struct hg_session *it = scene->people.first;
+    while (it && !(it->conn && it->share.watch.participants))
+        it = it->share.next;
+    struct hg_packet *packet = it ? encode_participants(scene) : NULL;
+    scene->people.participants_due = it && !packet; // no memory: the next tick
+    for (; it && packet; it = it->share.next)
+        if (it->conn && it->share.watch.participants)
             hg_conn_send_packet(it->conn, 0, hg_packet_ref(packet));
     hg_packet_unref(packet);
 }
@@ -108,8 +112,8 @@ static void tell_cursor(struct hg_session *s)
 {
     struct hg_packet *packet = hg_packet_encode(HGP_T_cursor, &s->share.cursor);
     s->share.cursor_due = false;
-    for (struct hg_session *it = s->table->first; it && packet; it = it->next)
-        if (it != s && it->scene == s->scene && it->share.watch.cursors && !may_miss(it))
+    for (struct hg_session *it = s->scene->people.first; it && packet; it = it->share.next)
+        if (it != s && it->share.watch.cursors && !may_miss(it))
             hg_conn_send_packet(it->conn, 0, hg_packet_ref(packet));
     hg_packet_unref(packet);
 }
@@ -149,8 +153,8 @@ void hg_session_share_edited(struct hg_session *s, const struct hg_packet *packe
 {
     struct hg_packet *told = NULL;
     const uint64_t number = ++s->scene->people.edits;
-    for (struct hg_session *it = s->table->first; it; it = it->next) {
-        if (it->scene != s->scene || !it->share.watch.edits || may_miss(it))
+    for (struct hg_session *it = s->scene->people.first; it; it = it->share.next) {
+        if (!it->share.watch.edits || may_miss(it))
             continue;
         if (!told)
             told = hg_packet_encode(HGP_T_edited, &(struct hgp_edited){.number = number,
@@ -169,7 +173,7 @@ void hg_session_share_edited(struct hg_session *s, const struct hg_packet *packe
 
 static void tell_state(struct hg_session *s, const struct hg_session_watch *what)
 {
-    struct hg_packet *packet = what->participants ? encode_participants(s->table, s->scene) : NULL;
+    struct hg_packet *packet = what->participants ? encode_participants(s->scene) : NULL;
     if (packet)
         hg_conn_send_packet(s->conn, 0, packet);
     else
@@ -204,8 +208,30 @@ void hg_session_share_watch(struct hg_session *s, uint32_t request, const struct
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){.revision = s->scene->revision});
 }
 
-void hg_session_share_enter(struct hg_session *s)
+void hg_session_share_link(struct hg_session *s, struct hg_shared_scene *scene)
 {
+    s->scene = scene;
+    s->share.prev = NULL;
+    s->share.next = scene->people.first;
+    if (s->share.next)
+        s->share.next->share.prev = s;
+    scene->people.first = s;
+}
+
+void hg_session_share_unlink(struct hg_session *s)
+{
+    if (!s->scene)
+        return;
+    *(s->share.prev ? &s->share.prev->share.next : &s->scene->people.first) = s->share.next;
+    if (s->share.next)
+        s->share.next->share.prev = s->share.prev;
+    s->share.prev = s->share.next = NULL;
+    s->scene = NULL;
+}
+
+void hg_session_share_enter(struct hg_session *s, struct hg_shared_scene *scene)
+{
+    hg_session_share_link(s, scene);
     s->scene->people.participants_due = true;
 }
 
@@ -236,8 +262,8 @@ void hg_session_share_tick(struct hg_session_table *table)
             tell_cursor(it);
     for (struct hg_shared_scene *it = table->scenes.first; it; it = it->next) {
         if (it->people.participants_due)
-            tell_participants(table, it);
+            tell_participants(it);
         hg_session_camera_tick(table, it);
-        hg_session_annotation_tick(table, it);
+        hg_session_annotation_tick(it);
     }
 }

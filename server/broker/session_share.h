@@ -13,8 +13,11 @@ void hg_session_share_participant(
     struct hg_session *session, uint32_t request, const struct hgp_participant_set *m);
 void hg_session_share_cursor(
     struct hg_session *session, uint32_t request, const struct hgp_cursor_set *m);
-// The session came into its scene, or has a client again.
-void hg_session_share_enter(struct hg_session *session);
+// The session is one of the scene's, or no longer (where it is one).
+void hg_session_share_link(struct hg_session *session, struct hg_shared_scene *scene);
+void hg_session_share_unlink(struct hg_session *session);
+// The session comes into a scene: hg_session_share_link, and the others are told.
+void hg_session_share_enter(struct hg_session *session, struct hg_shared_scene *scene);
 // It leaves its scene (away: is kept without a client): cursor and shared camera are given up.
 void hg_session_share_leave(struct hg_session *session, bool away);
 // The client of a resumed session: all that it watches, as it is now.

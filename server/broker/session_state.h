@@ -16,6 +16,7 @@ enum {
     HG_SESSION_UPLOADS = 16, // contents of one session that may alternate
     HG_SESSION_TRIES = 4,    // deaths beside others after which a request is given up
     HG_SESSION_POISONS = 3,  // given-up requests after which a session is closed
+    HG_SESSION_BUCKETS = 4096,
 };
 
 // A message on its way to the worker that matters for the order of things. Most are answered;
@@ -89,6 +90,7 @@ struct hg_session_load {
     uint32_t count, frames;    // frames: those that render
     struct hg_request *unsent; // the first that the worker has not, and all behind it; NULL: none
     uint64_t bytes, unsent_bytes; // unsent: of those that the worker has no room for yet
+    uint32_t poisons;             // that were given up
 };
 
 // What the client was promised.
@@ -115,6 +117,7 @@ struct hg_session_watch {
 
 // What it shares with the others of its scene, and is told of them.
 struct hg_session_share {
+    struct hg_session *prev, *next; // of the same scene
     struct hg_session_watch watch;
     bool behind;              // its client was slow and has missed annotations
     char label[65];           // what it calls itself
@@ -145,6 +148,7 @@ struct hg_session_bytes {
 
 struct hg_session {
     struct hg_session *prev, *next;
+    struct hg_session *same_bucket; // the next one
     struct hg_session_table *table;
     struct hg_conn *conn; // NULL: the client disconnected; parked, or waits for answers to edits
     uint32_t number;
@@ -163,7 +167,6 @@ struct hg_session {
     struct hg_upload *uploads[HG_SESSION_UPLOADS];
     struct hg_session_bytes bytes;
     struct hg_session_failed *failed; // NULL: none has
-    uint32_t poisons;
     struct hg_session_resume resume;
     struct hg_session_share share;
     struct hg_session_pace pace;
@@ -197,6 +200,7 @@ struct hg_session_table {
     struct hg_session_drain drain;
     struct hg_scene_table scenes;
     struct hg_session *first;
+    struct hg_session *buckets[HG_SESSION_BUCKETS]; // by number
     uint32_t count, last_number;
     uint64_t started_ns;
     bool ended;    // one without a client may have nothing left to wait for
@@ -209,10 +213,10 @@ struct hg_session_table {
 static inline struct hg_session *hg_session_find(
     const struct hg_session_table *table, uint32_t number)
 {
-    for (struct hg_session *it = table->first; it; it = it->next)
-        if (it->number == number)
-            return it;
-    return NULL;
+    struct hg_session *it = table->buckets[number % HG_SESSION_BUCKETS];
+    while (it && it->number != number)
+        it = it->same_bucket;
+    return it;
 }
 
 #endif

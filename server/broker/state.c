@@ -8,6 +8,7 @@
 #include "server/broker/session.h"
 #include "server/broker/session_look.h"
 #include "server/broker/session_record.h"
+#include "server/broker/session_share.h"
 #include "server/broker/session_view.h"
 
 // ---- reading ------------------------------------------------------------------------------------
@@ -42,7 +43,7 @@ static void leave_scene(struct hg_session *s)
         hg_session_view_remove(s, s->views);
     if (s->scene)
         s->scene->sessions--;
-    s->scene = NULL;
+    hg_session_share_unlink(s);
 }
 
 static enum hg_status enter_scene(struct hg_session *s, uint32_t number, uint32_t first_id)
@@ -53,12 +54,11 @@ static enum hg_status enter_scene(struct hg_session *s, uint32_t number, uint32_
     leave_scene(s);
     if (!number)
         return HG_OK;
-    s->scene = hg_shared_scene_by_number(&s->table->scenes, number);
-    if (!s->scene || !first_id || range >= HG_SCENE_RANGES) {
-        s->scene = NULL;
+    struct hg_shared_scene *scene = hg_shared_scene_by_number(&s->table->scenes, number);
+    if (!scene || !first_id || range >= HG_SCENE_RANGES)
         return HG_E_FORMAT;
-    }
     s->first_id = first_id;
+    hg_session_share_link(s, scene);
     s->scene->sessions++;
     s->scene->ranges[range / 64] |= UINT64_C(1) << range % 64;
     return HG_OK;

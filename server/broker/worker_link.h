@@ -68,6 +68,7 @@ struct hg_link_trial {
 // What sessions send to the worker. Of the layer above.
 struct hg_link_feed {
     bool pump;             // sessions may have something to send
+    bool rebuild;          // scenes may have to be replayed
     bool starved;          // and had more than there was room for
     uint32_t turn;         // number of the session that had the newest turn
     uint64_t unsent_bytes; // that sessions keep until there is room

@@ -1,8 +1,9 @@
 #!/bin/sh
-# long.sh BUILD FOLDER RUN: the long runs of docs/security.md, one command each. FOLDER keeps logs and how far
-# a run is; readers, foreign and kills go on where they were stopped, whenever that was.
+# long.sh BUILD FOLDER RUN [PARTS]: the long runs of docs/security.md, one command each. FOLDER keeps logs and
+# how far a run is; readers, foreign and kills go on where they were stopped, whenever that was.
 #
-#   readers   HELIO_MUTANTS (1000000) mutants, in process, for each reader of our own
+#   readers   HELIO_MUTANTS (1000000) mutants, in process, for each reader of our own, or for those of
+#             HELIO_READERS; what FOLDER/NAME.total says was done before counts
 #   foreign   HELIO_FOREIGN (20000) mutants of each file of a foreign format, each in a loader
 #   kills     HELIO_ALL_KILLS (1000) kills of the daemon, every fourth with one of its worker, in rounds of 50; a
 #             tenth as many of loaders, in rounds of 5, whose worker and daemon are to go on
@@ -10,6 +11,10 @@
 #             as many of warming up) of the daemon's processor time, HELIO_SOAK_HELD (12000) connections held; with a
 #             BUILD of the preset asan under its sanitizers
 #   siege     times of an honest client beside attacks
+#   sum       what readers and foreign have come to in FOLDER and its parts
+#
+# PARTS processes share a run of readers or foreign: each has other mutants and its own folder below FOLDER, and
+# may be continued with the same number of parts only. HELIO_LONG_SECONDS: after so many seconds they stop.
 set -eu
 build=$(cd "$1" && pwd)
 mkdir -p "$2"
@@ -20,19 +25,31 @@ export HELIO_SOURCE_DIR="$source" HELIO_BUILD_DIR="$build" LP_NUM_THREADS="${LP_
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export MESA_SHADER_CACHE_DIR="${MESA_SHADER_CACHE_DIR:-$build/tests/compiled_shaders}"
 
+part=${HELIO_PART:-0} parts=${HELIO_PARTS:-1}
+begun=$(date +%s)
+
 number_in() { # file
     cat "$1" 2>/dev/null || echo 0
 }
 
+time_left() {
+    [ $(($(date +%s) - begun)) -lt "${HELIO_LONG_SECONDS:-999999999}" ]
+}
+
+# Seeds of a part follow from its number: 10^5 rounds each.
 readers() {
     failed=0
-    for name in asset_pack gltf heightmap ies image lod obj off page ply stl; do
+    for name in ${HELIO_READERS:-asset_pack gltf heightmap ies image lod obj off page ply stl}; do
+        before=0
+        [ "$parts" -eq 1 ] || before=$(number_in "$folder/../$name.total")
+        most=$(((${HELIO_MUTANTS:-1000000} - before + parts - 1) / parts))
         total=$(number_in "$folder/$name.total")
         round=$(number_in "$folder/$name.round")
-        while [ "$total" -lt "${HELIO_MUTANTS:-1000000}" ]; do
+        while [ "$total" -lt $most ] && time_left; do
             round=$((round + 1))
             log=$folder/$name.log
-            if ! (cd "$folder" && HELIO_FUZZ_SEED=$round "$build/tests/fuzz_$name" "$corpus/$name" 60) >"$log" 2>&1; then
+            if ! (cd "$folder" && HELIO_FUZZ_SEED=$((round + (parts > 1 ? part + 1 : 0) * 100000)) \
+                "$build/tests/fuzz_$name" "$corpus/$name" "${HELIO_ROUND_SECONDS:-60}") >"$log" 2>&1; then
                 echo "$name: failed in round $round: $log"
                 failed=1
                 break
@@ -46,20 +63,46 @@ readers() {
     return $failed
 }
 
-# All files come as far before one goes on.
+# All files come as far before one goes on. A part has the mutants of an equal range of numbers.
 foreign() {
-    most=${HELIO_FOREIGN:-20000}
-    count=0
-    while [ $count -lt "$most" ]; do
-        count=$((count + 1000))
-        [ $count -le "$most" ] || count=$most
+    all=${HELIO_FOREIGN:-20000}
+    count=$((all * part / parts))
+    most=$((all * (part + 1) / parts))
+    first=$count
+    while [ $count -lt $most ] && time_left; do
+        count=$((count + ${HELIO_FOREIGN_STEP:-250}))
+        [ $count -le $most ] || count=$most
         HELIO_LOADER=$build/libexec/helio-loader "$build/tests/fuzz_foreign" "$corpus/foreign" $count \
-            "$folder/foreign.state" >>"$folder/foreign.log"
-        echo "foreign: $count mutants of each file"
+            "$folder/foreign.state" $first >>"$folder/foreign.log"
     done
-    for outcome in "read" "refused" "crashed" "out of processor time" "out of time" "out of memory"; do
-        grep -o "[0-9]* $outcome" "$folder/foreign.log" | awk -v what="$outcome" '{ sum += $1 } END { print "  " sum, what }'
+    echo "foreign: up to mutant $count of each file"
+}
+
+sum() {
+    cat "$folder"/foreign.log "$folder"/part.*/foreign.log 2>/dev/null | awk '
+        / mutants: / { file[$1] += $2; for (i = 4; i <= NF; i++) if ($i ~ /^[0-9]+$/) n = $i; else {
+            word = word == "" ? $i : word " " $i; if (i == NF || $i ~ /,$/) { sub(/,/, "", word); of[word] += n; word = "" } } }
+        / s of processor time/ { seconds += $1 }
+        END { for (f in file) print "foreign " f ": " file[f] " mutants"; for (w in of) print "foreign: " of[w] " " w
+              if (seconds) print "foreign: " seconds " s of processor time" }' | sort
+    for file in "$folder"/*.total "$folder"/part.*/*.total; do
+        [ -e "$file" ] && echo "$(basename "$file" .total) $(cat "$file")"
+    done | awk '{ of[$1] += $2 } END { for (name in of) print name ": " of[name] }' | sort
+}
+
+in_parts() { # run
+    pids=
+    for i in $(seq 0 $((parts - 1))); do
+        HELIO_PART=$i HELIO_PARTS=$parts "$0" "$build" "$folder/part.$i" "$1" >"$folder/part.$i.log" 2>&1 &
+        pids="$pids $!"
     done
+    failed=0
+    for pid in $pids; do
+        wait "$pid" || failed=1
+    done
+    [ $failed -eq 0 ] || cat "$folder"/part.*.log
+    sum
+    return $failed
 }
 
 kills() {
@@ -88,7 +131,15 @@ siege() {
 }
 
 case ${3-} in
-readers | foreign | kills | soak | siege) "$3" ;;
+readers | foreign)
+    if [ "${4:-1}" -gt 1 ]; then
+        parts=$4
+        in_parts "$3"
+    else
+        "$3"
+    fi
+    ;;
+kills | soak | siege | sum) "$3" ;;
 *)
     sed -n '2,/^set/p' "$0" | sed '$d' >&2
     exit 2

@@ -264,30 +264,83 @@ static uint64_t settled(struct daemon *d, uint64_t enough)
     return now;
 }
 
-// Sessions that do nothing give their buffers back: some 3.5 KiB each are left, and pages that the
-// heap keeps, more or fewer. What the first of them take once is not counted.
-static void idle_sessions_are_small(void **state)
+// ---- idle sessions ------------------------------------------------------------------------------
+
+enum { FIRST = 100, A_ROOM = 1000 };
+
+static void open_only(struct peer *p, struct daemon *d, int number)
 {
-    (void)state;
-    enum { FIRST = 100, SESSIONS = 600, EACH = 8 * 1024 };
-    static struct peer idle[FIRST + SESSIONS];
+    (void)number;
+    peer_open(p, d);
+}
+
+// Over tcp, with a token; a thousand of them share a scene and edit a node of it.
+static void open_and_use(struct peer *p, struct daemon *d, int number)
+{
+    static uint32_t node;
+    char scene[32];
+    snprintf(scene, sizeof scene, "room%d", number / A_ROOM);
+    tenant_enter(p, d, "anna-token-1", scene);
+    node = number % A_ROOM ? node : p->first_id;
+    peer_tell(p, HGP_T_node_set, &(struct hgp_node_set){.node = node});
+    peer_tell(p, HGP_T_view_set,
+        &(struct hgp_view_set){
+            .view = 1, .has_width = true, .width = 64, .has_height = true, .height = 64});
+    peer_tell(p, HGP_T_view_camera, &(struct hgp_view_camera){.view = 1});
+    for (int i = 0; i < 16; i++)
+        peer_tell(p, HGP_T_ping, &(struct hgp_ping){0});
+    peer_call(p, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+}
+
+static void init_many(struct daemon *d)
+{
+    static const char *const limits[] = {"max-connections", "max-sessions", "max-per-address",
+        "max-per-network", "max-sessions-per-token"};
+    tenant_rig_init(d);
+    for (size_t i = 0; i < sizeof limits / sizeof *limits; i++)
+        daemon_option(d, limits[i], "20000");
+}
+
+// Sessions that have become idle keep at most `each` bytes of the daemon, what the first of them
+// take once apart. $HELIO_IDLE_SESSIONS: so many instead of 600.
+static void idle_sessions_keep(
+    void (*open)(struct peer *p, struct daemon *d, int number), const char *what, uint64_t each)
+{
+    const char *text = getenv("HELIO_IDLE_SESSIONS");
+    const int sessions = text ? atoi(text) : 600, count = FIRST + sessions;
+    struct peer *idle = calloc((size_t)count, sizeof *idle);
     struct daemon d;
     struct neighbour honest;
     uint64_t before = 0;
-    tenant_rig_init(&d);
-    daemon_option(&d, "max-sessions", "1000");
-    daemon_option(&d, "max-connections", "1000");
+    assert_non_null(idle);
+    init_many(&d);
     begin(&d, &honest);
-    for (int i = 0; i < FIRST + SESSIONS; i++) {
+    for (int i = 0; i < count; i++) {
         before = i == FIRST ? settled(&d, 0) : before;
-        peer_open(&idle[i], &d);
+        open(&idle[i], &d, i);
     }
-    const uint64_t most = before + daemon_allowed(SESSIONS * EACH), after = settled(&d, most);
-    print_message("%.1f KiB a session\n", ((double)after - (double)before) / 1024 / SESSIONS);
+    const uint64_t most = before + daemon_allowed((uint64_t)sessions * each),
+                   after = settled(&d, most);
+    print_message("%d idle sessions, %s: %.2f KiB each\n", sessions, what,
+        ((double)after - (double)before) / 1024 / sessions);
     assert_true(after <= most);
-    for (int i = 1; i < FIRST + SESSIONS; i++)
+    for (int i = 1; i < count; i++)
         peer_close(&idle[i]);
     end(&d, &honest, &idle[0]);
+    free(idle);
+}
+
+// Buffers are given back.
+static void idle_sessions_are_small(void **state)
+{
+    (void)state;
+    idle_sessions_keep(open_only, "opened", 4 * 1024);
+}
+
+static void sessions_that_were_used_are_small(void **state)
+{
+    (void)state;
+    idle_sessions_keep(open_and_use, "with a view", 4 * 1024);
 }
 
 // Journals of all scenes have a limit, and a tenant its share: another one can still edit.
@@ -317,7 +370,7 @@ static void journals_share_what_there_is(void **state)
     daemon_finish(&d);
 }
 
-int main(void)
+int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_are_charged_when_granted),
@@ -328,7 +381,10 @@ int main(void)
         cmocka_unit_test(drips_of_messages_are_closed),
         cmocka_unit_test(slow_readers_share_what_there_is),
         cmocka_unit_test(idle_sessions_are_small),
+        cmocka_unit_test(sessions_that_were_used_are_small),
         cmocka_unit_test(journals_share_what_there_is),
     };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

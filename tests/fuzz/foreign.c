@@ -1,10 +1,10 @@
 // foreign.c - damaged files of the formats that foreign libraries parse, each in a loader: whatever
 // the library does, the file is read or refused with its name and a reason, in time.
 //
-//   fuzz_foreign FOLDER COUNT [STATE]   COUNT mutants of each file of FOLDER and of
-//   foreign_seeds.h;
-//                                       STATE is a file in which it is noted how far they are: a
-//                                       run that is ended goes on
+//   fuzz_foreign FOLDER COUNT [STATE [FIRST]]
+//
+// Mutants FIRST (0) to COUNT - 1 of each file of FOLDER and of foreign_seeds.h. STATE is a file in
+// which it is noted how far they are: a run that is ended goes on.
 // Mutants follow from file, number and $HELIO_FUZZ_SEED alone. $HELIO_LOADER is the loader.
 #include <ctype.h>
 #include <dirent.h>
@@ -220,10 +220,10 @@ static size_t make_seeds(struct seed *seeds, size_t room)
     return count;
 }
 
-// The number to go on with; the last line of a name counts.
-static uint64_t find_progress(const char *state, const char *name)
+// The number to go on with, `first` at the beginning; the last line of a name counts.
+static uint64_t find_progress(const char *state, const char *name, uint64_t first)
 {
-    uint64_t next = 0;
+    uint64_t next = first;
     char line[400], found[256];
     unsigned long long number;
     FILE *file = state ? fopen(state, "r") : NULL;
@@ -244,10 +244,10 @@ static void note_progress(const char *state, const char *name, uint64_t next)
     fclose(file);
 }
 
-static void run_seed(const struct seed *seed, uint64_t count, const char *state)
+static void run_seed(const struct seed *seed, uint64_t start, uint64_t count, const char *state)
 {
     unsigned outcomes[OUTCOMES] = {0};
-    const uint64_t first = find_progress(state, seed->name);
+    const uint64_t first = find_progress(state, seed->name, start);
     for (uint64_t i = first; i < count; i++) {
         outcomes[try_mutant(seed, i)]++;
         if ((i + 1) % 100 == 0 || i + 1 == count)
@@ -271,14 +271,15 @@ int main(int argc, char **argv)
         .log = "off"};
     size_t count = argc >= 3 ? read_seeds(argv[1], seeds) : 0;
     if (count == 0 || hg_loader_start(&options, &err) != HG_OK) {
-        fprintf(
-            stderr, "fuzz_foreign FOLDER COUNT [STATE]: no files, or no loader: %s\n", err.reason);
+        fprintf(stderr, "fuzz_foreign FOLDER COUNT [STATE [FIRST]]: no files, or no loader: %s\n",
+            err.reason);
         return 2;
     }
     spawner = find_spawner();
     count += make_seeds(seeds + count, MOST_FILES - count);
     for (size_t i = 0; i < count; i++) {
-        run_seed(&seeds[i], strtoull(argv[2], NULL, 10), argc > 3 ? argv[3] : NULL);
+        run_seed(&seeds[i], argc > 4 ? strtoull(argv[4], NULL, 10) : 0, strtoull(argv[2], NULL, 10),
+            argc > 3 ? argv[3] : NULL);
         hg_free(seeds[i].data);
     }
     printf("%.1f s of processor time\n", seconds_taken());

@@ -28,7 +28,7 @@
 #include "base/sha256.h"
 #include "tests/system/fake_scene.h"
 
-enum { LINK_FD = 3, MAX_CHANNELS = 256, MAX_VIEWS = 16, MAX_DELAYED = 256, PULSE_MS = 100 };
+enum { LINK_FD = 3, BUCKETS = 4096, MAX_VIEWS = 16, MAX_DELAYED = 256, PULSE_MS = 100 };
 
 struct scene {
     struct scene *next;
@@ -47,12 +47,14 @@ struct view {
 };
 
 struct channel {
-    uint32_t number; // 0 = free
+    struct channel *next; // in its bucket
+    uint32_t number;
     struct scene *scene;
     uint32_t first_id, id_count;
     char roots[64]; // of session_tenant
     bool in_batch;
     struct view views[MAX_VIEWS];
+    bool subscribed;           // one of them may have credit
     uint64_t blocked_until_ns; // a slow load runs; later messages wait
     struct hg_packet *waiting[1024];
     uint32_t waiting_count;
@@ -63,8 +65,8 @@ struct delayed {
     uint64_t due_ns;
 };
 
-static struct channel channels[MAX_CHANNELS];
-static struct scene *scenes;
+static struct channel *channels[BUCKETS]; // by number
+static struct scene *scenes[BUCKETS];     // by key
 static struct delayed delayed[MAX_DELAYED];
 static struct hg_outq out;
 static uint64_t busy_since_ns;
@@ -382,9 +384,11 @@ static void view_message(struct channel *c, struct hg_packet *packet, const unio
         return;
     case HGP_T_credit:
         view->credit += m->credit.frames;
+        c->subscribed = true;
         return;
     case HGP_T_subscribe:
         view->credit = m->subscribe.credit_frames;
+        c->subscribed = true;
         break;
     case HGP_T_view_clip:
     case HGP_T_view_overrides:
@@ -402,15 +406,25 @@ static void view_message(struct channel *c, struct hg_packet *packet, const unio
 
 static struct channel *find_channel(uint32_t number)
 {
-    for (int i = 0; i < MAX_CHANNELS; i++)
-        if (channels[i].number == number)
-            return &channels[i];
-    return NULL;
+    struct channel *c = channels[number % BUCKETS];
+    while (c && c->number != number)
+        c = c->next;
+    return c;
+}
+
+// By FNV-1a.
+static struct scene **bucket_of(const char *key, size_t size)
+{
+    uint32_t hash = 2166136261u;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ (uint8_t)key[i]) * 16777619u;
+    return &scenes[hash % BUCKETS];
 }
 
 static struct scene *hold_scene(struct hgp_str key)
 {
-    for (struct scene *it = scenes; it; it = it->next)
+    struct scene **bucket = bucket_of(key.data, key.size);
+    for (struct scene *it = *bucket; it; it = it->next)
         if (strlen(it->key) == key.size && memcmp(it->key, key.data, key.size) == 0) {
             it->users++;
             return it;
@@ -420,16 +434,18 @@ static struct scene *hold_scene(struct hgp_str key)
         abort();
     snprintf(scene->key, sizeof scene->key, "%.*s", (int)key.size, key.data);
     scene->users = 1;
-    scene->next = scenes;
-    scenes = scene;
+    scene->next = *bucket;
+    *bucket = scene;
     return scene;
 }
 
 static void attach(uint32_t number, const struct hgp_session_attach *m)
 {
-    struct channel *c = find_channel(number) ? NULL : find_channel(0);
+    struct channel *c = find_channel(number) ? NULL : hg_calloc(1, sizeof *c);
     if (!c)
-        abort(); // attached twice, or too many
+        abort(); // attached twice
+    c->next = channels[number % BUCKETS];
+    channels[number % BUCKETS] = c;
     c->number = number;
     c->scene = hold_scene(m->scene);
     c->first_id = m->first_id;
@@ -443,14 +459,18 @@ static void detach(struct channel *c)
     for (uint32_t i = 0; i < c->waiting_count; i++)
         hg_packet_unref(c->waiting[i]);
     if (--c->scene->users == 0) {
-        struct scene **link = &scenes;
+        struct scene **link = bucket_of(c->scene->key, strlen(c->scene->key));
         while (*link != c->scene)
             link = &(*link)->next;
         *link = c->scene->next;
         fake_scene_finish(&c->scene->state);
         hg_free(c->scene);
     }
-    *c = (struct channel){0};
+    struct channel **link = &channels[c->number % BUCKETS];
+    while (*link != c)
+        link = &(*link)->next;
+    *link = c->next;
+    hg_free(c);
 }
 
 // ---- dispatch -----------------------------------------------------------------------------------
@@ -584,24 +604,35 @@ static void run_delayed(uint64_t now_ns)
                 handle(packet);
             hg_packet_unref(packet);
         }
-    for (int i = 0; i < MAX_CHANNELS; i++)
-        if (channels[i].number && channels[i].blocked_until_ns &&
-            now_ns >= channels[i].blocked_until_ns)
-            run_waiting(&channels[i]);
+    for (int i = 0; i < BUCKETS; i++)
+        for (struct channel *c = channels[i], *next; c; c = next) {
+            next = c->next;
+            if (c->blocked_until_ns && now_ns >= c->blocked_until_ns)
+                run_waiting(c);
+        }
+}
+
+static void run_subscription(struct channel *c, uint64_t now_ns)
+{
+    c->subscribed = false;
+    for (int k = 0; k < MAX_VIEWS; k++) {
+        struct view *view = &c->views[k];
+        if (view->credit && now_ns - view->sent_ns >= 3000000) {
+            view->credit--;
+            view->sent_ns = now_ns;
+            push(c->number, 0, make_frame(c, view));
+        }
+        c->subscribed |= view->credit > 0;
+    }
 }
 
 // Subscribed views show a frame every few ms while they have credit.
 static void run_subscriptions(uint64_t now_ns)
 {
-    for (int i = 0; i < MAX_CHANNELS; i++)
-        for (int k = 0; k < MAX_VIEWS && channels[i].number; k++) {
-            struct view *view = &channels[i].views[k];
-            if (!view->credit || now_ns - view->sent_ns < 3000000)
-                continue;
-            view->credit--;
-            view->sent_ns = now_ns;
-            push(channels[i].number, 0, make_frame(&channels[i], view));
-        }
+    for (int i = 0; i < BUCKETS; i++)
+        for (struct channel *c = channels[i]; c; c = c->next)
+            if (c->subscribed)
+                run_subscription(c, now_ns);
 }
 
 static void send_pulse(uint64_t now_ns)
