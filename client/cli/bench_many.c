@@ -1,5 +1,8 @@
 // bench_many.c - many viewers: of one scene, beside one that does not read, beside hidden ones and
-// a path-traced film, and of several tenants. Each viewer is a thread that turns its camera.
+// a path-traced film, and of several tenants. Each viewer is a thread that turns its camera. A
+// measurement begins when each of them has drawn frames in motion, so that none compiles what
+// another one has compiled already, and lasts until frame counts can tell shares apart: shares are
+// of time, and of n frames whose times scatter by s a share is known to about s / sqrt(n).
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,9 +14,10 @@
 #include "client/cli/bench_flow.h"
 #include "client/cli/viewer.h"
 
-enum { MOST = 64, MOST_COUNTS = 16, TOKEN_BYTES = 32, BESIDE = 4 };
+enum { MOST = 64, MOST_COUNTS = 16, TOKEN_BYTES = 32, BESIDE = 4, WARM_FRAMES = 5 };
 #define PULSE_NS 1200000000u // after which the worker's memory has been told
 #define SLICE_NS 200000000u  // of waiting for one viewer, after which the others are read
+#define WARM_S   1.0
 
 enum kind { MOVES, STUCK, HIDDEN, FILM };
 
@@ -36,9 +40,10 @@ struct many {
     struct hg_bench_daemon daemon;
     struct hg_bench_scene scene;
     struct hg_viewer_options viewer; // of each
-    uint64_t wait_ns;                // for the first picture of a viewer, or one answer
+    uint64_t wait_ns; // for the first picture of a viewer, one answer, or one measurement
     uint32_t phases;
-    double seconds;
+    double seconds, frames; // a measurement has at least; frames: mean of those that move
+    double measured_s;      // the newest one took
     uint32_t counts[MOST_COUNTS], count_count, tenants;
     struct seat *seats; // [MOST]
     uint32_t seat_count;
@@ -56,7 +61,7 @@ static void *seat_main(void *arg)
     }
     const uint64_t before = s->viewer.frames;
     s->status = hg_viewer_run(&s->viewer, s->until_ns, s->kind != FILM, &s->err);
-    s->frames = s->viewer.frames - before;
+    s->frames += s->viewer.frames - before;
     return NULL;
 }
 
@@ -116,9 +121,9 @@ static void leave(struct many *m)
         hg_viewer_close(&m->seats[--m->seat_count].viewer);
 }
 
-static enum hg_status run_all(struct many *m, struct hg_error *err)
+static enum hg_status run_all(struct many *m, double seconds, struct hg_error *err)
 {
-    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)(m->seconds * 1e9);
+    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)(seconds * 1e9);
     uint32_t started = 0;
     for (; started < m->seat_count; started++) {
         struct seat *s = &m->seats[started];
@@ -140,6 +145,63 @@ static enum hg_status run_all(struct many *m, struct hg_error *err)
     return HG_OK;
 }
 
+// Of the viewers that move. Returns the mean, and the least number of frames of one.
+static double count_frames(const struct many *m, uint64_t *least)
+{
+    uint64_t sum = 0;
+    uint32_t count = 0;
+    *least = UINT64_MAX;
+    for (uint32_t i = 0; i < m->seat_count; i++) {
+        if (m->seats[i].kind != MOVES)
+            continue;
+        const uint64_t frames = m->seats[i].frames;
+        *least = frames < *least ? frames : *least;
+        sum += frames;
+        count++;
+    }
+    return count ? (double)sum / count : 0;
+}
+
+static void forget_frames(struct many *m)
+{
+    for (uint32_t i = 0; i < m->seat_count; i++)
+        m->seats[i].frames = 0;
+}
+
+// Until each has drawn some frames in motion: the first of a worker are there when their shaders
+// are compiled, of a view when its targets are made.
+static enum hg_status warm_up(struct many *m, struct hg_error *err)
+{
+    const uint64_t until_ns = hg_clock_now_ns() + m->wait_ns;
+    uint64_t least = 0;
+    enum hg_status status = HG_OK;
+    forget_frames(m);
+    while (!status && least < WARM_FRAMES) {
+        if (hg_clock_now_ns() >= until_ns)
+            return hg_error_set(err, HG_E_TIMEOUT, "bench many", NULL,
+                "one of %u viewers drew %llu frames in motion within %.0f s", m->seat_count,
+                (unsigned long long)least, (double)m->wait_ns * 1e-9);
+        status = run_all(m, WARM_S, err);
+        count_frames(m, &least);
+    }
+    return status;
+}
+
+// Frames that were begun when a part of it ends count in the next part.
+static enum hg_status run_window(struct many *m, struct hg_error *err)
+{
+    const uint64_t begin_ns = hg_clock_now_ns();
+    uint64_t least, now_ns = begin_ns;
+    enum hg_status status = HG_OK;
+    forget_frames(m);
+    do {
+        status = run_all(m, m->seconds, err);
+        now_ns = hg_clock_now_ns();
+    } while (!status && count_frames(m, &least) < m->frames && now_ns - begin_ns < m->wait_ns);
+    m->measured_s = (double)(now_ns - begin_ns) * 1e-9;
+    return status;
+}
+
 // ---- numbers ------------------------------------------------------------------------------------
 
 // Frames per second of those that move, and how alike they are.
@@ -151,7 +213,7 @@ static json_t *rates(const struct many *m, double *mean)
     for (uint32_t i = 0; i < m->seat_count; i++) {
         if (m->seats[i].kind != MOVES)
             continue;
-        const double rate = (double)m->seats[i].frames / m->seconds;
+        const double rate = (double)m->seats[i].frames / m->measured_s;
         json_array_append_new(fps, json_real(rate));
         least = rate < least ? rate : least;
         most = rate > most ? rate : most;
@@ -159,8 +221,8 @@ static json_t *rates(const struct many *m, double *mean)
         count++;
     }
     *mean = count ? sum / count : 0;
-    return json_pack(
-        "{s:o, s:f, s:f}", "fps", fps, "total_fps", sum, "fairness", most > 0 ? least / most : 0.0);
+    return json_pack("{s:o, s:f, s:f, s:f}", "fps", fps, "total_fps", sum, "seconds", m->measured_s,
+        "fairness", most > 0 ? least / most : 0.0);
 }
 
 static bool has_tenants(const struct many *m)
@@ -199,7 +261,9 @@ static enum hg_status measure(struct many *m, json_t **out, double *mean, struct
 {
     uint64_t bytes;
     *out = NULL;
-    enum hg_status status = run_all(m, err);
+    enum hg_status status = warm_up(m, err);
+    if (!status)
+        status = run_window(m, err);
     if (!status)
         status = workers_bytes(m, &bytes, err);
     if (status)
@@ -334,19 +398,20 @@ static enum hg_status read_options(struct many *m, const json_t *options, struct
     json_t *counts = NULL, *phases = NULL;
     json_error_t wrong;
     m->seconds = 5;
+    m->frames = 60;
     m->viewer = (struct hg_viewer_options){.asset = "demo:",
         .poses = 300,
         .poses_per_s = 60,
         .encoding = HGP_encoding_JPEG,
         .timeout_ns = m->wait_ns};
     if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT,
-            "{s?F, s?o, s?o, s?i, s?i, s?i, s?F, s?F, s?s, s?b}", "seconds", &m->seconds, "viewers",
-            &counts, "phases", &phases, "tenants", &tenants, "width", &width, "height", &height,
-            "poses_per_s", &m->viewer.poses_per_s, "target_fps", &fps, "scene", &m->viewer.asset,
-            "plain", &plain))
+            "{s?F, s?F, s?o, s?o, s?i, s?i, s?i, s?F, s?F, s?s, s?b}", "seconds", &m->seconds,
+            "frames", &m->frames, "viewers", &counts, "phases", &phases, "tenants", &tenants,
+            "width", &width, "height", &height, "poses_per_s", &m->viewer.poses_per_s, "target_fps",
+            &fps, "scene", &m->viewer.asset, "plain", &plain))
         return hg_error_set(err, HG_E_INVAL, "bench many", "options", "%s", wrong.text);
-    if (!(m->seconds > 0 && m->seconds <= 3600) || tenants < 0 || tenants > 32 || width < 1 ||
-        height < 1 || !(fps >= 0 && fps <= 1000) ||
+    if (!(m->seconds > 0 && m->seconds <= 3600) || !(m->frames >= 0) || tenants < 0 ||
+        tenants > 32 || width < 1 || height < 1 || !(fps >= 0 && fps <= 1000) ||
         !(m->viewer.poses_per_s > 0 && m->viewer.poses_per_s <= 1000))
         return hg_error_set(err, HG_E_INVAL, "bench many", "options",
             "seconds is at most 3600, tenants 0 to 32, a rate at most 1000");

@@ -8,7 +8,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 
-enum { VIEW = 1, NODES = 8, MOST_FRAMES = 3000 };
+enum { VIEW = 1, NODES = 16, MOST_FRAMES = 3000 };
 
 // Encodings that are compared, and what a file of their frames, one behind the other, is called.
 static const struct coding {
@@ -191,43 +191,101 @@ static enum hg_status take_bytes(
     return status;
 }
 
-// A node disappears, and comes back.
-static enum hg_status edit(struct stream *s, uint64_t node, struct hg_error *err)
+// Pixels that differ, of all. Pictures without pixels in common: all.
+static double changed_share(const struct helio_message *a, const struct helio_message *b)
 {
-    uint32_t bytes[2] = {0}, full = 0;
-    enum hg_status status = HG_OK;
-    for (int visible = 0; visible < 2 && !status; visible++) {
-        const struct hgp_node_set set = {.node = node, .has_visible = true, .visible = visible};
-        status = helio_call_for(s->h, HGP_T_node_set, &set, HGP_T_ok, NULL, err);
-        if (!status)
-            status = take_bytes(s, HGP_encoding_TILES_JPEG, &bytes[visible], err);
-        if (!status)
-            status = take_bytes(s, HGP_encoding_JPEG, &full, err);
-    }
+    const struct hgp_frame *x = &a->body->frame, *y = &b->body->frame;
+    uint32_t changed = 0;
+    if (x->data.size != y->data.size || x->data.size < 4)
+        return 1;
+    for (uint32_t i = 0; i + 4 <= x->data.size; i += 4)
+        changed += memcmp(x->data.data + i, y->data.data + i, 4) != 0;
+    return (double)changed / (double)(x->data.size / 4);
+}
+
+static enum hg_status show(struct stream *s, uint64_t node, bool visible, struct hg_error *err)
+{
+    const struct hgp_node_set set = {.node = node, .has_visible = true, .visible = visible};
+    return helio_call_for(s->h, HGP_T_node_set, &set, HGP_T_ok, NULL, err);
+}
+
+// What the present picture costs: [0] in tiles, of which the client has the ones that did not
+// change, [1] as a whole.
+static enum hg_status take_both(struct stream *s, uint32_t bytes[2], struct hg_error *err)
+{
+    const enum hg_status status = take_bytes(s, HGP_encoding_TILES_JPEG, &bytes[0], err);
+    return status ? status : take_bytes(s, HGP_encoding_JPEG, &bytes[1], err);
+}
+
+static json_t *edit_json(
+    uint64_t node, double changed, const uint32_t hidden[2], const uint32_t shown[2])
+{
+    const double hiding = (double)hidden[1] / hidden[0], showing = (double)shown[1] / shown[0];
+    return json_pack("{s:I, s:f, s:i, s:i, s:i, s:f}", "node", (json_int_t)node, "changed", changed,
+        "hidden_bytes", (int)hidden[0], "shown_bytes", (int)shown[0], "jpeg_bytes", (int)shown[1],
+        "ratio", hiding < showing ? hiding : showing);
+}
+
+// A node disappears, and comes back. Of one that no pixel shows nothing is noted.
+static enum hg_status edit(
+    struct stream *s, const struct helio_message *before, uint64_t node, struct hg_error *err)
+{
+    struct helio_message *after = NULL;
+    uint32_t hidden[2] = {0}, shown[2] = {0};
+    enum hg_status status = show(s, node, false, err);
     if (!status)
-        json_array_append_new(json_object_get(s->report, "edits"),
-            json_pack("{s:I, s:i, s:i, s:i}", "node", (json_int_t)node, "hidden_bytes",
-                (int)bytes[0], "shown_bytes", (int)bytes[1], "jpeg_bytes", (int)full));
+        status = take(s, HGP_encoding_RAW_RGBA8, &after, err);
+    const double changed = status ? 0 : changed_share(before, after);
+    helio_message_free(after);
+    if (!status && changed > 0)
+        status = take_both(s, hidden, err);
+    if (!status)
+        status = show(s, node, true, err);
+    if (!status && changed > 0)
+        status = take_both(s, shown, err);
+    if (!status && changed > 0)
+        json_array_append_new(
+            json_object_get(s->report, "edits"), edit_json(node, changed, hidden, shown));
     return status;
 }
 
+// The camera of the scene, which stands where there is something to see, or one that sees all.
+static enum hg_status stand(struct stream *s, struct hg_error *err)
+{
+    const struct hgp_view_fit fit = {.view = VIEW, .has_cameras = true, .cameras = true};
+    struct hgp_view_camera camera = {.view = VIEW, .input_seq = ++s->seq};
+    drop_messages(s);
+    const enum hg_status status = helio_camera_fit(s->h, &fit, &camera, err);
+    return status ? status : helio_call_for(s->h, HGP_T_view_camera, &camera, HGP_T_ok, NULL, err);
+}
+
+// Which nodes the picture shows, those with most pixels first.
+static enum hg_status find_seen(struct stream *s, struct helio_message **seen, struct hg_error *err)
+{
+    struct hgp_pixel_rect all = {.width = s->width, .height = s->height};
+    const struct hgp_box_select select = {.view = VIEW, .rects = {.items = &all, .count = 1}};
+    return helio_call_for(s->h, HGP_T_box_select, &select, HGP_T_box_selected, seen, err);
+}
+
+// Of nodes that are seen, from the largest to the smallest.
 static enum hg_status measure_edits(struct stream *s, struct hg_error *err)
 {
-    struct helio_message *answer;
+    struct helio_message *seen = NULL, *before = NULL;
     uint32_t bytes, done = 0;
-    const struct hgp_nodes_query query = {.count = 4096};
-    enum hg_status status =
-        helio_call_for(s->h, HGP_T_nodes_query, &query, HGP_T_nodes, &answer, err);
-    if (status)
-        return status;
-    status = take_bytes(s, HGP_encoding_TILES_JPEG, &bytes, err);
-    const struct hgp_nodes *nodes = &answer->body->nodes;
-    for (uint32_t i = 0; i < nodes->nodes.count && done < NODES && !status; i++)
-        if (nodes->nodes.items[i].mesh && nodes->nodes.items[i].visible) {
-            status = edit(s, nodes->nodes.items[i].node, err);
-            done++;
-        }
-    helio_message_free(answer);
+    enum hg_status status = take(s, HGP_encoding_RAW_RGBA8, &before, err);
+    if (!status)
+        status = take_bytes(s, HGP_encoding_TILES_JPEG, &bytes, err);
+    if (!status)
+        status = find_seen(s, &seen, err);
+    const uint32_t count = status ? 0 : seen->body->box_selected.nodes.count;
+    for (uint32_t i = 0; i < count && done < NODES && !status; i++) {
+        if ((uint64_t)i * NODES < (uint64_t)done * count)
+            continue;
+        status = edit(s, before, seen->body->box_selected.nodes.items[i].node, err);
+        done++;
+    }
+    helio_message_free(before);
+    helio_message_free(seen);
     return status;
 }
 
@@ -266,7 +324,7 @@ static enum hg_status run(struct stream *s, struct hg_error *err)
     for (size_t i = 0; i < sizeof codings / sizeof *codings && !status; i++)
         status = measure(s, &codings[i], err);
     if (!status)
-        status = move(s, 0, err);
+        status = stand(s, err);
     return status ? status : measure_edits(s, err);
 }
 

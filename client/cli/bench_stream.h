@@ -6,8 +6,8 @@
 #include "client/cli/cli.h"
 
 // In a private worker. The camera goes once around the scene; every encoding gets the same
-// pictures. Then nodes are hidden one at a time before a camera at rest. *report: freed with
-// hg_free.
+// pictures. Then nodes that the scene's camera sees are hidden one at a time, and shown again.
+// *report: freed with hg_free.
 enum hg_status hg_cli_bench_stream(
     struct hg_cli *cli, const json_t *options, char **report, struct hg_error *err) HG_MUST_CHECK;
 

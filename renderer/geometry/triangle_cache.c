@@ -81,6 +81,9 @@ static void list_jobs(struct hg_geometry *g)
             f->jobs[f->job_count++] = (struct hg_triangle_cache_job){i, first, count};
         first += count;
     }
+    // Draws behind these are no more: their facets are written over, and a draw that takes such a
+    // place again, with the same key, has to be made again.
+    memset(f->keys + g->draw_count, 0, (f->key_capacity - g->draw_count) * sizeof *f->keys);
 }
 
 static enum hg_status make(struct hg_geometry *g, uint64_t bytes, struct hg_error *err)

@@ -9,6 +9,7 @@
 #include "base/file.h"
 
 enum { EVENTS_PER_ROUND = 64 };
+#define LATE_NS 200000000u // that a round may take beyond its wait
 
 enum hg_status hg_loop_init(struct hg_loop *loop, struct hg_error *err)
 {
@@ -69,16 +70,30 @@ static int wait_ms(const struct hg_loop *loop, uint64_t deadline_ns)
     return ms > 60000 ? 60000 : (int)ms;
 }
 
+// Of a round that began then and was to wait for so long.
+static void note_late(struct hg_loop *loop, uint64_t begin_ns, int ms)
+{
+    const uint64_t most_ns = (uint64_t)(ms < 0 ? 0 : ms) * 1000000u + LATE_NS,
+                   took_ns = loop->now_ns - begin_ns;
+    if (ms >= 0 && took_ns > most_ns)
+        loop->late_ns += took_ns - most_ns;
+}
+
 void hg_loop_run(struct hg_loop *loop, uint64_t (*round)(void *user), void *user)
 {
+    int ms = -1;
+    uint64_t begin_ns = 0;
     while (!loop->stop) {
         loop->now_ns = hg_clock_now_ns();
+        note_late(loop, begin_ns, ms);
+        begin_ns = loop->now_ns;
         uint64_t deadline_ns = round(user);
         if (loop->stop)
             break;
         struct epoll_event events[EVENTS_PER_ROUND];
         loop->now_ns = hg_clock_now_ns();
-        int n = epoll_wait(loop->epoll_fd, events, EVENTS_PER_ROUND, wait_ms(loop, deadline_ns));
+        ms = wait_ms(loop, deadline_ns);
+        int n = epoll_wait(loop->epoll_fd, events, EVENTS_PER_ROUND, ms);
         loop->now_ns = hg_clock_now_ns();
         for (int i = 0; i < n; i++) {
             struct hg_source *source = events[i].data.ptr;

@@ -19,8 +19,17 @@ struct hg_source {
 struct hg_loop {
     int epoll_fd;
     bool stop;
-    uint64_t now_ns; // of this round
+    uint64_t now_ns;  // of this round
+    uint64_t late_ns; // in all, of time in which it was to run and did not
 };
+
+// A clock of the time in which others could be heard. It stands still while the machine gives the
+// loop no time (it was stopped, or its virtual machine was), in which it may give others none
+// either: what has to come within some time has that much of this clock.
+static inline uint64_t hg_loop_awake_ns(const struct hg_loop *loop)
+{
+    return loop->now_ns - loop->late_ns;
+}
 
 enum hg_status hg_loop_init(struct hg_loop *loop, struct hg_error *err) HG_MUST_CHECK;
 void hg_loop_finish(struct hg_loop *loop);

@@ -41,7 +41,8 @@ static enum hg_status open_link(struct hg_link *link, int fd)
     hg_transport_open(&link->transport, &hg_transport_unix, fd);
     link->in.frames = &hg_packet_frames;
     link->source = (struct hg_source){.fd = fd, .events = EPOLLIN, .ready = ready, .owner = link};
-    link->started_ns = link->pulse_ns = link->loop->now_ns;
+    link->started_ns = link->loop->now_ns;
+    link->pulse_ns = hg_loop_awake_ns(link->loop);
     link->hang = (struct hg_link_hang){0};
     link->last_words[0] = 0;
     return hg_loop_add(link->loop, &link->source);
@@ -161,6 +162,14 @@ void hg_link_stop(struct hg_link *link)
 
 // ---- time ---------------------------------------------------------------------------------------
 
+// Stamps are of before a round's lateness is known: they may lie ahead.
+static bool is_silent(const struct hg_link *link)
+{
+    const uint64_t awake_ns = hg_loop_awake_ns(link->loop);
+    return awake_ns > link->pulse_ns &&
+           awake_ns - link->pulse_ns > link->options->worker_timeout_ns;
+}
+
 void hg_link_check_time(struct hg_link *link)
 {
     const struct hg_options *o = link->options;
@@ -171,7 +180,7 @@ void hg_link_check_time(struct hg_link *link)
     } else if (link->state == HG_LINK_STARTING) {
         if (now_ns - link->started_ns > o->start_timeout_ns)
             hg_link_fail(link, "was not ready in time (start-timeout)");
-    } else if (now_ns - link->pulse_ns > o->worker_timeout_ns) {
+    } else if (is_silent(link)) {
         hg_link_fail(link, "gives no sign of life (worker-timeout)");
     } else if (link->hang.busy_ns > o->hang_timeout_ns) {
         link->hang.fatal = link->hang.told;
@@ -223,7 +232,7 @@ static void take_ready(struct hg_link *link)
     if (link->state != HG_LINK_STARTING)
         return;
     link->state = HG_LINK_UP;
-    link->pulse_ns = link->loop->now_ns;
+    link->pulse_ns = hg_loop_awake_ns(link->loop);
     hg_info(WORKER, "worker %d ready after %.0f ms", (int)link->pid,
         (double)(link->loop->now_ns - link->started_ns) * 1e-6);
     link->events->ready(link);
@@ -247,7 +256,7 @@ static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m
         take_ready(link);
         return;
     case HGP_T_pulse:
-        link->pulse_ns = link->loop->now_ns;
+        link->pulse_ns = hg_loop_awake_ns(link->loop);
         link->hang.busy_ns = m->pulse.busy_ns;
         link->rss_bytes = m->pulse.rss_bytes;
         link->hang.told &= m->pulse.busy_ns > 0;

@@ -106,7 +106,8 @@ struct hg_link {
     struct hg_outq out;
     enum hg_link_state state;
     pid_t pid; // 0 = none
-    uint64_t restart_ns, started_ns, pulse_ns, rss_bytes;
+    uint64_t restart_ns, started_ns, rss_bytes;
+    uint64_t pulse_ns; // of hg_loop_awake_ns
     struct hg_link_hang hang;
     uint64_t death_ns[HG_LINK_DEATHS_KEPT]; // ring
     uint32_t deaths;

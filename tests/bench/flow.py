@@ -53,10 +53,11 @@ assert abs(cpu["daemon"] + cpu["workers"] + cpu["client"] - cpu["total"]) < 1e-2
 assert min(cpu.values()) >= 0, cpu
 print(json.dumps(latency, indent=1))
 
-many = report("many", seconds=0.3, viewers=[1, 2], phases=["viewers", "stuck"])
+many = report("many", seconds=0.3, frames=3, viewers=[1, 2], phases=["viewers", "stuck"])
 assert [v["count"] for v in many["viewers"]] == [1, 2], many
 for part in (*many["viewers"], many["stuck"]["alone"], many["stuck"]["beside"]):
-    assert 0 <= part["fairness"] <= 1 and part["workers_rss_bytes"] > 0, part
+    assert 0 < part["fairness"] <= 1 and part["workers_rss_bytes"] > 0, part
+    assert part["seconds"] >= 0.3 and part["seconds"] * part["total_fps"] > 2.9 * len(part["fps"]), part
     assert abs(sum(part["fps"]) - part["total_fps"]) < 1e-3, part
 assert "bytes_per_viewer" in many["viewers"][1] and "film" not in many, many
 print(json.dumps(many, indent=1))

@@ -88,10 +88,10 @@ def main():
     for name, of in points.items():
         value = at_equal_quality(of, args.ssim)
         print(f"{name:14} {value:11.0f}" if value else f"{name:14} out of range")
-    print("\nedits: bytes in tiles, of a JPEG frame, ratio")
+    print("\nedits: pixels that change, bytes in tiles (the more of hiding and showing), of a JPEG frame, ratio")
     for e in report["edits"]:
         most = max(e["hidden_bytes"], e["shown_bytes"])
-        print(f"{most:9} {e['jpeg_bytes']:9} {e['jpeg_bytes'] / most:9.1f}")
+        print(f"{100 * e['changed']:7.2f} % {most:9} {e['jpeg_bytes']:9} {e['ratio']:9.1f}")
 
 
 if __name__ == "__main__":

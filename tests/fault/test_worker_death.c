@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "base/clock.h"
 #include "base/sha256.h"
 #include "tests/fault/built_scene.h"
 #include "tests/system/daemon.h"
@@ -110,6 +111,36 @@ static void hung_loop_is_replaced(void **state)
     built_scene_make(&p);
     same_frame_after(&d, &p, "hang.frame_request");
     daemon_wait_log(&d, "worker-timeout");
+    peer_close(&p);
+    daemon_finish(&d);
+}
+
+// The machine stands still for longer than a worker may be silent (it was overloaded, or is virtual
+// and was stopped): the daemon comes back first, and gives the worker time to be heard.
+static void standstill_of_all_is_no_silence(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    struct hgp_frame frame;
+    uint8_t digest[32];
+    daemon_init(&d);
+    daemon_option(&d, "worker-timeout", "1"); // pulses come every 0.1 s
+    daemon_start(&d);
+    peer_open_scene(&p, &d, "");
+    built_scene_make(&p);
+    const pid_t worker = daemon_worker(&d, 0);
+    daemon_signal(&d, SIGSTOP);
+    kill(worker, SIGSTOP);
+    hg_clock_sleep_ns(2000000000u);
+    daemon_signal(&d, SIGCONT);
+    for (int i = 0; i < 3; i++) { // rounds of the daemon
+        peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
+        hg_clock_sleep_ns(50000000u);
+    }
+    kill(worker, SIGCONT);
+    built_scene_frame(&p, &frame, digest);
+    assert_int_equal(daemon_worker(&d, 0), worker);
     peer_close(&p);
     daemon_finish(&d);
 }
@@ -471,6 +502,7 @@ int main(void)
         cmocka_unit_test(killed_in_a_frame),
         cmocka_unit_test(killed_from_outside_with_subscription),
         cmocka_unit_test(hung_loop_is_replaced),
+        cmocka_unit_test(standstill_of_all_is_no_silence),
         cmocka_unit_test(endless_step_is_replaced),
         cmocka_unit_test(edits_under_way_happen_once),
         cmocka_unit_test(poison_is_given_up),

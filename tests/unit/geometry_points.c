@@ -150,6 +150,8 @@ static void run_queries(struct geo *f, struct hg_geometry *g, const struct geo_e
     vkCmdDispatch(hg_gpu_cmd_handle(cmd), QUERIES / 64, 1, 1);
     hg_gpu_memory_barrier(cmd);
     geo_submit(f, cmd);
+    if (f->facets)
+        hg_geometry_triangle_cache_done(g);
     memcpy(answers, out.mapped, QUERIES * sizeof *answers);
     hg_gpu_buffer_destroy(f->gpu, &in);
     hg_gpu_buffer_destroy(f->gpu, &out);
@@ -164,7 +166,8 @@ static void make_queries(struct geo *f, const struct hg_geometry *g, const struc
         struct hg_draw_info info;
         const uint32_t draw = (uint32_t)geo_random(f, 0, g->draw_count);
         assert_true(hg_geometry_draw_info(g, draw, &info));
-        const uint32_t triangle = (uint32_t)geo_random(f, 0, TRIANGLES);
+        const uint32_t triangle =
+            (uint32_t)geo_random(f, 0, info.node->mesh->parts->index_count / 3);
         double p[3][3], at[3], pixel[2];
         uint32_t index[3];
         geo_corners(info.node, triangle, p, index);
@@ -250,6 +253,28 @@ static void test_points(void **state)
     geo_destroy_scene(&s);
 }
 
+// Draws that go and come back have their own facets: while one is gone those behind it lie
+// elsewhere, over what was behind them.
+static void test_hidden_and_shown(void **state)
+{
+    struct geo *f = *state;
+    struct geo_scene s = geo_make_scene(f);
+    const double eye[3] = {3, 4, 9}, target[3] = {0, 0.5, 0};
+    const struct geo_eye e = geo_look_at(eye, target, false);
+    s.nodes[0]->mesh = geo_add_mesh(f, s.scene, 2);
+    s.nodes[0]->mesh->parts->index_count = 30; // a smaller one before a larger one
+    for (int i = 0; i < 3; i++) {
+        s.nodes[0]->visible = i != 1;
+        hg_scene_touch(s.scene, &s.nodes[0]->head);
+        geo_sync(f, s.geometry, s.scene);
+        assert_int_equal(s.geometry->draw_count, i == 1 ? 1 : 2);
+        f->facets = true;
+        check_points_of(f, s.geometry, &e, 2e-5);
+        f->facets = false;
+    }
+    geo_destroy_scene(&s);
+}
+
 // A thousand kilometres from the scene's origin: the same precision, once the origin has moved.
 static void test_large_world(void **state)
 {
@@ -324,6 +349,7 @@ int main(void)
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     hg_log_set_level(HG_LOG_WARN);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_points),
-        cmocka_unit_test(test_large_world), cmocka_unit_test(test_attributes)};
+        cmocka_unit_test(test_hidden_and_shown), cmocka_unit_test(test_large_world),
+        cmocka_unit_test(test_attributes)};
     return cmocka_run_group_tests(tests, geo_setup, geo_teardown);
 }
