@@ -30,7 +30,11 @@ struct hg_bench_settings {  // zero of each field = default
         HG_BENCH_TRUTH_RAYS,
     } truth;                // of gi: path-traced pictures, or settled ones of parameter gi RAYS
     const char *references; // folder of cached reference pictures; NULL: rendered each time
-    bool no_walk, no_rooms; // of gi: parts that are left out
+    bool no_walk, no_night, no_rooms; // of gi: parts that are left out
+    float sun_rad[2];     // of gi by day: a sky with its sun at this azimuth (from +z towards +x)
+                          // and elevation; 0: the scene's light
+    float exposure_ev;    // of gi by day; 0: metered from the pose in the middle
+    const char *pictures; // of gi: folder for the pictures that are compared; NULL: not written
     // Called after each frame; false cancels (HG_E_CANCELLED). May be NULL.
     bool (*progress)(void *user, uint32_t done, uint32_t total);
     void *progress_user;
@@ -63,8 +67,10 @@ enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_sce
 // one, and held against references: every fifth, and its change since the one before. Then two
 // rooms (gi_rooms.h). Fields are those of temporal. One JSON object: poses, compared, truth; day,
 // night: {exposure_ev, references_found, references_made; none, probes (those of motion), rested
-// (the field of rest): {flip, region_error: mean relative error of luminance in 8 x 6 regions,
-// worst_region_error: of the worst, flicker, cpu_ms}}; leaks[]: {wall_m, light behind the wall over
+// (the field of rest), both with parameter temporal as set; shown, shown_rested: the same as
+// viewers see them, all that is on by default; settled: pictures at rest: {flip, region_error: mean
+// relative error of luminance in 8 x 6 regions, worst_region_error: of the worst, flicker,
+// cpu_ms}}; leaks[]: {wall_m, light behind the wall over
 // that before it with probes, rays, in motion at most and at last}; responses[]: {change,
 // pictures_to_90, pictures_to_99: until the mean stays that near to the one in motion with the
 // field of rest, 0 more than 90; after_15, after_60: share of the way; regions_left_60: share of

@@ -1,5 +1,6 @@
 // gi.c - light by way of surfaces in motion against the truth (helio bench gi).
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -8,14 +9,22 @@
 #include "renderer/bench/gi_rooms.h"
 #include "renderer/bench/references.h"
 #include "renderer/bench/walk.h"
+#include "renderer/scene/demo/demo.h"
 
 #define DEFAULT_SAMPLES 128 // of a reference
 #define COLUMNS         8
 #define ROWS            6
-#define MODES           3
+#define SETTLED_SAMPLES 32
 #define LIGHTS          2
 #define DEFAULT_LAMPS   8
+#define SUN_TURBIDITY   2.0f        // as views of the protocol have it
 #define LAMP_ID         0x6c616d70u // of the first
+
+// Ways of making pictures: without light from surfaces; with probes that follow the camera; with
+// those of a view that has been at rest; both again with all that is on by default; at rest.
+enum { NONE, PROBES, RESTED, SHOWN, SHOWN_RESTED, SETTLED, MODES };
+static const char *const mode_names[MODES] = {
+    "none", "probes", "rested", "shown", "shown_rested", "settled"};
 
 // What one way of making pictures came to, summed over those that are compared.
 struct result {
@@ -24,6 +33,7 @@ struct result {
 
 // A walk under one light.
 struct light {
+    const char *name;
     struct hg_refbuf **truth; // [path_count] of the poses that are compared, and those before
     struct result results[MODES];
     struct hg_bench_references references;
@@ -41,13 +51,10 @@ struct run {
     uint32_t compared, done;
 };
 
-// Ways of making them: without light from surfaces; with probes that follow the camera; with those
-// of a view that has been at rest.
-enum { NONE, PROBES, RESTED };
-
 static enum hg_status tell(struct run *run, struct hg_error *err)
 {
-    const uint32_t total = LIGHTS * (MODES + 1) * run->walk.path_count;
+    const uint32_t lights = run->bench->no_night ? 1 : LIGHTS;
+    const uint32_t total = lights * (MODES + 1) * run->walk.path_count;
     run->done++;
     return run->bench->progress == NULL || run->bench->progress(run->bench->progress_user,
                                                run->done < total ? run->done : total, total)
@@ -97,6 +104,19 @@ static void compare_regions(
     }
     out->region += sum / (ROWS * COLUMNS);
     out->worst_region += worst;
+}
+
+static enum hg_status write_picture(const struct run *run, const struct light *light,
+    const char *name, uint32_t pose, struct hg_refbuf *picture, struct hg_error *err)
+{
+    char path[4096];
+    if (run->bench->pictures == NULL)
+        return HG_OK;
+    const int length = snprintf(
+        path, sizeof path, "%s/%s_%s_%02u.png", run->bench->pictures, light->name, name, pose);
+    return length < (int)sizeof path
+               ? hg_bench_picture_write(&run->walk, path, picture, err)
+               : hg_error_set(err, HG_E_LIMIT, "bench", "pictures", "too long a path");
 }
 
 static enum hg_status compare(const struct run *run, const struct light *light, uint32_t pose,
@@ -187,20 +207,61 @@ static enum hg_status find_motion(struct run *run, struct hg_error *err)
     return status;
 }
 
-static enum hg_status walk(struct run *run, struct light *light, int mode, struct hg_error *err)
+static struct hg_view_params params_of_mode(
+    const struct run *run, const struct light *light, int mode)
 {
     struct hg_view_params params = params_of(run, light);
+    const bool shown = mode >= SHOWN;
+    params.samples = mode == SETTLED ? SETTLED_SAMPLES : 2;
+    params.gi = mode == NONE ? HG_GI_NONE : shown ? HG_GI_AUTO : HG_GI_PROBES;
+    params.reflections =
+        shown ? HG_REFLECTIONS_AUTO : (enum hg_view_reflections)run->bench->reflections;
+    params.temporal = shown ? HG_TEMPORAL_AUTO : (enum hg_view_temporal)run->bench->temporal;
+    return params;
+}
+
+// Pictures at rest of the poses that are compared.
+static enum hg_status settle(struct run *run, struct light *light, struct hg_error *err)
+{
+    const struct hg_view_params params = params_of_mode(run, light, SETTLED);
+    struct result *result = &light->results[SETTLED];
+    struct hg_refbuf *pictures[2] = {NULL, NULL};
+    struct hg_view *view = NULL;
+    enum hg_status status = open_view(run, &params, &view, err);
+    if (status == HG_OK)
+        hg_view_set_final(view, true);
+    for (uint32_t i = 0; i < run->walk.path_count && status == HG_OK; i++) {
+        const uint64_t cpu = hg_clock_cpu_ns();
+        if (hg_bench_walk_is_compared(i) || hg_bench_walk_is_compared(i + 1))
+            status = hg_bench_walk_settle(&run->walk, view, i, &pictures[1], err);
+        result->cpu_ms += (double)(hg_clock_cpu_ns() - cpu) * 1e-6;
+        if (status == HG_OK && hg_bench_walk_is_compared(i))
+            status = compare(run, light, i, pictures, result, err);
+        if (status == HG_OK && hg_bench_walk_is_compared(i))
+            status = write_picture(run, light, mode_names[SETTLED], i, pictures[1], err);
+        hg_refbuf_unref(pictures[0]);
+        pictures[0] = pictures[1];
+        pictures[1] = NULL;
+        if (status == HG_OK)
+            status = tell(run, err);
+    }
+    hg_refbuf_unref(pictures[0]);
+    hg_view_destroy(view);
+    return status;
+}
+
+static enum hg_status walk(struct run *run, struct light *light, int mode, struct hg_error *err)
+{
+    const struct hg_view_params params = params_of_mode(run, light, mode);
     struct hg_refbuf *pictures[2] = {NULL, NULL}; // the one before, and this one
     struct hg_view *view = NULL;
     struct result *result = &light->results[mode];
-    params.samples = 2;
-    params.gi = mode == NONE ? HG_GI_NONE : HG_GI_PROBES;
-    params.reflections = (enum hg_view_reflections)run->bench->reflections;
-    params.temporal = (enum hg_view_temporal)run->bench->temporal;
     enum hg_status status = open_view(run, &params, &view, err);
     if (status == HG_OK)
         status = hg_bench_walk_warm_up(&run->walk, view, err);
-    if (status == HG_OK && mode == RESTED) // nothing is baked any more, which would change it
+    if (status == HG_OK &&
+        (mode == RESTED ||
+            mode == SHOWN_RESTED)) // nothing is baked any more, which would change it
         status = rest(run, light, err);
     for (uint32_t i = 0; i < run->walk.path_count && status == HG_OK; i++) {
         const uint64_t cpu = hg_clock_cpu_ns();
@@ -208,6 +269,8 @@ static enum hg_status walk(struct run *run, struct light *light, int mode, struc
         result->cpu_ms += (double)(hg_clock_cpu_ns() - cpu) * 1e-6;
         if (status == HG_OK && hg_bench_walk_is_compared(i))
             status = compare(run, light, i, pictures, result, err);
+        if (status == HG_OK && hg_bench_walk_is_compared(i))
+            status = write_picture(run, light, mode_names[mode], i, pictures[1], err);
         hg_refbuf_unref(pictures[0]);
         pictures[0] = pictures[1];
         pictures[1] = NULL;
@@ -240,6 +303,8 @@ static enum hg_status find_truth(struct run *run, struct light *light, struct hg
         if (hg_bench_walk_is_compared(i) || hg_bench_walk_is_compared(i + 1))
             status = hg_bench_references_get(
                 &light->references, &run->walk, view, i, &light->truth[i], err);
+        if (status == HG_OK && hg_bench_walk_is_compared(i))
+            status = write_picture(run, light, "truth", i, light->truth[i], err);
         if (status == HG_OK)
             status = tell(run, err);
     }
@@ -260,6 +325,21 @@ static void change_of_truth(struct run *run, struct light *light)
 }
 
 // --- lights --------------------------------------------------------------------------------------
+
+// A sky with its sun where the settings say.
+static void begin_day(struct run *run)
+{
+    struct hg_environment *e = &run->scene->environment;
+    const float azimuth = run->bench->sun_rad[0], elevation = run->bench->sun_rad[1];
+    hg_demo_environment(e);
+    e->sun_direction[0] = cosf(elevation) * sinf(azimuth);
+    e->sun_direction[1] = sinf(elevation);
+    e->sun_direction[2] = cosf(elevation) * cosf(azimuth);
+    e->turbidity = SUN_TURBIDITY;
+    e->revision = run->scene->revision + 1;
+    hg_scene_publish(run->scene);
+    hg_scene_update(run->scene);
+}
 
 // Lamps along the walk, and nothing else.
 static enum hg_status begin_night(struct run *run, struct hg_error *err)
@@ -289,13 +369,19 @@ static enum hg_status begin_night(struct run *run, struct hg_error *err)
 static enum hg_status walk_under(struct run *run, struct light *light, struct hg_error *err)
 {
     light->truth = hg_calloc(run->walk.path_count, sizeof(struct hg_refbuf *));
-    enum hg_status status = light->truth != NULL ? meter(run, light, err) : no_memory(err);
+    enum hg_status status = light->truth != NULL ? HG_OK : no_memory(err);
+    if (light == run->lights && run->bench->exposure_ev != 0)
+        light->exposure_ev = run->bench->exposure_ev;
+    else if (status == HG_OK)
+        status = meter(run, light, err);
     if (status == HG_OK)
         status = find_truth(run, light, err);
     if (status == HG_OK && light == run->lights)
         status = find_motion(run, err);
-    for (int mode = 0; mode < MODES && status == HG_OK; mode++)
+    for (int mode = 0; mode < SETTLED && status == HG_OK; mode++)
         status = walk(run, light, mode, err);
+    if (status == HG_OK)
+        status = settle(run, light, err);
     if (status == HG_OK)
         change_of_truth(run, light);
     return status;
@@ -303,19 +389,17 @@ static enum hg_status walk_under(struct run *run, struct light *light, struct hg
 
 // --- report --------------------------------------------------------------------------------------
 
-static void put_light(
-    struct hg_writer *w, const struct run *run, const char *name, const struct light *light)
+static void put_light(struct hg_writer *w, const struct run *run, const struct light *light)
 {
-    static const char *const modes[MODES] = {[NONE] = "none", "probes", "rested"};
     const double count = run->compared > 0 ? run->compared : 1;
     hg_json_put(w, ",\"%s\":{\"exposure_ev\":%.3f,\"references_found\":%u,\"references_made\":%u",
-        name, (double)light->exposure_ev, light->references.found, light->references.made);
+        light->name, (double)light->exposure_ev, light->references.found, light->references.made);
     for (int m = 0; m < MODES; m++) {
         const struct result *r = &light->results[m];
         hg_json_put(w,
             ",\"%s\":{\"flip\":%.5f,\"region_error\":%.5f,\"worst_region_error\":%.5f,"
             "\"flicker\":%.4f,\"cpu_ms\":%.3f}",
-            modes[m], r->flip / count, r->region / count, r->worst_region / count,
+            mode_names[m], r->flip / count, r->region / count, r->worst_region / count,
             light->truth_change > 0 ? r->change / light->truth_change : 0,
             r->cpu_ms / (double)run->walk.path_count);
     }
@@ -352,8 +436,9 @@ static enum hg_status write_report(const struct run *run, char **text)
         run->walk.width, run->walk.height, run->walk.path_count, run->compared,
         run->bench->temporal, run->bench->truth == HG_BENCH_TRUTH_PATHS ? "path" : "rays");
     if (!run->bench->no_walk) {
-        put_light(&w, run, "day", &run->lights[0]);
-        put_light(&w, run, "night", &run->lights[1]);
+        put_light(&w, run, &run->lights[0]);
+        if (!run->bench->no_night)
+            put_light(&w, run, &run->lights[1]);
     }
     if (!run->bench->no_rooms)
         put_rooms(&w, &run->rooms);
@@ -363,7 +448,11 @@ static enum hg_status write_report(const struct run *run, char **text)
 
 static enum hg_status walk_all(struct run *run, struct hg_error *err)
 {
+    if (run->bench->sun_rad[1] != 0)
+        begin_day(run);
     enum hg_status status = walk_under(run, &run->lights[0], err);
+    if (run->bench->no_night)
+        return status;
     if (status == HG_OK)
         status = begin_night(run, err);
     return status == HG_OK ? walk_under(run, &run->lights[1], err) : status;
@@ -389,6 +478,8 @@ enum hg_status hg_bench_gi_run(struct hg_renderer *renderer, struct hg_scene *sc
     run->renderer = renderer;
     run->scene = scene;
     run->bench = bench;
+    run->lights[0].name = "day";
+    run->lights[1].name = "night";
     enum hg_status status = measure(run, err);
     if (status == HG_OK)
         status = write_report(run, text);

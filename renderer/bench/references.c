@@ -8,8 +8,7 @@
 #include "renderer/image/image.h"
 #include "renderer/scene/fingerprint.h"
 
-#define STEP_SAMPLES 16
-#define PATH_BYTES   4096
+#define PATH_BYTES 4096
 
 enum hg_status hg_bench_references_begin(struct hg_bench_references *r, struct hg_scene *scene,
     const char *folder, const struct hg_view_params *params, struct hg_error *err)
@@ -43,17 +42,7 @@ static enum hg_status name_file(const struct hg_bench_references *r,
                : hg_error_set(err, HG_E_LIMIT, "bench", "references", "too long a path");
 }
 
-static enum hg_status make(const struct hg_bench_walk *walk, struct hg_view *view, uint32_t pose,
-    struct hg_refbuf **out, struct hg_error *err)
-{
-    struct hg_frame_info info = {0};
-    enum hg_status status = hg_bench_walk_look(walk, view, pose, err);
-    while (status == HG_OK && !info.settled)
-        status = hg_view_step(view, STEP_SAMPLES, &info, err);
-    return status == HG_OK ? hg_view_read_pixels(view, HG_PIXEL_RGBA8, out, err) : status;
-}
-
-static enum hg_status keep(const struct hg_bench_walk *walk, const char *path,
+enum hg_status hg_bench_picture_write(const struct hg_bench_walk *walk, const char *path,
     struct hg_refbuf *picture, struct hg_error *err)
 {
     const struct hg_image image = {.width = walk->width,
@@ -106,7 +95,8 @@ enum hg_status hg_bench_references_get(struct hg_bench_references *r,
             return status;
         }
     }
-    status = make(walk, view, pose, out, err);
+    status = hg_bench_walk_settle(walk, view, pose, out, err);
     r->made += status == HG_OK;
-    return status == HG_OK && r->folder != NULL ? keep(walk, path, *out, err) : status;
+    return status == HG_OK && r->folder != NULL ? hg_bench_picture_write(walk, path, *out, err)
+                                                : status;
 }

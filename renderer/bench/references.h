@@ -22,5 +22,8 @@ enum hg_status hg_bench_references_begin(struct hg_bench_references *references,
 enum hg_status hg_bench_references_get(struct hg_bench_references *references,
     const struct hg_bench_walk *walk, struct hg_view *view, uint32_t pose, struct hg_refbuf **out,
     struct hg_error *err) HG_MUST_CHECK;
+// An RGBA8 picture of the walk's size as a PNG file. HG_E_NOMEM, HG_E_IO.
+enum hg_status hg_bench_picture_write(const struct hg_bench_walk *walk, const char *path,
+    struct hg_refbuf *picture, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

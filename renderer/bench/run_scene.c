@@ -3,8 +3,9 @@
 // Options of `realtime`, `temporal`, `gi`, `reflections`, `flight`, `trace` and `path` (all
 // optional): scene (file; default the built-in demo), environment (file; default the demo's),
 // width, height, vfov_deg, rounds, gi, temporal, reflections, shadow_maps (numbers of the values),
-// samples, lamps, truth (0 paths, 1 rays), references (folder), only ("walk", "rooms"), target_ms,
-// scale (percent), time_s, path (list of {eye: [x,y,z], target: [x,y,z]} in metres).
+// samples, lamps, truth (0 paths, 1 rays), references and pictures (folders), sun ([azimuth,
+// elevation] in degrees), exposure (stops), only ("walk", "day", "rooms"), target_ms, scale
+// (percent), time_s, path (list of {eye: [x,y,z], target: [x,y,z]} in metres).
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,7 +23,7 @@ struct run {
     const char *scene_name, *environment; // borrowed from the options
     struct hg_bench_settings settings;
     struct hg_bench_pose *poses; // of `settings`
-    char *references;            // likewise
+    char *references, *pictures; // likewise
     struct hg_renderer *renderer;
     struct hg_scene *scene;
     double load_ms;
@@ -63,33 +64,47 @@ static enum hg_status read_path(struct run *r, const json_t *path, struct hg_err
     return HG_OK;
 }
 
+// NULL when the option is absent.
+static enum hg_status read_folder(
+    const struct run *r, const json_t *options, const char *name, char **out, struct hg_error *err)
+{
+    const char *folder = json_string_value(json_object_get(options, name));
+    return folder ? hg_roots_resolve(&r->host->roots, folder, out, err) : HG_OK;
+}
+
 static enum hg_status read_gi(struct run *r, const json_t *options, struct hg_error *err)
 {
     const json_t *only = json_object_get(options, "only");
     const char *part = json_string_value(only);
-    if (only && (!part || (strcmp(part, "walk") != 0 && strcmp(part, "rooms") != 0)))
-        return hg_error_set(err, HG_E_INVAL, "bench", "only", "neither \"walk\" nor \"rooms\"");
-    r->settings.no_walk = part && part[0] == 'r';
-    r->settings.no_rooms = part && part[0] == 'w';
-    const char *folder = json_string_value(json_object_get(options, "references"));
-    const enum hg_status st =
-        folder ? hg_roots_resolve(&r->host->roots, folder, &r->references, err) : HG_OK;
+    const bool walk = part && strcmp(part, "walk") == 0, day = part && strcmp(part, "day") == 0;
+    const bool rooms = part && strcmp(part, "rooms") == 0;
+    if (only && !walk && !day && !rooms)
+        return hg_error_set(err, HG_E_INVAL, "bench", "only", "not \"walk\", \"day\" or \"rooms\"");
+    r->settings.no_walk = rooms;
+    r->settings.no_night = day;
+    r->settings.no_rooms = walk || day;
+    const json_t *sun = json_object_get(options, "sun");
+    for (size_t i = 0; i < 2; i++)
+        r->settings.sun_rad[i] = (float)(json_number_value(json_array_get(sun, i)) * M_PI / 180);
+    if (sun && (json_array_size(sun) != 2 || !(r->settings.sun_rad[1] > 0)))
+        return hg_error_set(err, HG_E_INVAL, "bench", "sun", "not [azimuth, elevation above 0]");
+    const enum hg_status st = read_folder(r, options, "references", &r->references, err);
     r->settings.references = r->references;
-    return st;
+    return st ? st : read_folder(r, options, "pictures", &r->pictures, err);
 }
 
 static enum hg_status read_options(struct run *r, const json_t *options, struct hg_error *err)
 {
     double width = 0, height = 0, vfov_deg = 0, rounds = 0, gi = 0, temporal = 0, samples = 0,
            lamps = 0, truth = 0, reflections = HG_REFLECTIONS_AUTO, shadow_maps = 0, target_ms = 0,
-           scale = 0, time_s = 0; // 0: the benchmark's defaults
+           scale = 0, time_s = 0, exposure = 0; // 0: the benchmark's defaults
     const struct hg_bench_number numbers[] = {{"width", 1, 16384, &width},
         {"height", 1, 16384, &height}, {"vfov_deg", 1, 170, &vfov_deg},
         {"rounds", 1, 1000, &rounds}, {"gi", 0, 3, &gi}, {"temporal", 0, 2, &temporal},
         {"samples", 1, 65536, &samples}, {"lamps", 0, 1000000, &lamps}, {"truth", 0, 1, &truth},
         {"reflections", 0, 3, &reflections}, {"shadow_maps", 0, 2, &shadow_maps},
         {"target_ms", 0, 100000, &target_ms}, {"scale", 50, 100, &scale},
-        {"time_s", 0, 1e6, &time_s}};
+        {"time_s", 0, 1e6, &time_s}, {"exposure", -32, 32, &exposure}};
     enum hg_status st =
         hg_bench_read_numbers(options, numbers, sizeof numbers / sizeof *numbers, err);
     if (st)
@@ -107,6 +122,7 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
         .lamps = (uint32_t)lamps,
         .reflections = (uint32_t)reflections,
         .time_s = time_s,
+        .exposure_ev = (float)exposure,
         .target_ms = (float)target_ms,
         .scale = (float)scale,
         .truth = truth > 0 ? HG_BENCH_TRUTH_RAYS : HG_BENCH_TRUTH_PATHS,
@@ -114,7 +130,9 @@ static enum hg_status read_options(struct run *r, const json_t *options, struct 
         .progress_user = r->host->progress_user};
     const json_t *path = json_object_get(options, "path");
     st = path ? read_path(r, path, err) : HG_OK;
-    return st ? st : read_gi(r, options, err);
+    st = st ? st : read_gi(r, options, err);
+    r->settings.pictures = r->pictures;
+    return st;
 }
 
 // ---- scene --------------------------------------------------------------------------------------
@@ -232,5 +250,6 @@ enum hg_status hg_bench_run_scene(const struct hg_bench_host *host, const json_t
     hg_renderer_destroy(r.renderer);
     hg_free(r.poses);
     hg_free(r.references);
+    hg_free(r.pictures);
     return st;
 }

@@ -9,7 +9,8 @@
 #include "renderer/internal.h"
 #include "renderer/temporal/temporal.h"
 
-#define WARM_UP_NS UINT64_C(120000000000)
+#define WARM_UP_NS   UINT64_C(120000000000)
+#define STEP_SAMPLES 16
 
 // --- poses ---------------------------------------------------------------------------------------
 
@@ -87,6 +88,16 @@ enum hg_status hg_bench_walk_draw(const struct hg_bench_walk *walk, struct hg_vi
 {
     struct hg_frame_info info;
     const enum hg_status status = draw(walk, view, pose, &info, err);
+    return status == HG_OK ? hg_view_read_pixels(view, HG_PIXEL_RGBA8, picture, err) : status;
+}
+
+enum hg_status hg_bench_walk_settle(const struct hg_bench_walk *walk, struct hg_view *view,
+    uint32_t pose, struct hg_refbuf **picture, struct hg_error *err)
+{
+    struct hg_frame_info info = {0};
+    enum hg_status status = hg_bench_walk_look(walk, view, pose, err);
+    while (status == HG_OK && !info.settled)
+        status = hg_view_step(view, STEP_SAMPLES, &info, err);
     return status == HG_OK ? hg_view_read_pixels(view, HG_PIXEL_RGBA8, picture, err) : status;
 }
 

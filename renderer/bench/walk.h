@@ -31,6 +31,9 @@ enum hg_status hg_bench_walk_look(const struct hg_bench_walk *walk, struct hg_vi
 // One picture in motion as RGBA8.
 enum hg_status hg_bench_walk_draw(const struct hg_bench_walk *walk, struct hg_view *view,
     uint32_t pose, struct hg_refbuf **picture, struct hg_error *err) HG_MUST_CHECK;
+// The settled picture of a pose as RGBA8.
+enum hg_status hg_bench_walk_settle(const struct hg_bench_walk *walk, struct hg_view *view,
+    uint32_t pose, struct hg_refbuf **picture, struct hg_error *err) HG_MUST_CHECK;
 // Walks until nothing is streamed or baked any more, at most two minutes.
 enum hg_status hg_bench_walk_warm_up(
     const struct hg_bench_walk *walk, struct hg_view *view, struct hg_error *err) HG_MUST_CHECK;

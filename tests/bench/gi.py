@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """helio bench gi on five tiny pictures of a street: its report says what it should, references are kept and
-found again, light from probes changes pictures, and neither walls of two rooms nor changes of their light
+found again, pictures are written, light from probes changes pictures, and neither walls of two rooms nor changes of their light
 are far off.
 
     gi.py --helio build/bin/helio --models build/tests/models
@@ -12,6 +12,7 @@ import tempfile
 import bench_report
 from bench_report import check
 
+MODES = ("none", "probes", "rested", "shown", "shown_rested", "settled")
 PATH = [{"eye": [0.2 * (k % 3 - 1), 1.7, 9 - 0.7 * k], "target": [0, 2, -0.7 * k]} for k in range(5)]
 
 
@@ -24,10 +25,11 @@ def bench(args, folder, **options):
 
 def check_light(light, found, made):
     check((light["references_found"], light["references_made"]) == (found, made), light)
-    for mode in ("none", "probes", "rested"):
+    for mode in MODES:
         check(0 < light[mode]["flip"] < 1 and light[mode]["region_error"] > 0, mode, light[mode])
         check(light[mode]["worst_region_error"] >= light[mode]["region_error"], mode, light[mode])
     check(len({light[mode]["flip"] for mode in ("none", "probes", "rested")}) == 3, light)
+    check(len({light[mode]["flip"] for mode in ("rested", "shown_rested", "settled")}) == 3, light)
 
 
 def check_rooms(report):
@@ -53,6 +55,13 @@ def main():
         check_rooms(first)
         again = bench(args, folder, only="walk")
         check("leaks" not in again, again)
+        pictures = os.path.join(folder, "pictures")
+        os.mkdir(pictures)
+        high = bench(args, folder, only="day", sun=[60, 75], exposure=2, pictures=pictures)
+        check("night" not in high and "leaks" not in high, high)
+        check_light(high["day"], 0, 2)
+        check(high["day"]["exposure_ev"] == 2 and high["day"]["none"]["flip"] != first["day"]["none"]["flip"], high)
+        check(sorted(os.listdir(pictures)) == sorted(f"day_{mode}_04.png" for mode in (*MODES, "truth")), pictures)
         for name in ("day", "night"):
             check_light(first[name], 0, 2)
             check_light(again[name], 2, 0)
