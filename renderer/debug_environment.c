@@ -11,7 +11,7 @@ static bool is(const char *variable, const char *value)
 
 static enum hg_override either(const char *variable)
 {
-    return is(variable, "off") ? HG_OVERRIDE_OFF
+    return is(variable, "off")  ? HG_OVERRIDE_OFF
            : is(variable, "on") ? HG_OVERRIDE_ON
                                 : HG_OVERRIDE_AUTO;
 }
