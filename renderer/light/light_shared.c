@@ -42,7 +42,13 @@ void hg_light_shared_destroy(struct hg_light_shared *s)
     if (!s)
         return;
     hg_env_device_finish(&s->env, s->gpu);
+    hg_sky_cache_finish(&s->sky);
     hg_gpu_buffer_destroy(s->gpu, &s->dfg);
     hg_shadow_atlases_finish(&s->atlases);
     hg_free(s);
+}
+
+struct hg_sky_cache *hg_light_shared_sky(struct hg_light_shared *s)
+{
+    return &s->sky;
 }

@@ -486,7 +486,7 @@ enum hg_status hg_lighting_sync(
 {
     struct hg_lighting_view view = *asked;
     struct hg_light_shared *shared = l->params.shared;
-    const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store};
+    const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store, &shared->sky};
     bool has_sun;
     if (l->pages.table) // what became of those that were due
         hg_shadow_pages_drawn(l->pages.table, l->plan.maps + l->plan.count, l->pages.due);

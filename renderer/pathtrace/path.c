@@ -92,7 +92,7 @@ static enum hg_status sync_rays(struct hg_path *p, struct hg_error *err)
 static enum hg_status sync_emitters(struct hg_path *p, struct hg_error *err)
 {
     const struct hg_scene_gpu *scene_gpu = p->scene_gpu;
-    const struct hg_emitters_params params = {0};
+    const struct hg_emitters_params params = {.sky = hg_light_shared_sky(scene_gpu->light)};
     enum hg_status status = HG_OK;
     if (p->scene.emitters == NULL)
         status =

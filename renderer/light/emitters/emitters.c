@@ -12,7 +12,7 @@
 #include "renderer/light/emitters/emitter_sources.h"
 #include "renderer/light/env/env_warp.h"
 #include "renderer/light/emitters/light_tree.h"
-#include "renderer/light/env/sky.h"
+#include "renderer/light/env/sky_cache.h"
 #include "renderer/math/vec.h"
 
 // Of the disc in the image of a sky: its own radius, a texel of soft edge, and the diagonal of a
@@ -26,6 +26,7 @@ struct hg_emitters {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     uint64_t budget_bytes;
+    struct hg_sky_cache *sky;
     struct hg_emitter_lights lights;
     struct hg_emitter_sources sources;
     uint64_t signature; // of what the tables show; 0: nothing
@@ -54,6 +55,7 @@ enum hg_status hg_emitters_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     (*out)->gpu = gpu;
     (*out)->jobs = jobs;
     (*out)->budget_bytes = params && params->budget_bytes ? params->budget_bytes : BUDGET;
+    (*out)->sky = params ? params->sky : NULL;
     return HG_OK;
 }
 
@@ -246,16 +248,16 @@ static enum hg_status make_warp(
     struct hg_emitters *e, const struct hg_environment *env, struct hg_error *err)
 {
     const uint64_t begin = hg_clock_now_ns();
-    struct hg_image drawn = {0};
+    const struct hg_image *image = &env->image;
+    struct hg_sky_cache own = {0};
     struct hg_env_warp warp = {0};
     enum hg_status status = HG_OK;
-    struct hg_sky sky = hg_sky_of(env, true);
-    sky.with_disc = false; // a light of its own (emitter_lights.c)
+    const struct hg_sky sky = hg_sky_of(env, true); // its disc is a light (emitter_lights.c)
     if (env->kind == HG_ENV_SKY)
-        status = hg_sky_render(&sky, e->jobs, &drawn);
+        status = hg_sky_cache_render(e->sky ? e->sky : &own, &sky, e->jobs, &image);
     if (!status)
-        status = hg_env_warp_make(env->kind == HG_ENV_SKY ? &drawn : &env->image, e->jobs, &warp);
-    hg_image_finish(&drawn);
+        status = hg_env_warp_make(image, e->jobs, &warp);
+    hg_sky_cache_finish(&own);
     status = status ? no_memory(err)
                     : put(e, &e->environment, "emitters: environment", warp.quads,
                           (uint64_t)warp.quad_count * sizeof *warp.quads, err);

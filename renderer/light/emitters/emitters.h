@@ -23,9 +23,11 @@
 #include "shaders/shared/emitters.h"
 
 struct hg_emitters;
+struct hg_sky_cache;
 
 struct hg_emitters_params { // zero of each field = default
     uint64_t budget_bytes;  // of the tables on the device; default 96 MiB
+    struct hg_sky_cache *sky; // skies are taken from; borrowed; NULL: drawn each time
 };
 
 // HG_E_NOMEM. gpu and jobs are borrowed and must outlive it.

@@ -6,7 +6,7 @@
 #include "base/sha256.h"
 #include "renderer/light/env/env_cache.h"
 #include "renderer/light/env/environment.h"
-#include "renderer/light/env/sky.h"
+#include "renderer/light/env/sky_cache.h"
 #include "renderer/math/vec.h"
 
 // --- what it is made of --------------------------------------------------------------------------
@@ -286,13 +286,29 @@ static bool find_sky(
     return out->cached;
 }
 
+// What is seen of a sky: with the sun's disc, if it is to have it.
+static enum hg_status make_seen(const struct hg_env_maker *m, const struct hg_sky *sky,
+    const struct hg_image *drawn, struct radiance *out, struct hg_error *err)
+{
+    struct hg_image seen;
+    if (!sky->with_disc)
+        return make_radiance(m->gpu, drawn, m->jobs, out, err);
+    if (hg_image_create(drawn->width, drawn->height, drawn->format, NULL, &seen))
+        return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
+    memcpy(seen.pixels, drawn->pixels, drawn->size_bytes);
+    hg_sky_draw_disc(sky, &seen);
+    const enum hg_status status = make_radiance(m->gpu, &seen, m->jobs, out, err);
+    hg_image_finish(&seen);
+    return status;
+}
+
 // What is seen has the sun's disc. What lights real-time pictures has not: lighting.c makes a
 // directional light of it. key: of what is seen.
 static enum hg_status make_sky(const struct hg_env_maker *m, const struct hg_sky *sky,
     const uint8_t key[32], struct made *out, struct hg_error *err)
 {
     struct hg_sky without_disc = *sky;
-    struct hg_image drawn = {0};
+    const struct hg_image *drawn;
     struct hg_error refused = {0};
     uint8_t light[32];
     without_disc.with_disc = false;
@@ -300,14 +316,11 @@ static enum hg_status make_sky(const struct hg_env_maker *m, const struct hg_sky
         return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
     if (find_sky(m->store, key, light, out))
         return HG_OK;
-    if (hg_sky_render(&without_disc, m->jobs, &drawn))
+    if (hg_sky_cache_render(m->sky, sky, m->jobs, &drawn))
         return hg_error_set(err, HG_E_NOMEM, "sky", NULL, "no memory");
-    enum hg_status status = make_map(m, &drawn, light, out, err);
-    if (sky->with_disc)
-        hg_sky_draw_disc(sky, &drawn);
+    enum hg_status status = make_map(m, drawn, light, out, err);
     if (!status)
-        status = make_radiance(m->gpu, &drawn, m->jobs, &out->radiance, err);
-    hg_image_finish(&drawn);
+        status = make_seen(m, sky, drawn, &out->radiance, err);
     const struct radiance *r = &out->radiance;
     if (!status && m->store && r->width == HG_SKY_WIDTH &&
         hg_env_cache_write_sky(m->store, key, r->width, r->height, r->texels, &refused))

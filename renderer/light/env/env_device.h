@@ -9,6 +9,8 @@
 #include "base/store/store.h"
 #include "shaders/shared/light.h"
 
+struct hg_sky_cache;
+
 #define HG_ENV_COARSE_SIDE 32
 
 // Zero-initialise.
@@ -35,6 +37,7 @@ struct hg_env_maker {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     struct hg_store *store;
+    struct hg_sky_cache *sky;
 };
 
 // Prefilters and uploads when the content changed. has_sun: a directional light stands for the disc
