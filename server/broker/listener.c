@@ -16,7 +16,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 
-enum { BACKLOG = 128 };
+enum { BACKLOG = 1024 }; // a crowd that comes back at once, after a restart say
 
 static enum hg_status fail_errno(struct hg_error *err, const char *address, const char *action)
 {
