@@ -191,7 +191,7 @@ static enum hg_status warm_up(struct many *m, struct hg_error *err)
 static enum hg_status run_window(struct many *m, struct hg_error *err)
 {
     const uint64_t begin_ns = hg_clock_now_ns();
-    uint64_t least, now_ns = begin_ns;
+    uint64_t least, now_ns;
     enum hg_status status = HG_OK;
     forget_frames(m);
     do {
