@@ -279,8 +279,10 @@ test("is usable by keyboard alone", async () => {
     await page.focus("#picture");
     await page.keyboard.press("KeyF");
     await waitExact(page);
-    await page.keyboard.press("Enter"); // picks what is in the middle
-    await page.waitForSelector("#card:not([hidden])");
+    await until(async () => { // picks what is in the middle, once the picture is that of KeyF
+        await page.keyboard.press("Enter");
+        return page.waitForSelector("#card:not([hidden])", { timeout: 3000 }).catch(() => null);
+    }, "a card of what is picked");
     await page.keyboard.press("Escape");
     await page.waitForSelector("#card", { hidden: true });
     await page.keyboard.press("KeyC");
