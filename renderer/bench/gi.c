@@ -220,6 +220,21 @@ static struct hg_view_params params_of_mode(
     return params;
 }
 
+// pictures: of the pose before and of this one, which becomes the one before.
+static enum hg_status end_pose(struct run *run, struct light *light, int mode, uint32_t pose,
+    struct hg_refbuf *pictures[2], struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    if (hg_bench_walk_is_compared(pose))
+        status = compare(run, light, pose, pictures, &light->results[mode], err);
+    if (status == HG_OK && hg_bench_walk_is_compared(pose))
+        status = write_picture(run, light, mode_names[mode], pose, pictures[1], err);
+    hg_refbuf_unref(pictures[0]);
+    pictures[0] = pictures[1];
+    pictures[1] = NULL;
+    return status == HG_OK ? tell(run, err) : status;
+}
+
 // Pictures at rest of the poses that are compared.
 static enum hg_status settle(struct run *run, struct light *light, struct hg_error *err)
 {
@@ -235,17 +250,11 @@ static enum hg_status settle(struct run *run, struct light *light, struct hg_err
         if (hg_bench_walk_is_compared(i) || hg_bench_walk_is_compared(i + 1))
             status = hg_bench_walk_settle(&run->walk, view, i, &pictures[1], err);
         result->cpu_ms += (double)(hg_clock_cpu_ns() - cpu) * 1e-6;
-        if (status == HG_OK && hg_bench_walk_is_compared(i))
-            status = compare(run, light, i, pictures, result, err);
-        if (status == HG_OK && hg_bench_walk_is_compared(i))
-            status = write_picture(run, light, mode_names[SETTLED], i, pictures[1], err);
-        hg_refbuf_unref(pictures[0]);
-        pictures[0] = pictures[1];
-        pictures[1] = NULL;
         if (status == HG_OK)
-            status = tell(run, err);
+            status = end_pose(run, light, SETTLED, i, pictures, err);
     }
     hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
     hg_view_destroy(view);
     return status;
 }
@@ -259,25 +268,18 @@ static enum hg_status walk(struct run *run, struct light *light, int mode, struc
     enum hg_status status = open_view(run, &params, &view, err);
     if (status == HG_OK)
         status = hg_bench_walk_warm_up(&run->walk, view, err);
-    if (status == HG_OK &&
-        (mode == RESTED ||
-            mode == SHOWN_RESTED)) // nothing is baked any more, which would change it
+    // Nothing is baked any more, which would change the field.
+    if (status == HG_OK && (mode == RESTED || mode == SHOWN_RESTED))
         status = rest(run, light, err);
     for (uint32_t i = 0; i < run->walk.path_count && status == HG_OK; i++) {
         const uint64_t cpu = hg_clock_cpu_ns();
         status = hg_bench_walk_draw(&run->walk, view, i, &pictures[1], err);
         result->cpu_ms += (double)(hg_clock_cpu_ns() - cpu) * 1e-6;
-        if (status == HG_OK && hg_bench_walk_is_compared(i))
-            status = compare(run, light, i, pictures, result, err);
-        if (status == HG_OK && hg_bench_walk_is_compared(i))
-            status = write_picture(run, light, mode_names[mode], i, pictures[1], err);
-        hg_refbuf_unref(pictures[0]);
-        pictures[0] = pictures[1];
-        pictures[1] = NULL;
         if (status == HG_OK)
-            status = tell(run, err);
+            status = end_pose(run, light, mode, i, pictures, err);
     }
     hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
     hg_view_destroy(view);
     return status;
 }

@@ -54,7 +54,7 @@ static struct hg_packet *encode_participants(const struct hg_shared_scene *scene
     return packet;
 }
 
-// Nothing is encoded for nobody.
+// The list is encoded only when a client watches it.
 static void tell_participants(struct hg_shared_scene *scene)
 {
     struct hg_session *it = scene->people.first;

@@ -16,7 +16,7 @@ void hg_session_share_cursor(
 // The session is one of the scene's, or no longer (where it is one).
 void hg_session_share_link(struct hg_session *session, struct hg_shared_scene *scene);
 void hg_session_share_unlink(struct hg_session *session);
-// The session comes into a scene: hg_session_share_link, and the others are told.
+// The session joins a scene: hg_session_share_link, and the other participants are notified.
 void hg_session_share_enter(struct hg_session *session, struct hg_shared_scene *scene);
 // It leaves its scene (away: is kept without a client): cursor and shared camera are given up.
 void hg_session_share_leave(struct hg_session *session, bool away);
