@@ -20,6 +20,7 @@
 #include "server/broker/confine.h"
 #include "server/broker/folder_lock.h"
 #include "server/broker/conn_share.h"
+#include "server/broker/conn_time.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
 #include "server/broker/recovery.h"
@@ -453,11 +454,11 @@ static void tick(struct hg_broker *b)
         hg_client_dispatch_check_tokens(&b->conns);
         hg_session_record_cameras(&b->sessions);
         hg_session_check_parked(&b->sessions);
+        for (struct hg_session *it = b->sessions.first; it; it = it->next)
+            hg_session_upload_check_times(it, now_ns);
         if (b->state)
             hg_state_log_sync_file(b->state, hg_audit_dup(&b->audit), NULL);
     }
-    for (struct hg_session *it = b->sessions.first; it; it = it->next)
-        hg_session_upload_check_times(it, now_ns);
     hg_session_view_tick(&b->sessions);
     hg_session_share_tick(&b->sessions);
     hg_session_admin_tick(&b->sessions);
@@ -494,8 +495,11 @@ static uint64_t round_end(void *user)
     }
     hg_conn_resume_paused(&b->conns);
     bury(b);
-    for (uint32_t i = 0; i < b->pool.count; i++)
+    bool rebuilds = false;
+    for (uint32_t i = 0; i < b->pool.count; i++) {
         hg_recovery_continue(&b->pool.links[i]);
+        rebuilds |= b->pool.links[i].feed.rebuild_goes_on;
+    }
     if (hg_session_admin_drained(&b->sessions))
         begin_drain(b);
     if (draining)
@@ -504,9 +508,9 @@ static uint64_t round_end(void *user)
         hg_takeover_step(&b->takeover);
     bury(b);
     uint64_t deadline_ns = sooner(b->tick_ns, hg_worker_pool_deadline_ns(&b->pool));
-    if (b->conns.deferred)
+    if (b->conns.turns.more || rebuilds)
         return now_ns;
-    if (b->conns.paused_count)
+    if (b->conns.turns.waiting)
         deadline_ns = sooner(deadline_ns, now_ns + THROTTLE_NS);
     return deadline_ns;
 }

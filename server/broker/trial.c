@@ -94,12 +94,7 @@ static bool is_tried_view(const struct hg_session *s, const struct hg_session_vi
 static bool is_rebuilding(const struct hg_session *s)
 {
     const struct hg_link *link = s->scene->link;
-    if (link->replay.scene)
-        return true;
-    for (const struct hg_shared_scene *it = s->table->scenes.first; it; it = it->next)
-        if (it->link == link && !it->in_worker)
-            return true;
-    return false;
+    return link->replay.scene || link->feed.rebuild;
 }
 
 // Order within a session stays: cameras before a suspect go with it.
