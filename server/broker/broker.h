@@ -73,6 +73,12 @@ struct hg_guests {
     struct hg_block_list blocks;
 };
 
+// Of periodic work.
+struct hg_ticks {
+    uint64_t due_ns, wait_ns; // the next; between two while there are clients
+    uint64_t tokens_checked_ns;
+};
+
 struct hg_broker {
     struct hg_loop loop;
     struct hg_options options;
@@ -98,7 +104,8 @@ struct hg_broker {
     struct hg_broker_watchdog {
         uint64_t interval_ns, sent_ns; // of the service manager; 0 = there is none
     } watchdog;
-    uint64_t tick_ns, tokens_checked_ns, drain_deadline_ns;
+    struct hg_ticks ticks;
+    uint64_t drain_deadline_ns;
 };
 
 // Runs until drained; returns the exit code. Options are taken over.
