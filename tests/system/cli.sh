@@ -176,10 +176,16 @@ done
 } >"$temp/holder"
 "$helio" run "$temp/holder" --connect "$url" >/dev/null 2>&1 &
 holder=$!
-look() { printf '%s\n' "set size 96x64" "set samples 2" "set gi none" "frame $temp/$1.png"; }
-{ echo "load $knot" && look own; } >"$temp/own"
-# Not before it is loaded: a camera is fitted to what the scene holds at that moment.
-{ echo "scene show" && echo "expect stat geometry.triangles_total > 0" && look joined; } >"$temp/join"
+small() { printf '%s\n' "set size 96x64" "set samples 2" "set gi none"; }
+{ echo "load $knot" && small && echo "frame $temp/own.png"; } >"$temp/own"
+# Not before it is loaded: a camera is fitted to what the scene holds at that moment. Statistics are those of
+# a settled picture, so the view is small before.
+{
+    echo "scene show"
+    small
+    echo "expect stat geometry.triangles_total > 0"
+    echo "frame $temp/joined.png"
+} >"$temp/join"
 joins() { "$helio" run "$temp/join" --connect "$url" >/dev/null 2>&1; }
 until_true joins
 kill "$holder"
