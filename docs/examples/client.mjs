@@ -43,7 +43,7 @@ const welcome = await call("hello", { version_min: 1, version_max: 1, client: "e
 if (welcome.auth_required) await call("auth", { token: process.env.HELIO_TOKEN });
 const { first_id } = await call("scene_open", { name: "" });
 await call("asset_load", { asset: first_id, path: scene, files: [] });
-await call("view_set", { view: 1, width: 640, height: 360 });
+await call("view_set", { view: 1, width: 320, height: 180 });
 const frame = await call("frame_request", { view: 1, settled: true, encoding: "PNG8" });
 writeFileSync(out, frame.data);
 socket.end();

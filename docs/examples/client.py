@@ -41,7 +41,7 @@ if welcome[2 + 4 + struct.unpack_from("<I", welcome, 2)[0] + 8]:  # behind the s
     call(AUTH, text(os.environ["HELIO_TOKEN"]))
 (first_id,) = struct.unpack_from("<I", call(SCENE_OPEN, text("")), 9)
 call(ASSET_LOAD, struct.pack("<II", 0, first_id) + text(scene) + struct.pack("<I", 0))
-call(VIEW_SET, struct.pack("<IIII", 0b11, 1, 640, 360))  # bits: width and height
+call(VIEW_SET, struct.pack("<IIII", 0b11, 1, 320, 180))  # bits: width and height
 frame = call(FRAME_REQUEST, struct.pack("<II?H", 0b1, 1, True, PNG8))  # bit: encoding
 at = 4 + 52 + (32 if frame[0] & 1 else 0) + 4  # stages and an optional hash come before the picture
 for _ in range(*struct.unpack_from("<I", frame, at - 4)):

@@ -14,7 +14,7 @@ small=$HELIO_SMALL_DISK
 worm=$models/worm.glb
 need "$worm"
 unset MESA_SHADER_CACHE_DIR MESA_SHADER_CACHE_DISABLE
-picture() { expect 0 "$helio" render "$worm" -o "$temp/$1.png" --size 32x32 --samples 1 --env none --gi none "${@:2}"; }
+picture() { expect 0 "$helio" render "$worm" -o "$temp/$1.png" --size 32x32 --samples 1 --exposure 0 --env none --gi none "${@:2}"; }
 picture usual
 for free in 0 8 40; do # KiB
     mount -t tmpfs -o size=64k tmpfs "$small"
@@ -39,7 +39,7 @@ umount "$small"
 # A limit of the size of files is an error of what is written, not a signal.
 (
     ulimit -f 2
-    "$helio" render "$worm" -o "$temp/limit.png" --size 640x480 --samples 1 --background 0.1,0.5,0.9 \
+    "$helio" render "$worm" -o "$temp/limit.png" --size 640x480 --samples 1 --exposure 0 --background 0.1,0.5,0.9 \
         --bit-depth 16 --cache-dir "$temp/limited" --log error --progress none 2>&1 | cat >/dev/null
     exit "${PIPESTATUS[0]}"
 )

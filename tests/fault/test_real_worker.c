@@ -79,6 +79,8 @@ static void build_scene(struct peer *p)
             .samples = SAMPLES,
             .has_gi = true,
             .gi = HGP_gi_NONE,
+            .has_exposure_mode = true,
+            .exposure_mode = HGP_exposure_mode_FIXED,
             .has_still_encoding = true,
             .still_encoding = HGP_encoding_RAW_RGBA8},
         HGP_T_ok);
@@ -237,6 +239,8 @@ static void build_triangle(struct peer *owner, struct peer *viewer)
             .height = HEIGHT,
             .has_samples = true,
             .samples = 1,
+            .has_exposure_mode = true,
+            .exposure_mode = HGP_exposure_mode_FIXED,
             .has_tonemap = true,
             .tonemap = HGP_tonemap_LINEAR},
         HGP_T_ok);
@@ -344,6 +348,8 @@ static void build_land(struct peer *p)
             .height = HEIGHT,
             .has_samples = true,
             .samples = 4,
+            .has_exposure_mode = true,
+            .exposure_mode = HGP_exposure_mode_FIXED,
             .has_still_encoding = true,
             .still_encoding = HGP_encoding_RAW_RGBA8},
         HGP_T_ok);

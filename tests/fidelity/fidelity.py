@@ -11,9 +11,9 @@ metric (see score.h). Rasterisers are compared with rasterisers. A scenario of w
 have pictures is compared; it passes when our median distance to the others is no larger than the
 typical distance among them. At least 80 % must pass, and explanations.txt must explain exactly the others, one line each.
 
---path-spp N: samples of path mode; 0, the default, chooses 4 or more for each scenario, so that noise
+--path-spp N: samples of path mode; 0, the default, chooses for each scenario, so that noise
 lies some 3 dB below the distance that decides (a full frame at 16 samples is about -31 dB off).
---path-most N: no scenario gets more (64). --path-denoise: all get the denoiser, which can only take
+--path-least N, --path-most N: no scenario gets fewer (4) or more (64). --path-denoise: all get the denoiser, which can only take
 them farther from a picture without noise than more samples would.
 --path renders scenarios in path mode as well and ranks those pictures among the path tracers. A
 scenario passes there when at most one path tracer has a smaller median distance to the others of
@@ -39,7 +39,7 @@ import time
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
 import test_data
-from daemon import daemon
+from daemon import baked, daemon
 
 RASTERISERS = ("babylon", "filament", "gltf-sample-viewer", "model-viewer")
 PATH_TRACERS = ("blender-cycles", "stellar", "three-gpu-pathtracer", "vray")
@@ -112,7 +112,7 @@ class Harness:
             return self.options.path_spp
         between = [statistics.median(matrix[e][o] for o in seats if o != e) for e in seats]
         needed = 16 * 2 ** ((-28 - sorted(between)[1]) / 3)
-        return int(max(2 ** math.ceil(math.log2(max(needed, 1))), 4))
+        return int(max(2 ** math.ceil(math.log2(max(needed, 1))), self.options.path_least))
 
     def distances(self, base, size, pictures):
         """Matrix of distances in dB; draws BASE.strip.png and BASE.png, the first one's thumb."""
@@ -379,6 +379,7 @@ def main():
     parser.add_argument("--candidate")
     parser.add_argument("--path", default="")
     parser.add_argument("--path-spp", type=int, default=0)
+    parser.add_argument("--path-least", type=int, default=4)
     parser.add_argument("--path-most", type=int, default=64)
     parser.add_argument("--path-denoise", action="store_true")
     parser.add_argument("--no-realtime", action="store_true")
@@ -391,8 +392,7 @@ def main():
     os.makedirs(options.out, exist_ok=True)
     names = [n for n in scenarios if not options.only or any(o in n for o in options.only)]
     harness = Harness(options)
-    cache = os.path.abspath(os.path.join(options.out, "cache"))
-    with daemon(options.helio, [options.data], cache) if options.helio else contextlib.nullcontext() as options.url, \
+    with daemon(options.helio, [options.data], baked(options.helio)) if options.helio else contextlib.nullcontext() as options.url, \
             concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         records = list(pool.map(lambda n: harness.run(n, scenarios[n]), names))
     explanations = read_explanations(options.explanations)

@@ -31,7 +31,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../
 import models
 import png_files
 import test_data
-from daemon import daemon
+from daemon import baked, daemon
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE = "480x270"
@@ -175,9 +175,9 @@ def main():
     if options.make:
         make(options, rows)
         return
-    made, cache = (os.path.abspath(os.path.join(options.out, name)) for name in ("scenes", "cache"))
+    made = os.path.abspath(os.path.join(options.out, "scenes"))
     os.makedirs(made, exist_ok=True)
-    with daemon(options.helio, [test_data.ROOT, made], cache, "llvmpipe") as options.url:
+    with daemon(options.helio, [test_data.ROOT, made], baked(options.helio), "llvmpipe") as options.url:
         failures = check_all(options, rows)
     for failure in failures:
         print("FAILED: " + failure)

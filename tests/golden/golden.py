@@ -18,7 +18,7 @@ import tomllib
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../support"))
 import test_data
-from daemon import daemon
+from daemon import baked, daemon
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE = "256x256"
@@ -110,9 +110,6 @@ def main():
     parser.add_argument("--update", action="store_true")
     options = parser.parse_args()
     os.makedirs(options.out, exist_ok=True)
-    # No cache of an older build may decide what is drawn.
-    cache = os.path.join(options.out, "cache")
-    shutil.rmtree(cache, ignore_errors=True)
     os.makedirs(os.path.join(HERE, "references"), exist_ok=True)
     with open(os.path.join(HERE, "golden.toml"), "rb") as file:
         table = tomllib.load(file)
@@ -126,7 +123,7 @@ def main():
     there = [r for r in rows if all([test_data.find(f) for f in inputs_of(r)])]
     if len(there) < len(rows) and test_data.REQUIRED:
         sys.exit("test data is missing")
-    with daemon(options.helio, [test_data.ROOT, options.models], cache, "llvmpipe") as options.url, \
+    with daemon(options.helio, [test_data.ROOT, options.models], baked(options.helio), "llvmpipe") as options.url, \
             concurrent.futures.ThreadPoolExecutor(2) as pool:
         failures = list(pool.map(lambda r: check(options, r), there))
     for row, failure in zip(there, failures):

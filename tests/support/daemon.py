@@ -1,10 +1,26 @@
 """A daemon for tests that render many pictures: its worker loads libraries, opens the device and makes
 pipelines once, which is most of a short process."""
 import contextlib
+import hashlib
 import os
+import shutil
 import subprocess
 import tempfile
 import time
+
+
+def baked(helio):
+    """A cache folder of all tests of a build that are not about caches, so that each texture and environment is baked
+    once. It has the name of the worker that fills it: what another build baked decides no picture, and is removed."""
+    build = os.path.dirname(os.path.dirname(os.path.abspath(helio)))
+    with open(os.path.join(build, "libexec", "helio-worker"), "rb") as file:
+        name = hashlib.file_digest(file, "sha256").hexdigest()[:16]
+    folder = os.path.join(build, "tests", "baked")
+    os.makedirs(os.path.join(folder, name), exist_ok=True)
+    for other in os.listdir(folder):
+        if other != name:
+            shutil.rmtree(os.path.join(folder, other), ignore_errors=True)
+    return os.path.join(folder, name)
 
 
 @contextlib.contextmanager

@@ -78,6 +78,7 @@ expect 0 "$helio" compare "$temp/a.exr" "$temp/c.exr" --metric max --fail-above 
     echo "set size 48x32"
     echo "set samples 2"
     echo "set gi none"
+    echo "set exposure 0"
     echo "set aov depth,crypto-asset"
     echo "frame $temp/planes.exr"
     echo "frame $temp/planes.png"
@@ -122,6 +123,7 @@ load ${knot}
 set size 160x120
 set samples 8
 set gi none
+set exposure 0
 wait settled
 frame $temp/script.png
 camera orbit 30,60,3 target 0,0.8,0
@@ -146,6 +148,7 @@ SCRIPT
     echo "set size 160x120"
     echo "set samples 2"
     echo "set gi none"
+    echo "set exposure 0"
     echo "include $temp/keys"
     echo "expect psnr $temp/reference.png >= 60"
 } >"$temp/suite"
@@ -172,14 +175,21 @@ done
     echo "set size 256x256"
     echo "set samples 65536"
     echo "set gi none"
+    echo "set exposure 0"
     echo "wait settled"
 } >"$temp/holder"
 "$helio" run "$temp/holder" --connect "$url" >/dev/null 2>&1 &
 holder=$!
-look() { printf '%s\n' "set size 96x64" "set samples 2" "set gi none" "frame $temp/$1.png"; }
-{ echo "load $knot" && look own; } >"$temp/own"
-# Not before it is loaded: a camera is fitted to what the scene holds at that moment.
-{ echo "scene show" && echo "expect stat geometry.triangles_total > 0" && look joined; } >"$temp/join"
+small() { printf '%s\n' "set size 96x64" "set samples 2" "set gi none" "set exposure 0"; }
+{ echo "load $knot" && small && echo "frame $temp/own.png"; } >"$temp/own"
+# Not before it is loaded: a camera is fitted to what the scene holds at that moment. Statistics are those of
+# a settled picture, so the view is small before.
+{
+    echo "scene show"
+    small
+    echo "expect stat geometry.triangles_total > 0"
+    echo "frame $temp/joined.png"
+} >"$temp/join"
 joins() { "$helio" run "$temp/join" --connect "$url" >/dev/null 2>&1; }
 until_true joins
 kill "$holder"
@@ -201,7 +211,7 @@ expect 4 "$helio" render "$knot" -o "$temp/g.png" --connect "unix:$temp/nobody"
 [ -e "$temp/g.png" ] && fail "a refused scene left a file"
 
 # A scene without one of its images: white and a warning, or nothing at all.
-torn=("$helio" render "$temp/torn/knot.gltf" -o "$temp/torn.png" --size 32x32 --samples 1 --gi none --connect "$url")
+torn=("$helio" render "$temp/torn/knot.gltf" -o "$temp/torn.png" --size 32x32 --samples 1 --exposure 0 --gi none --connect "$url")
 expect 3 "${torn[@]}" --strict
 [ -e "$temp/torn.png" ] && fail "--strict left a file"
 expect 0 "${torn[@]}"
@@ -211,7 +221,7 @@ grep -q "warning: .*knot.png" "$temp/out" || fail "a missing image is not told"
 # Quick machines get more to do, until the kill strikes a frame.
 at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }
 for samples in 400 4000 40000; do
-    slow=(--size 96x96 --samples "$samples" --gi none --progress json)
+    slow=(--size 96x96 --samples "$samples" --exposure 0 --gi none --progress json)
     : >"$temp/out"
     "$helio" render "$knot" -o "$temp/j.png" --connect "$url" "${slow[@]}" 2>"$temp/out" &
     client=$!
@@ -229,7 +239,7 @@ same "$temp/i.png" "$temp/j.png"
 # A private worker that dies, and one that is stopped by Ctrl-C, both in a frame without an end.
 endless() {
     : >"$temp/out"
-    "$helio" render "$knot" -o "$temp/h.png" --size 256x256 --samples 65536 --gi none --progress json \
+    "$helio" render "$knot" -o "$temp/h.png" --size 256x256 --samples 65536 --exposure 0 --gi none --progress json \
         2>"$temp/out" &
     client=$!
     until_true at_work

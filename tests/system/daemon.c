@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <netinet/tcp.h>
 #include <poll.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -338,6 +339,9 @@ void peer_connect(struct peer *p, struct daemon *d, bool tcp)
     p->fd = socket(tcp ? AF_INET : AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     assert_true(p->fd >= 0);
     const struct sockaddr *name = tcp ? (void *)&sin : (void *)&sun;
+    const int on = 1; // small messages do not wait for the answers to those before
+    if (tcp)
+        setsockopt(p->fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     if (connect(p->fd, name, tcp ? sizeof sin : sizeof sun) != 0)
         fail_msg("cannot connect: %s", strerror(errno));
 }

@@ -22,7 +22,7 @@ start_daemon "$temp/models"
 python=("$PYTHON3" "$HELIO_SOURCE_DIR/docs/examples/client.py")
 node=("${NODE:-}" "$HELIO_SOURCE_DIR/docs/examples/client.mjs")
 for scene in knot.gltf box.obj; do
-    expect 0 "$helio" render "$scene" -o "$temp/right.png" --size 640x360 --connect "$url"
+    expect 0 "$helio" render "$scene" -o "$temp/right.png" --size 320x180 --connect "$url"
     expect 0 "${python[@]}" "$url" "$scene" "$temp/python.png"
     same "$temp/right.png" "$temp/python.png"
     [ -n "${NODE:-}" ] && [ "$scene" = knot.gltf ] || continue # of the same messages

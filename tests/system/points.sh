@@ -4,7 +4,7 @@
 . "$(dirname "$0")/../support/shell.sh"
 
 need "$helio"
-size=(--size 64x36 --samples 4 --gi none --view front --background none)
+size=(--size 64x36 --samples 4 --exposure 0 --gi none --view front --background none)
 
 # A square of 20 x 20 points, 0.1 m apart.
 python3 - "$temp" <<'PY'
@@ -59,6 +59,7 @@ between $((whole / 4)) $((whole * 3 / 4)) half
 {
     echo "set size 64x36"
     echo "set samples 4"
+    echo "set exposure 0"
     echo "set background none"
     echo "load $temp/grid.ply point-size 0.075m"
     echo "camera fit view front"

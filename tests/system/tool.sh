@@ -6,7 +6,7 @@ knot=$models/knot/knot.gltf
 need "$worm"
 
 # --threads: the worker's pools and Mesa's rasteriser have so many, and the pixels are the same.
-small=("$worm" --size 48x32 --env none)
+small=("$worm" --size 48x32 --exposure 0 --env none)
 expect 0 "$helio" render "${small[@]}" --samples 2 -o "$temp/all.png"
 for threads in 1 3; do
     expect 0 "$helio" render "${small[@]}" --samples 2 -o "$temp/t.png" --threads $threads
@@ -37,7 +37,7 @@ grep -q -- "--threads: is for the private worker" "$temp/out" || fail "--threads
 mkdir -p "$temp/obj/textures"
 printf 'mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n' >"$temp/obj/a.obj"
 printf 'newmtl a\nmap_Kd C:\\art\\knot.png\n' >"$temp/obj/a.mtl"
-flat=(--size 24x24 --samples 1 --env sky --gi none)
+flat=(--size 24x24 --samples 1 --exposure 0 --env sky --gi none)
 expect 0 "$helio" render "$temp/obj/a.obj" -o "$temp/white.png" "${flat[@]}"
 grep -q "warning: a.obj: .*searched: C:/art/knot.png, knot.png, textures/knot.png; white is shown" "$temp/out" ||
     fail "what was searched is not listed: $(cat "$temp/out")"

@@ -49,7 +49,9 @@ static void set_view(struct rig *rig, uint32_t width, uint32_t height)
         .has_background = true,
         .background = HGP_background_NONE,
         .has_gi = true,
-        .gi = HGP_gi_NONE};
+        .gi = HGP_gi_NONE,
+        .has_exposure_mode = true, // metering traces paths for each camera
+        .exposure_mode = HGP_exposure_mode_FIXED};
     link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &view), HGP_T_ok);
 }
 
@@ -390,7 +392,7 @@ static void test_a_scene_without_an_environment_is_lit(void **state)
     expect_fill(rig);
 }
 
-// All tests share a worker, whose shaders are compiled once; each has a scene of its own.
+// All tests share a worker, whose shaders are compiled once; each has a scene of its own, whose sky comes from the cache.
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -401,5 +403,5 @@ int main(void)
         cmocka_unit_test_teardown(test_a_view_without_a_camera_shows_the_scene, link_detach),
         cmocka_unit_test_teardown(test_a_scene_without_an_environment_is_lit, link_detach),
     };
-    return cmocka_run_group_tests(tests, link_start, link_stop);
+    return cmocka_run_group_tests(tests, link_start_with_cache, link_stop);
 }

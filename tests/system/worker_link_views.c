@@ -40,6 +40,8 @@ static void make_scene_and_view(struct rig *rig)
         .background = HGP_background_NONE,
         .has_gi = true,
         .gi = HGP_gi_NONE,
+        .has_exposure_mode = true,
+        .exposure_mode = HGP_exposure_mode_FIXED,
         .has_max_fps = true,
         .max_fps = 1000};
     struct hgp_view_camera camera = {

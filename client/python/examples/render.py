@@ -10,7 +10,7 @@ url = sys.argv[3] if len(sys.argv) > 3 else None
 with helio.connect(url, asset_roots=[os.path.dirname(os.path.abspath(scene_file))]) as session:
     scene = session.scene()
     scene.load(scene_file)
-    view = scene.view(640, 360)
+    view = scene.view(320, 180)
     view.fit(cameras=True)
     frame = view.frame()
     frame.save(out)
