@@ -2,6 +2,8 @@
 #include "renderer/frame/reflect_view.h"
 
 #include <string.h>
+#include <stdio.h>
+#include <stdlib.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -36,15 +38,20 @@ static bool chooses_lights(const struct hg_lighting_sources *s)
     return s->count > suns + 1 || sized;
 }
 
+static uint64_t light_of(const struct hg_view_state *view)
+{
+    const struct hg_scene_gpu *s = view->scene_gpu;
+    uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
+    light = hg_hash_mix(light, s->geometry_revision);
+    light = hg_hash_mix(light, view->gi.field);
+    return hg_hash_mix(light, view->motion.reflections.world.rounds);
+}
+
 static enum hg_status sync_cache(struct hg_view_state *view)
 {
     struct hg_scene_gpu *s = view->scene_gpu;
     struct hg_reflect_view *r = &view->motion.reflections;
-    uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
-    light = hg_hash_mix(light, s->geometry_revision);
-    light = hg_hash_mix(light, view->gi.field);
-    light = hg_hash_mix(light, r->world.rounds);
-    struct hg_cache_key key = {.light = light,
+    struct hg_cache_key key = {.light = r->light_of,
         .side = view->context->overrides.cache_side > 0 ? view->context->overrides.cache_side
                                                         : HG_CACHE_SIDE,
         .lit_enough = chooses_lights(&r->sources) ? LAMPS_ENOUGH : 1,
@@ -54,6 +61,20 @@ static enum hg_status sync_cache(struct hg_view_state *view)
     if (!s->radiance)
         status = hg_radiance_cache_create(&s->radiance);
     return status == HG_OK ? hg_radiance_cache_sync(s->radiance, &key, r->world.whole) : status;
+}
+
+// Without memory for it surfaces have the light of probes.
+static enum hg_status make_irradiance(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_scene_gpu *s = view->scene_gpu;
+    if (view->context->overrides.no_irradiance_rays)
+        return HG_E_UNSUPPORTED;
+    const enum hg_status status = s->irradiance ? HG_OK
+                                                : hg_irradiance_create(view->context->gpu,
+                                                      view->context->jobs, &s->irradiance, err);
+    if (status != HG_OK)
+        *err = (struct hg_error){0};
+    return status;
 }
 
 // Without memory surfaces mirror what the field says.
@@ -83,6 +104,9 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
     r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
+    r->light_of = light_of(view);
+    if (getenv("BQP")) fprintf(stderr, "step gi %u refl %u\n", view->settings.gi, view->settings.reflections);
+    r->gathers = view->settings.gi == HG_VIEW_GI_RAYS && make_irradiance(view, err) == HG_OK;
     // Without a cache all that rays meet is shaded.
     r->caches =
         view->settings.reflections == HG_VIEW_REFLECTIONS_CACHE && sync_cache(view) == HG_OK;
@@ -131,6 +155,25 @@ enum hg_status hg_batch_reserve_reflections(struct hg_draw *draw, struct hg_erro
     return status == HG_OK ? HG_OK : go_without(r, status, err);
 }
 
+// Diffuse light of the same texels.
+static enum hg_status gather(struct hg_batch *f, struct hg_error *err)
+{
+    struct hg_draw *draw = f->draw;
+    struct hg_reflect_view *r = draw->reflections;
+    const VkExtent2D size = texels_of(draw);
+    const uint32_t *back = r->back.mapped;
+    struct hg_irradiance_picture picture = {
+        .texels = {&draw->frame->camera, draw->frame->width, draw->frame->height},
+        .light = r->light_of,
+        .looked_up = back,
+        .mirrors = back + (size_t)size.width * size.height * (LIGHT_BYTES / 4),
+        .sources = &r->sources,
+        .world = r->world,
+        .share = r->share};
+    hg_geometry_origin(draw->scene_gpu->geometry, picture.origin);
+    return hg_irradiance_run(draw->scene_gpu->irradiance, &picture, r->words, err);
+}
+
 static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
 {
     struct hg_draw *draw = f->draw;
@@ -156,6 +199,8 @@ static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
     const bool without = status == HG_E_NOMEM;
     if (without)
         status = go_without(r, status, err);
+    else if (status == HG_OK && r->gathers)
+        status = gather(f, err);
     return status == HG_OK ? hg_gpu_image_upload(draw->context->gpu, &r->light, &all,
                                  without ? back : r->words, 0, err)
                            : status;

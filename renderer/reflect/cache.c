@@ -257,7 +257,7 @@ static uint32_t pack2(float a, float b)
 }
 
 void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_place place,
-    const struct hg_cache_surface *surface)
+    const struct hg_gi_patch *surface)
 {
     struct texel *t = at(cache, place);
     *t = (struct texel){.state = FILLED};
@@ -270,7 +270,7 @@ void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_pla
 }
 
 void hg_radiance_cache_surface(const struct hg_radiance_cache *cache, struct hg_cache_place place,
-    struct hg_cache_surface *out)
+    struct hg_gi_patch *out)
 {
     const struct texel *t = at(cache, place);
     hg_copy3(t->position, out->position);

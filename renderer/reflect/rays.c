@@ -4,6 +4,7 @@
 #include <float.h>
 
 #include "base/hash.h"
+#include "renderer/gi/texels.h"
 
 #define ROUGH       0.45f // roughness from which blocks mirror for their texels
 #define BLOCK_TURNS 4u    // pictures in which each block sends once,
@@ -28,33 +29,16 @@ static bool is_rough(const struct hg_reflect_work *w, const struct hg_reflect_te
     return texel->mirrors && !w->p->dense && texel->roughness >= ROUGH;
 }
 
-// Where a place in the picture is; view: unit, towards the eye.
-static void find_place(
-    const struct hg_gpu_camera *c, float px, float py, struct hg_reflect_texel *t)
-{
-    const float origin[3] = {c->ray_origin_ws.x, c->ray_origin_ws.y, c->ray_origin_ws.z};
-    const float x[3] = {c->ray_x_ws.x, c->ray_x_ws.y, c->ray_x_ws.z};
-    const float y[3] = {c->ray_y_ws.x, c->ray_y_ws.y, c->ray_y_ws.z};
-    const float eye[3] = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z};
-    const float ahead[3] = {c->forward_ws.x, c->forward_ws.y, c->forward_ws.z};
-    for (int a = 0; a < 3; a++) {
-        const float ray = origin[a] + px * x[a] + py * y[a];
-        t->position[a] = c->orthographic ? ray + ahead[a] * t->depth : eye[a] + ray * t->depth;
-        t->view[a] = c->orthographic ? -ahead[a] : -ray;
-    }
-    hg_normalize3(t->view);
-}
-
 void hg_reflect_place(
     const struct hg_reflect_work *w, uint32_t x, uint32_t y, struct hg_reflect_texel *t)
 {
     const size_t texel = (size_t)y * w->r->levels[HG_REFLECT_TEXELS].image.columns + x;
     const uint32_t word = w->p->mirrors[2 * texel];
-    const float px = hg_clampf((float)(x * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->width - 1));
-    const float py = hg_clampf((float)(y * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->height - 1));
+    const struct hg_gi_texels texels = {w->p->camera, w->p->width, w->p->height};
+    const uint32_t at[2] = {x, y};
     hg_octahedral3(
         (float)(int16_t)(word & 0xffff) / 32767, (float)(int16_t)(word >> 16) / 32767, t->normal);
-    find_place(w->p->camera, px + 0.5f, py + 0.5f, t);
+    hg_gi_texel_place(&texels, at, t->depth, t->position, t->view);
     const float facing = hg_dot3(t->normal, t->view);
     if (facing < 0.02f) { // normal maps turn some surfaces away from the eye
         hg_mad3(t->normal, t->view, 0.02f - facing, t->normal);
@@ -115,8 +99,7 @@ static void send(const struct hg_reflect_work *w, size_t i, const uint32_t *ligh
         xi[a] = point[a] + turn[a];
         xi[a] -= floorf(xi[a]);
     }
-    hg_octahedral3((float)(light[2] & 4095) * (2.0f / 4095) - 1,
-        (float)(light[2] >> 12 & 4095) * (2.0f / 4095) - 1, smooth);
+    hg_gi_texel_normal(light[2], smooth);
     struct hg_lobe_sample s = hg_lobe_take(t->roughness, t->f0, t->normal, t->view, xi);
     const float below = hg_dot3(s.direction, smooth);
     if (below < 0) // normal maps bend rays into the surface

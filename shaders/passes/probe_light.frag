@@ -98,6 +98,6 @@ void main()
     uint share = uint(round(open.w * float(HG_PROBE_LIGHT_OPEN_MASK)));
     vec3 light = mix(hg_probes_hiding, hg_probes_irradiance, open.w);
     out_light = uvec4(pack_rgb9e5(light), pack_rgb9e5(hg_probes_surfaces),
-        hg_probe_light_pack(n, hg_probes_sky),
+        hg_probe_light_pack(v.geometric_ws * side, hg_probes_sky),
         (floatBitsToUint(v.depth) & ~HG_PROBE_LIGHT_OPEN_MASK) | share);
 }

@@ -1,0 +1,408 @@
+// irradiance.c - see irradiance.h.
+#include "renderer/irradiance/irradiance.h"
+
+#include <float.h>
+#include <stdlib.h>
+#include <stdio.h>
+
+#include "base/alloc.h"
+#include "base/clock.h"
+#include "base/hash.h"
+#include "renderer/gi/environment.h"
+#include "renderer/gi/patches.h"
+#include "renderer/gi/surfaces.h"
+#include "renderer/gi/words.h"
+#include "renderer/irradiance/cells.h"
+
+#define MOST_RAYS   4096u
+#define MOST_TURNS  64u     // pictures in which each texel sends once, at most
+#define ACROSS (getenv("BQA") ? (float)atof(getenv("BQA")) : 64.0f)
+#define FINEST      0.005f  // metres of the smallest cells
+#define BELIEVED (getenv("BQK") ? (float)atof(getenv("BQK")) : 8.0f)
+#define ENOUGH      128.0f  // samples of a cell from which on it is asked less often,
+#define SELDOM      8u      // in one of so many turns
+#define GREY        0.02f   // of the brightest channel, that a dark one is taken to have
+#define MOST_RATIO  16.0f
+#define LIFT        2e-3f   // of the depth, that rays begin off surfaces: levels of detail differ
+
+struct sample {
+    uint32_t cell, tx, ty;
+    float normal[3], direction[3], position[3];
+    float without[3];  // probe light
+    float gathered[3]; // irradiance over pi
+    float peak[3];     // the same of a peak of the environment, if nothing is in the way
+};
+
+struct hg_irradiance {
+    struct hg_gpu *gpu;
+    struct hg_jobs *jobs;
+    struct hg_irradiance_cells cells;
+    double origin[3];
+    uint64_t light;
+    struct sample *samples; // [MOST_RAYS]
+    uint32_t *met;          // [MOST_RAYS] samples whose ray met a surface
+    uint32_t count;
+    struct hg_gpu_buffer rays, hits, peaks, hidden;
+    struct hg_gi_patches patches;
+    struct hg_irradiance_stats stats;
+};
+
+// One picture in the making.
+struct work {
+    struct hg_irradiance *r;
+    const struct hg_irradiance_picture *p;
+    uint32_t *words;
+    uint32_t columns, rows;
+};
+
+// --- life ----------------------------------------------------------------------------------------
+
+static enum hg_status make_buffers(struct hg_irradiance *r, struct hg_error *err)
+{
+    const struct {
+        struct hg_gpu_buffer *buffer;
+        uint64_t item;
+        const char *name;
+    } rows[] = {{&r->rays, sizeof(struct hg_gpu_ray), "irradiance rays"},
+        {&r->hits, sizeof(struct hg_gpu_hit), "irradiance hits"},
+        {&r->peaks, sizeof(struct hg_gpu_ray), "irradiance rays to peaks"},
+        {&r->hidden, sizeof(uint32_t), "irradiance hidden peaks"}};
+    enum hg_status status = HG_OK;
+    for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
+        status = hg_gpu_buffer_create(r->gpu, HG_GPU_BUFFER_READBACK, MOST_RAYS * rows[i].item,
+            rows[i].name, rows[i].buffer, err);
+    return status;
+}
+
+enum hg_status hg_irradiance_create(
+    struct hg_gpu *gpu, struct hg_jobs *jobs, struct hg_irradiance **out, struct hg_error *err)
+{
+    struct hg_irradiance *r = hg_calloc(1, sizeof *r);
+    *out = r;
+    if (!r)
+        return hg_error_set(err, HG_E_NOMEM, "irradiance", NULL, "out of host memory");
+    r->gpu = gpu;
+    r->jobs = jobs;
+    r->samples = hg_calloc(MOST_RAYS, sizeof *r->samples);
+    r->met = hg_calloc(MOST_RAYS, sizeof *r->met);
+    enum hg_status status = hg_irradiance_cells_init(&r->cells, FINEST);
+    if (!r->samples || !r->met || status != HG_OK)
+        status = hg_error_set(err, HG_E_NOMEM, "irradiance", NULL, "out of host memory");
+    if (status == HG_OK)
+        status = make_buffers(r, err);
+    if (status == HG_OK)
+        status = hg_gi_patches_reserve(&r->patches, gpu, MOST_RAYS, err);
+    if (status != HG_OK) {
+        hg_irradiance_destroy(r);
+        *out = NULL;
+    }
+    return status;
+}
+
+void hg_irradiance_destroy(struct hg_irradiance *r)
+{
+    if (!r)
+        return;
+    struct hg_gpu_buffer *buffers[] = {&r->rays, &r->hits, &r->peaks, &r->hidden};
+    for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
+        hg_gpu_buffer_destroy(r->gpu, buffers[i]);
+    hg_gi_patches_finish(&r->patches, r->gpu);
+    hg_irradiance_cells_finish(&r->cells);
+    hg_free(r->samples);
+    hg_free(r->met);
+    hg_free(r);
+}
+
+// --- which texels send ---------------------------------------------------------------------------
+
+// Of 8 x 8 places (ordered dither): neighbours are far apart in turn.
+static uint32_t rank_of(uint32_t x, uint32_t y)
+{
+    static const uint8_t order[4] = {0, 3, 1, 2};
+    uint32_t rank = 0;
+    for (int bit = 0; bit < 3; bit++)
+        rank = 4 * rank + order[(x >> bit & 1) | (y >> bit & 1) << 1];
+    return rank;
+}
+
+static uint32_t turns_of(const struct work *w)
+{
+    const float share = w->p->share > 0 ? w->p->share : 1;
+    const float most = share * MOST_RAYS;
+    uint32_t turns = 1;
+    while (turns < MOST_TURNS && (float)w->columns * (float)w->rows > most * (float)turns)
+        turns *= 2;
+    return turns;
+}
+
+// False: there is no surface that scatters.
+static bool find_point(
+    const struct work *w, const uint32_t at[2], struct hg_irradiance_point *out, float *depth)
+{
+    const size_t texel = (size_t)at[1] * w->columns + at[0];
+    const uint32_t *light = w->p->looked_up + 4 * texel;
+    const struct hg_gpu_camera *c = w->p->texels.camera;
+    float view[3];
+    memcpy(depth, &light[3], sizeof *depth);
+    if (!(*depth > 0) || w->p->mirrors[2 * texel + 1] == UINT32_MAX)
+        return false;
+    hg_gi_texel_place(&w->p->texels, at, *depth, out->position, view);
+    hg_gi_texel_normal(light[2], out->normal);
+    const float pixel = c->orthographic ? c->pixel_size : c->pixel_angle * *depth;
+    out->level =
+        hg_irradiance_level(&w->r->cells, pixel * (float)w->p->texels.height * (1 / ACROSS));
+    return true;
+}
+
+static float radical_inverse(uint32_t i, uint32_t base)
+{
+    float f = 1, sum = 0;
+    for (; i > 0; i /= base) {
+        f /= (float)base;
+        sum += f * (float)(i % base);
+    }
+    return sum;
+}
+
+// Over the cosine. Each cell has a sequence of its own: Halton points, turned (Cranley and
+// Patterson 1976).
+static void choose_direction(struct hg_irradiance_cell *cell, struct sample *s, float xi[3])
+{
+    const uint64_t bits = hg_hash_mix(0x6972u, cell->key);
+    const uint32_t number = cell->rays++;
+    float t[3], b[3];
+    for (int a = 0; a < 3; a++) {
+        static const uint32_t bases[3] = {2, 3, 5};
+        xi[a] = radical_inverse(number + 1, bases[a]) +
+                (float)(bits >> (20 * a) & 0xfffff) * (1.0f / 0x100000);
+        xi[a] -= floorf(xi[a]);
+    }
+    const float radius = sqrtf(xi[0]), angle = 2 * (float)HG_PI * xi[1];
+    const float x = radius * cosf(angle), y = radius * sinf(angle), z = sqrtf(fmaxf(1 - xi[0], 0));
+    hg_basis3(s->normal, t, b);
+    for (int a = 0; a < 3; a++)
+        s->direction[a] = x * t[a] + y * b[a] + z * s->normal[a];
+}
+
+static struct hg_gpu_ray ray_of(const struct sample *s, const float direction[3])
+{
+    return (struct hg_gpu_ray){.origin_ws = {s->position[0], s->position[1], s->position[2]},
+        .direction_ws = {direction[0], direction[1], direction[2]},
+        .t_max = FLT_MAX,
+        .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
+}
+
+// A ray to a peak of the environment, beside each that samples the cosine.
+static void choose_peak(const struct work *w, uint32_t i, const float xi[3])
+{
+    struct sample *s = &w->r->samples[i];
+    float direction[3] = {0, 1, 0}, light[3];
+    hg_gi_environment_peak(w->p->world.environment, w->p->sources, xi, direction, light);
+    const float cosine = hg_dot3(direction, s->normal);
+    for (int c = 0; c < 3; c++)
+        s->peak[c] = cosine > 0 ? light[c] * cosine * (1 / (float)HG_PI) : 0;
+    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->peaks.mapped + i;
+    *ray = ray_of(s, direction);
+    ray->t_max = cosine > 0 ? FLT_MAX : -1;
+}
+
+static void send(const struct work *w, const uint32_t at[2], uint32_t cell,
+    const struct hg_irradiance_point *point, float depth)
+{
+    struct hg_irradiance *r = w->r;
+    const size_t texel = (size_t)at[1] * w->columns + at[0];
+    struct sample *s = &r->samples[r->count];
+    float xi[3];
+    *s = (struct sample){.cell = cell, .tx = at[0], .ty = at[1]};
+    hg_copy3(point->normal, s->normal);
+    hg_mad3(point->position, point->normal, LIFT * depth, s->position);
+    hg_gi_rgb9e5_read(w->p->looked_up[4 * texel], s->without);
+    choose_direction(&r->cells.cells[cell], s, xi);
+    ((struct hg_gpu_ray *)r->rays.mapped)[r->count] = ray_of(s, s->direction);
+    if (w->p->world.environment->has_peaks)
+        choose_peak(w, r->count, xi);
+    r->count++;
+}
+
+// In the order of texels: what cells count does not depend on threads.
+static void choose(const struct work *w)
+{
+    struct hg_irradiance *r = w->r;
+    const uint32_t turns = turns_of(w), turn = r->cells.picture % turns;
+    r->count = 0;
+    for (uint32_t y = 0; y < w->rows; y++)
+        for (uint32_t x = 0; x < w->columns && r->count < MOST_RAYS; x++) {
+            const uint32_t at[2] = {x, y}, rank = rank_of(x, y);
+            struct hg_irradiance_point point;
+            float depth;
+            if (rank % turns != turn || !find_point(w, at, &point, &depth))
+                continue;
+            const uint32_t cell = hg_irradiance_ask(&r->cells, &point);
+            if (cell == HG_IRRADIANCE_NONE)
+                continue;
+            const bool enough = r->cells.cells[cell].sums.samples >= ENOUGH;
+            if (!enough || (rank / turns + r->cells.picture / turns) % SELDOM == 0)
+                send(w, at, cell, &point, depth);
+        }
+}
+
+// --- what rays bring -----------------------------------------------------------------------------
+
+// Surfaces that rays met; the rest has its light.
+static void meet(const struct work *w)
+{
+    struct hg_irradiance *r = w->r;
+    const struct hg_gpu_hit *hits = r->hits.mapped;
+    r->patches.count = 0;
+    for (uint32_t i = 0; i < r->count; i++) {
+        struct sample *s = &r->samples[i];
+        struct hg_gi_surface surface;
+        if (hits[i].draw == HG_HIT_NONE) {
+            hg_gi_environment_even(
+                w->p->world.environment, w->p->sources, s->direction, s->gathered);
+            r->stats.misses++;
+            continue;
+        }
+        hg_gi_surface_at(w->p->world.surfaces, &hits[i], s->direction, &surface);
+        struct hg_gi_patch *patch = &r->patches.points[r->patches.count];
+        r->met[r->patches.count++] = i;
+        hg_mad3(s->position, s->direction, hits[i].t, patch->position);
+        hg_copy3(surface.normal, patch->normal);
+        hg_copy3(surface.material->albedo, patch->albedo);
+        for (int c = 0; c < 3; c++) // what has one side shines to that side
+            patch->emission[c] = surface.back ? 0 : surface.material->emission[c];
+    }
+}
+
+static void add(const struct work *w)
+{
+    struct hg_irradiance *r = w->r;
+    const uint32_t *hidden = r->hidden.mapped;
+    const bool peaks = w->p->world.environment->has_peaks;
+    for (uint32_t k = 0; k < r->patches.count; k++)
+        hg_copy3(r->patches.radiance[k], r->samples[r->met[k]].gathered);
+    for (uint32_t i = 0; i < r->count; i++) {
+        struct sample *s = &r->samples[i];
+        float without[3];
+        const float most = fmaxf(s->without[0], fmaxf(s->without[1], s->without[2]));
+        for (int c = 0; c < 3; c++) {
+            s->gathered[c] += peaks && !hidden[i] ? s->peak[c] : 0;
+            without[c] = s->without[c] + GREY * most;
+        }
+        const float sum = s->gathered[0] + s->gathered[1] + s->gathered[2];
+        if (most > 0 && sum < FLT_MAX)
+            hg_irradiance_add(&r->cells, s->cell, s->gathered, without);
+    }
+}
+
+static enum hg_status gather(const struct work *w, struct hg_error *err)
+{
+    struct hg_irradiance *r = w->r;
+    struct hg_trace *trace = w->p->world.trace;
+    const struct hg_gi_patch_lighting with = {
+        r->jobs, w->p->sources, &w->p->world, r->cells.picture};
+    struct hg_trace_wave wave = {.rays = &r->rays, .hits = &r->hits, .count = r->count};
+    enum hg_status status = r->count > 0 ? hg_trace_closest(trace, &wave, err) : HG_OK;
+    if (status != HG_OK)
+        return status;
+    meet(w);
+    status = hg_gi_patches_light(&r->patches, &with, &r->stats.shadow_rays, err);
+    wave = (struct hg_trace_wave){.rays = &r->peaks, .blocked = &r->hidden, .count = r->count};
+    if (status == HG_OK && r->count > 0 && w->p->world.environment->has_peaks)
+        status = hg_trace_blocked(trace, &wave, err);
+    if (status == HG_OK)
+        add(w);
+    return status;
+}
+
+// --- what they change ----------------------------------------------------------------------------
+
+static void apply_texel(const struct work *w, const uint32_t at[2])
+{
+    struct hg_irradiance_point point;
+    struct hg_irradiance_sums sums;
+    float depth, light[3];
+    if (!find_point(w, at, &point, &depth))
+        return;
+    hg_irradiance_look_up(&w->r->cells, &point, &sums);
+    uint32_t *word = w->words + 4 * ((size_t)at[1] * w->columns + at[0]);
+    if (!(sums.samples > 0))
+        return;
+    hg_gi_rgb9e5_read(*word, light);
+    const float most = fmaxf(light[0], fmaxf(light[1], light[2]));
+    for (int c = 0; c < 3; c++) {
+        const float ratio =
+            fminf(sums.gathered[c] / fmaxf(sums.without[c], FLT_MIN), MOST_RATIO);
+        const float grey = light[c] + GREY * most;
+        light[c] =
+            (sums.samples * ratio * grey + BELIEVED * light[c]) / (sums.samples + BELIEVED);
+    }
+    if (getenv("BQD"))
+        for (int c = 0; c < 3; c++)
+            light[c] = sums.gathered[c] / sums.samples;
+    *word = hg_gi_rgb9e5(light[0], light[1], light[2]);
+}
+
+static void apply_row(void *user, size_t y)
+{
+    const struct work *w = user;
+    for (uint32_t x = 0; x < w->columns; x++)
+        apply_texel(w, (const uint32_t[2]){x, (uint32_t)y});
+}
+
+// --- the picture ---------------------------------------------------------------------------------
+
+static void sync(struct hg_irradiance *r, const struct hg_irradiance_picture *p)
+{
+    if (memcmp(r->origin, p->origin, sizeof r->origin) != 0)
+        hg_irradiance_cells_clear(&r->cells);
+    memcpy(r->origin, p->origin, sizeof r->origin);
+    r->cells.light += p->light != r->light;
+    r->light = p->light;
+    r->cells.picture++;
+}
+
+enum hg_status hg_irradiance_run(struct hg_irradiance *r,
+    const struct hg_irradiance_picture *picture, uint32_t *words, struct hg_error *err)
+{
+    const uint64_t begin = hg_clock_now_ns(), cpu = hg_clock_cpu_ns();
+    struct work w = {.r = r,
+        .p = picture,
+        .words = words,
+        .columns = (picture->texels.width + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX,
+        .rows = (picture->texels.height + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX};
+    r->stats = (struct hg_irradiance_stats){0};
+    sync(r, picture);
+    enum hg_status status = HG_OK;
+    const int n = getenv("BQN") ? atoi(getenv("BQN")) : 1;
+    for (int k = 0; k < n && status == HG_OK; k++) {
+        if (k) r->cells.picture++;
+    choose(&w);
+    status = gather(&w, err);
+    }
+    if (status == HG_OK)
+        hg_jobs_for(r->jobs, w.rows, apply_row, &w);
+    if (getenv("BQP")) {
+        double g = 0, f = 0; uint32_t m = 0;
+        for (uint32_t i = 0; i < r->count; i++) { g += r->samples[i].gathered[1]; f += r->samples[i].without[1]; m += ((const struct hg_gpu_hit *)r->hits.mapped)[i].draw == HG_HIT_NONE; }
+        for (uint32_t k = 0, i = 0; i < r->count; i++) { struct sample *q = &r->samples[i]; const struct hg_gpu_hit *h = (const struct hg_gpu_hit *)r->hits.mapped + i; while (k < r->patches.count && r->met[k] < i) k++; 
+            if (q->tx == 17 && q->ty == 7) { struct hg_gi_patch *pp = &r->patches.points[k]; struct hg_gi_surface sf; hg_gi_surface_at(w.p->world.surfaces, h, q->direction, &sf); fprintf(stderr, "T pos %.2f %.2f %.2f n %.2f %.2f %.2f dir %.2f %.2f %.2f draw %d t %.3f L %.4f without %.4f hit n %.2f %.2f %.2f alb %.3f back %d\n", q->position[0], q->position[1], q->position[2], q->normal[0], q->normal[1], q->normal[2], q->direction[0], q->direction[1], q->direction[2], (int)h->draw, h->t, q->gathered[1], q->without[1], pp->normal[0], pp->normal[1], pp->normal[2], pp->albedo[1], sf.back); } }
+        double dir = 0, tot = 0, alb = 0, miss = 0, pk = 0, lit = 0; const uint32_t *bl = r->patches.blocked.mapped;
+        for (uint32_t k = 0; k < r->patches.count; k++) { double d = 0; for (int q = 0; q < HG_GI_SHADOW_RAYS; q++) { const struct hg_gi_direct *dd = &r->patches.direct[k]; if (!(dd->rays[q].t_max > 0 && bl[k * HG_GI_SHADOW_RAYS + q])) d += dd->light[q][1]; } dir += d * r->patches.points[k].albedo[1]; lit += d > 0; tot += r->patches.radiance[k][1]; alb += r->patches.points[k].albedo[1]; }
+        for (uint32_t i = 0; i < r->count; i++) { if (((const struct hg_gpu_hit *)r->hits.mapped)[i].draw == HG_HIT_NONE) miss += r->samples[i].gathered[1]; if (w.p->world.environment->has_peaks && !((uint32_t *)r->hidden.mapped)[i]) pk += r->samples[i].peak[1]; }
+        fprintf(stderr, "direct %.5f field %.5f miss+pk %.5f peaks %.5f  albedo %.3f lit %.0f sources %u\n", dir / r->count, (tot - dir) / r->count, miss / r->count, pk / r->count, alb / r->patches.count, lit, w.p->sources->count);
+        fprintf(stderr, "rays %u gathered %.4f without %.4f misses %u turns %u cells %u peaks %d spacing %g\n", r->count, g / r->count, f / r->count, m, turns_of(&w), r->cells.count, w.p->world.environment->has_peaks, w.p->world.field->spacing);
+    }
+    r->stats.rays = r->count;
+    r->stats.cells = r->cells.count;
+    r->stats.ns = hg_clock_now_ns() - begin;
+    r->stats.cpu_ns = hg_clock_cpu_ns() - cpu;
+    r->stats.bytes = HG_IRRADIANCE_CELLS * sizeof *r->cells.cells +
+                     MOST_RAYS * (sizeof *r->samples + sizeof *r->met);
+    return status;
+}
+
+void hg_irradiance_stats(const struct hg_irradiance *r, struct hg_irradiance_stats *out)
+{
+    *out = r ? r->stats : (struct hg_irradiance_stats){0};
+}
