@@ -6,6 +6,7 @@
 #include "renderer/math/vec.h"
 #include "shaders/shared/frame.h"
 #include "shaders/shared/gi.h"
+#include "shaders/shared/reflect.h"
 
 // The picture that they are of. camera: relative to the geometry's origin.
 struct hg_gi_texels {
@@ -38,8 +39,23 @@ static inline void hg_gi_texel_place(const struct hg_gi_texels *t, const uint32_
 // The interpolated normal, from the third word of a texel.
 static inline void hg_gi_texel_normal(uint32_t word, float out[3])
 {
-    hg_octahedral3(
-        (float)(word & 4095) * (2.0f / 4095) - 1, (float)(word >> 12 & 4095) * (2.0f / 4095) - 1, out);
+    hg_octahedral3((float)(word & 4095) * (2.0f / 4095) - 1,
+        (float)(word >> 12 & 4095) * (2.0f / 4095) - 1, out);
+}
+
+// What the two words say of its surface (shaders/shared/reflect.h).
+struct hg_gi_texel_mirror {
+    float normal[3], facet[3]; // that of shading; of the triangle
+    float roughness, f0;
+};
+static inline void hg_gi_texel_mirror(const uint32_t words[2], struct hg_gi_texel_mirror *out)
+{
+    out->roughness = (float)(words[1] & HG_MIRROR_MOST) * (1.0f / HG_MIRROR_MOST);
+    out->f0 = (float)(words[1] >> HG_MIRROR_F0_SHIFT & HG_MIRROR_MOST) * (1.0f / HG_MIRROR_MOST);
+    hg_octahedral3((float)(int16_t)(words[0] & 0xffff) / 32767,
+        (float)(int16_t)(words[0] >> 16) / 32767, out->normal);
+    hg_octahedral3((float)(int8_t)(words[1] >> HG_MIRROR_FACET_SHIFT & 0xff) / 127,
+        (float)(int8_t)(words[1] >> (HG_MIRROR_FACET_SHIFT + 8)) / 127, out->facet);
 }
 
 #endif

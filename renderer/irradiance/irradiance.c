@@ -26,6 +26,7 @@
 #define LIFT        2e-3f   // of the depth, that rays begin off surfaces: levels of detail differ
 
 struct sample {
+    float facet[3]; // normal of the triangle
     uint32_t cell, tx, ty;
     float normal[3], direction[3], position[3];
     float without[3];  // probe light
@@ -215,10 +216,15 @@ static void send(const struct work *w, const uint32_t at[2], uint32_t cell,
     float xi[3];
     *s = (struct sample){.cell = cell, .tx = at[0], .ty = at[1]};
     hg_copy3(point->normal, s->normal);
-    hg_mad3(point->position, point->normal, LIFT * depth, s->position);
+    struct hg_gi_texel_mirror m;
+    hg_gi_texel_mirror(w->p->mirrors + 2 * texel, &m);
+    hg_copy3(m.facet, s->facet);
+    hg_mad3(point->position, m.facet, LIFT * depth, s->position);
     hg_gi_rgb9e5_read(w->p->looked_up[4 * texel], s->without);
     choose_direction(&r->cells.cells[cell], s, xi);
     ((struct hg_gpu_ray *)r->rays.mapped)[r->count] = ray_of(s, s->direction);
+    if (hg_dot3(s->direction, s->facet) < 0) // light from behind the triangle is lost
+        ((struct hg_gpu_ray *)r->rays.mapped)[r->count].t_max = -1;
     if (w->p->world.environment->has_peaks)
         choose_peak(w, r->count, xi);
     r->count++;
@@ -257,6 +263,8 @@ static void meet(const struct work *w)
     for (uint32_t i = 0; i < r->count; i++) {
         struct sample *s = &r->samples[i];
         struct hg_gi_surface surface;
+        if (hg_dot3(s->direction, s->facet) < 0)
+            continue;
         if (hits[i].draw == HG_HIT_NONE) {
             hg_gi_environment_even(
                 w->p->world.environment, w->p->sources, s->direction, s->gathered);
