@@ -2,8 +2,6 @@
 #include "renderer/frame/reflect_view.h"
 
 #include <string.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -105,7 +103,6 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     hg_lighting_sources(view->lighting, &r->sources);
     r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
     r->light_of = light_of(view);
-    if (getenv("BQP")) fprintf(stderr, "step gi %u refl %u\n", view->settings.gi, view->settings.reflections);
     r->gathers = view->settings.gi == HG_VIEW_GI_RAYS && make_irradiance(view, err) == HG_OK;
     // Without a cache all that rays meet is shaded.
     r->caches =

@@ -2,8 +2,6 @@
 #include "renderer/irradiance/irradiance.h"
 
 #include <float.h>
-#include <stdlib.h>
-#include <stdio.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -14,11 +12,12 @@
 #include "renderer/gi/words.h"
 #include "renderer/irradiance/cells.h"
 
-#define MOST_RAYS   4096u
+#define MOST_RAYS   6144u
+#define MOST_EACH   2u      // rays of a texel in one picture
 #define MOST_TURNS  64u     // pictures in which each texel sends once, at most
-#define ACROSS (getenv("BQA") ? (float)atof(getenv("BQA")) : 64.0f)
+#define ACROSS      20.0f   // cells that the height of a picture is, at any distance
 #define FINEST      0.005f  // metres of the smallest cells
-#define BELIEVED (getenv("BQK") ? (float)atof(getenv("BQK")) : 8.0f)
+#define BELIEVED    6.0f    // samples that count as much as that probe light is right
 #define ENOUGH      128.0f  // samples of a cell from which on it is asked less often,
 #define SELDOM      8u      // in one of so many turns
 #define GREY        0.02f   // of the brightest channel, that a dark one is taken to have
@@ -26,9 +25,9 @@
 #define LIFT        2e-3f   // of the depth, that rays begin off surfaces: levels of detail differ
 
 struct sample {
-    float facet[3]; // normal of the triangle
-    uint32_t cell, tx, ty;
-    float normal[3], direction[3], position[3];
+    uint32_t cell;
+    float normal[3], facet[3]; // interpolated; of the triangle
+    float direction[3], position[3];
     float without[3];  // probe light
     float gathered[3]; // irradiance over pi
     float peak[3];     // the same of a peak of the environment, if nothing is in the way
@@ -126,16 +125,6 @@ static uint32_t rank_of(uint32_t x, uint32_t y)
     return rank;
 }
 
-static uint32_t turns_of(const struct work *w)
-{
-    const float share = w->p->share > 0 ? w->p->share : 1;
-    const float most = share * MOST_RAYS;
-    uint32_t turns = 1;
-    while (turns < MOST_TURNS && (float)w->columns * (float)w->rows > most * (float)turns)
-        turns *= 2;
-    return turns;
-}
-
 // False: there is no surface that scatters.
 static bool find_point(
     const struct work *w, const uint32_t at[2], struct hg_irradiance_point *out, float *depth)
@@ -193,13 +182,20 @@ static struct hg_gpu_ray ray_of(const struct sample *s, const float direction[3]
         .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
 }
 
+// Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it is
+// in path mode.
+static bool is_lost(const struct sample *s)
+{
+    return hg_dot3(s->direction, s->facet) < 0;
+}
+
 // A ray to a peak of the environment, beside each that samples the cosine.
 static void choose_peak(const struct work *w, uint32_t i, const float xi[3])
 {
     struct sample *s = &w->r->samples[i];
     float direction[3] = {0, 1, 0}, light[3];
     hg_gi_environment_peak(w->p->world.environment, w->p->sources, xi, direction, light);
-    const float cosine = hg_dot3(direction, s->normal);
+    const float cosine = hg_dot3(direction, s->facet) > 0 ? hg_dot3(direction, s->normal) : 0;
     for (int c = 0; c < 3; c++)
         s->peak[c] = cosine > 0 ? light[c] * cosine * (1 / (float)HG_PI) : 0;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->peaks.mapped + i;
@@ -214,7 +210,7 @@ static void send(const struct work *w, const uint32_t at[2], uint32_t cell,
     const size_t texel = (size_t)at[1] * w->columns + at[0];
     struct sample *s = &r->samples[r->count];
     float xi[3];
-    *s = (struct sample){.cell = cell, .tx = at[0], .ty = at[1]};
+    *s = (struct sample){.cell = cell};
     hg_copy3(point->normal, s->normal);
     struct hg_gi_texel_mirror m;
     hg_gi_texel_mirror(w->p->mirrors + 2 * texel, &m);
@@ -223,33 +219,45 @@ static void send(const struct work *w, const uint32_t at[2], uint32_t cell,
     hg_gi_rgb9e5_read(w->p->looked_up[4 * texel], s->without);
     choose_direction(&r->cells.cells[cell], s, xi);
     ((struct hg_gpu_ray *)r->rays.mapped)[r->count] = ray_of(s, s->direction);
-    if (hg_dot3(s->direction, s->facet) < 0) // light from behind the triangle is lost
+    if (is_lost(s))
         ((struct hg_gpu_ray *)r->rays.mapped)[r->count].t_max = -1;
     if (w->p->world.environment->has_peaks)
         choose_peak(w, r->count, xi);
     r->count++;
 }
 
+// Rays of the texel at this place of the picture, if it is its turn.
+static void choose_texel(const struct work *w, const uint32_t at[2], uint32_t turns)
+{
+    struct hg_irradiance *r = w->r;
+    const uint32_t rank = rank_of(at[0], at[1]);
+    struct hg_irradiance_point point;
+    float depth;
+    if (rank % turns != r->cells.picture % turns || !find_point(w, at, &point, &depth))
+        return;
+    const uint32_t cell = hg_irradiance_ask(&r->cells, &point);
+    if (cell == HG_IRRADIANCE_NONE)
+        return;
+    const bool enough = r->cells.cells[cell].sums.samples >= ENOUGH;
+    if (!enough || (rank / turns + r->cells.picture / turns) % SELDOM == 0)
+        send(w, at, cell, &point, depth);
+}
+
 // In the order of texels: what cells count does not depend on threads.
 static void choose(const struct work *w)
 {
     struct hg_irradiance *r = w->r;
-    const uint32_t turns = turns_of(w), turn = r->cells.picture % turns;
+    const float most = (w->p->share > 0 ? w->p->share : 1) * MOST_RAYS;
+    const float texels = (float)w->columns * (float)w->rows;
+    const uint32_t each = 2 * texels <= most ? MOST_EACH : 1;
+    uint32_t turns = 1;
+    while (turns < MOST_TURNS && texels > most * (float)turns)
+        turns *= 2;
     r->count = 0;
-    for (uint32_t y = 0; y < w->rows; y++)
-        for (uint32_t x = 0; x < w->columns && r->count < MOST_RAYS; x++) {
-            const uint32_t at[2] = {x, y}, rank = rank_of(x, y);
-            struct hg_irradiance_point point;
-            float depth;
-            if (rank % turns != turn || !find_point(w, at, &point, &depth))
-                continue;
-            const uint32_t cell = hg_irradiance_ask(&r->cells, &point);
-            if (cell == HG_IRRADIANCE_NONE)
-                continue;
-            const bool enough = r->cells.cells[cell].sums.samples >= ENOUGH;
-            if (!enough || (rank / turns + r->cells.picture / turns) % SELDOM == 0)
-                send(w, at, cell, &point, depth);
-        }
+    for (uint32_t k = 0; k < each; k++)
+        for (uint32_t y = 0; y < w->rows; y++)
+            for (uint32_t x = 0; x < w->columns && r->count < MOST_RAYS; x++)
+                choose_texel(w, (const uint32_t[2]){x, y}, turns);
 }
 
 // --- what rays bring -----------------------------------------------------------------------------
@@ -263,7 +271,7 @@ static void meet(const struct work *w)
     for (uint32_t i = 0; i < r->count; i++) {
         struct sample *s = &r->samples[i];
         struct hg_gi_surface surface;
-        if (hg_dot3(s->direction, s->facet) < 0)
+        if (is_lost(s))
             continue;
         if (hits[i].draw == HG_HIT_NONE) {
             hg_gi_environment_even(
@@ -345,9 +353,6 @@ static void apply_texel(const struct work *w, const uint32_t at[2])
         light[c] =
             (sums.samples * ratio * grey + BELIEVED * light[c]) / (sums.samples + BELIEVED);
     }
-    if (getenv("BQD"))
-        for (int c = 0; c < 3; c++)
-            light[c] = sums.gathered[c] / sums.samples;
     *word = hg_gi_rgb9e5(light[0], light[1], light[2]);
 }
 
@@ -381,26 +386,10 @@ enum hg_status hg_irradiance_run(struct hg_irradiance *r,
         .rows = (picture->texels.height + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX};
     r->stats = (struct hg_irradiance_stats){0};
     sync(r, picture);
-    enum hg_status status = HG_OK;
-    const int n = getenv("BQN") ? atoi(getenv("BQN")) : 1;
-    for (int k = 0; k < n && status == HG_OK; k++) {
-        if (k) r->cells.picture++;
     choose(&w);
-    status = gather(&w, err);
-    }
+    const enum hg_status status = gather(&w, err);
     if (status == HG_OK)
         hg_jobs_for(r->jobs, w.rows, apply_row, &w);
-    if (getenv("BQP")) {
-        double g = 0, f = 0; uint32_t m = 0;
-        for (uint32_t i = 0; i < r->count; i++) { g += r->samples[i].gathered[1]; f += r->samples[i].without[1]; m += ((const struct hg_gpu_hit *)r->hits.mapped)[i].draw == HG_HIT_NONE; }
-        for (uint32_t k = 0, i = 0; i < r->count; i++) { struct sample *q = &r->samples[i]; const struct hg_gpu_hit *h = (const struct hg_gpu_hit *)r->hits.mapped + i; while (k < r->patches.count && r->met[k] < i) k++; 
-            if (q->tx == 17 && q->ty == 7) { struct hg_gi_patch *pp = &r->patches.points[k]; struct hg_gi_surface sf; hg_gi_surface_at(w.p->world.surfaces, h, q->direction, &sf); fprintf(stderr, "T pos %.2f %.2f %.2f n %.2f %.2f %.2f dir %.2f %.2f %.2f draw %d t %.3f L %.4f without %.4f hit n %.2f %.2f %.2f alb %.3f back %d\n", q->position[0], q->position[1], q->position[2], q->normal[0], q->normal[1], q->normal[2], q->direction[0], q->direction[1], q->direction[2], (int)h->draw, h->t, q->gathered[1], q->without[1], pp->normal[0], pp->normal[1], pp->normal[2], pp->albedo[1], sf.back); } }
-        double dir = 0, tot = 0, alb = 0, miss = 0, pk = 0, lit = 0; const uint32_t *bl = r->patches.blocked.mapped;
-        for (uint32_t k = 0; k < r->patches.count; k++) { double d = 0; for (int q = 0; q < HG_GI_SHADOW_RAYS; q++) { const struct hg_gi_direct *dd = &r->patches.direct[k]; if (!(dd->rays[q].t_max > 0 && bl[k * HG_GI_SHADOW_RAYS + q])) d += dd->light[q][1]; } dir += d * r->patches.points[k].albedo[1]; lit += d > 0; tot += r->patches.radiance[k][1]; alb += r->patches.points[k].albedo[1]; }
-        for (uint32_t i = 0; i < r->count; i++) { if (((const struct hg_gpu_hit *)r->hits.mapped)[i].draw == HG_HIT_NONE) miss += r->samples[i].gathered[1]; if (w.p->world.environment->has_peaks && !((uint32_t *)r->hidden.mapped)[i]) pk += r->samples[i].peak[1]; }
-        fprintf(stderr, "direct %.5f field %.5f miss+pk %.5f peaks %.5f  albedo %.3f lit %.0f sources %u\n", dir / r->count, (tot - dir) / r->count, miss / r->count, pk / r->count, alb / r->patches.count, lit, w.p->sources->count);
-        fprintf(stderr, "rays %u gathered %.4f without %.4f misses %u turns %u cells %u peaks %d spacing %g\n", r->count, g / r->count, f / r->count, m, turns_of(&w), r->cells.count, w.p->world.environment->has_peaks, w.p->world.field->spacing);
-    }
     r->stats.rays = r->count;
     r->stats.cells = r->cells.count;
     r->stats.ns = hg_clock_now_ns() - begin;
