@@ -20,6 +20,7 @@
 #include "server/broker/confine.h"
 #include "server/broker/folder_lock.h"
 #include "server/broker/conn_share.h"
+#include "server/broker/conn_time.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
 #include "server/broker/recovery.h"
@@ -37,7 +38,8 @@
 #include "server/broker/web.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4, EXIT_LAUNCHER = 5 };
-enum { TICK_NS = 50000000, IDLE_TICK_NS = 500000000, THROTTLE_NS = 5000000 };
+enum { TICK_NS = 50000000, SLOW_TICK_NS = 250000000, IDLE_TICK_NS = 500000000 };
+enum { TICK_PART = 10, THROTTLE_NS = 5000000 };
 static const uint64_t check_tokens_ns = 1000000000;
 
 // ---- checks -------------------------------------------------------------------------------------
@@ -448,16 +450,16 @@ static void tick(struct hg_broker *b)
     hg_conn_share_input(&b->conns);
     hg_conn_check_input(&b->conns);
     hg_conn_check_times(&b->conns);
-    if (now_ns - b->tokens_checked_ns > check_tokens_ns) {
-        b->tokens_checked_ns = now_ns;
+    if (now_ns - b->ticks.tokens_checked_ns > check_tokens_ns) {
+        b->ticks.tokens_checked_ns = now_ns;
         hg_client_dispatch_check_tokens(&b->conns);
         hg_session_record_cameras(&b->sessions);
         hg_session_check_parked(&b->sessions);
+        for (struct hg_session *it = b->sessions.first; it; it = it->next)
+            hg_session_upload_check_times(it, now_ns);
         if (b->state)
             hg_state_log_sync_file(b->state, hg_audit_dup(&b->audit), NULL);
     }
-    for (struct hg_session *it = b->sessions.first; it; it = it->next)
-        hg_session_upload_check_times(it, now_ns);
     hg_session_view_tick(&b->sessions);
     hg_session_share_tick(&b->sessions);
     hg_session_admin_tick(&b->sessions);
@@ -477,6 +479,13 @@ static uint64_t sooner(uint64_t a, uint64_t b)
     return a < b ? a : b;
 }
 
+// A tick passes over all connections and sessions some times: with thousands of them it takes some
+// milliseconds, and comes more rarely, so that it has a tenth of the time at most.
+static uint64_t tick_wait_ns(uint64_t took_ns)
+{
+    return took_ns < TICK_NS / TICK_PART ? TICK_NS : sooner(TICK_PART * took_ns, SLOW_TICK_NS);
+}
+
 // Periodic and deferred work; returns the next deadline.
 static uint64_t round_end(void *user)
 {
@@ -487,15 +496,19 @@ static uint64_t round_end(void *user)
     bool idle =
         !b->conns.first && hg_worker_pool_is_up(&b->pool) && !draining && !b->watchdog.interval_ns;
     if (!idle)
-        b->tick_ns = sooner(b->tick_ns, now_ns + TICK_NS);
-    if (now_ns >= b->tick_ns) {
+        b->ticks.due_ns = sooner(b->ticks.due_ns, now_ns + b->ticks.wait_ns);
+    if (now_ns >= b->ticks.due_ns) {
         tick(b);
-        b->tick_ns = now_ns + (idle ? IDLE_TICK_NS : TICK_NS);
+        b->ticks.wait_ns = tick_wait_ns(hg_clock_now_ns() - now_ns);
+        b->ticks.due_ns = now_ns + (idle ? IDLE_TICK_NS : b->ticks.wait_ns);
     }
     hg_conn_resume_paused(&b->conns);
     bury(b);
-    for (uint32_t i = 0; i < b->pool.count; i++)
+    bool rebuilds = false;
+    for (uint32_t i = 0; i < b->pool.count; i++) {
         hg_recovery_continue(&b->pool.links[i]);
+        rebuilds |= b->pool.links[i].feed.rebuild_goes_on;
+    }
     if (hg_session_admin_drained(&b->sessions))
         begin_drain(b);
     if (draining)
@@ -503,12 +516,10 @@ static uint64_t round_end(void *user)
     else if (b->takeover.deadline_ns)
         hg_takeover_step(&b->takeover);
     bury(b);
-    uint64_t deadline_ns = sooner(b->tick_ns, hg_worker_pool_deadline_ns(&b->pool));
-    if (b->conns.deferred)
+    uint64_t deadline_ns = sooner(b->ticks.due_ns, hg_worker_pool_deadline_ns(&b->pool));
+    if (b->conns.turns.more || rebuilds)
         return now_ns;
-    if (b->conns.paused_count)
-        deadline_ns = sooner(deadline_ns, now_ns + THROTTLE_NS);
-    return deadline_ns;
+    return b->conns.turns.waiting ? sooner(deadline_ns, now_ns + THROTTLE_NS) : deadline_ns;
 }
 
 // ---- life ---------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record
 //   quarantine                                   files that ended workers
-//   slots                                        who gets a connection
+//   slots conn_turn                              who gets a connection; whose turn it is
 //   cgroup privileges call_filter                control groups; the daemon's user, its calls
 //   worker_share                                 what of the machine a worker gets
 //   disk_watch                                   what workers have on the disk
@@ -29,7 +29,7 @@
 //   worker_process confine                       its arguments; what its process may do
 //   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
-//   conn_share                                   memory for output
+//   conn_share conn_time                         memory for output; what has to happen in time
 //   worker_pool                                  which worker a scene goes to
 //   annotation block_list join_ticket pixel_rate  texts in scenes; who is let in; frames per second
 //   scene                                        scenes by name
@@ -73,6 +73,12 @@ struct hg_guests {
     struct hg_block_list blocks;
 };
 
+// Of periodic work.
+struct hg_ticks {
+    uint64_t due_ns, wait_ns; // the next; between two while there are clients
+    uint64_t tokens_checked_ns;
+};
+
 struct hg_broker {
     struct hg_loop loop;
     struct hg_options options;
@@ -98,7 +104,8 @@ struct hg_broker {
     struct hg_broker_watchdog {
         uint64_t interval_ns, sent_ns; // of the service manager; 0 = there is none
     } watchdog;
-    uint64_t tick_ns, tokens_checked_ns, drain_deadline_ns;
+    struct hg_ticks ticks;
+    uint64_t drain_deadline_ns;
 };
 
 // Runs until drained; returns the exit code. Options are taken over.

@@ -52,13 +52,14 @@ static enum hg_status check_session(
         return hg_error_set(err, HG_E_STATE, "session", NULL, "the daemon is shutting down");
     if (hg_session_allow_begin(a->sessions, admin ? HGP_role_ADMIN : HGP_role_VIEW, "session", err))
         return err->status;
-    if (a->sessions->count - hg_session_count_parked(a->sessions) >= o->max_sessions - kept) {
+    if (a->sessions->count >= o->max_sessions - kept && // else there is no need to count
+        a->sessions->count - hg_session_count_parked(a->sessions) >= o->max_sessions - kept) {
         hg_error_set(err, HG_E_LIMIT, "session", NULL,
             "the daemon has as many sessions as it takes (max-sessions%s); try again later",
             kept ? ", reserved-sessions" : "");
         return hg_error_limit(err, "max-sessions", RETRY_SESSION_MS);
     }
-    if (token && count_sessions(a->sessions, conn) >= most) {
+    if (token && a->sessions->count >= most && count_sessions(a->sessions, conn) >= most) {
         hg_error_set(err, HG_E_LIMIT, "session", NULL,
             "this token has %u sessions open, as many as it may (max-sessions-per-token)", most);
         return hg_error_limit(err, "max-sessions-per-token", RETRY_SESSION_MS);

@@ -1,5 +1,6 @@
 #include "server/broker/conn.h"
 
+#include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
 
@@ -13,11 +14,8 @@
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
 // hello, auth and some pings; what is answered to them is small.
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
-enum { RESTED_BEFORE_TRIM = 64 };
-static const uint64_t trim_after_ns = 5000000000; // where fewer have rested
 // Of a connection in one round of the loop: the others wait for it.
 enum { MESSAGES_PER_ROUND = 32, READS_PER_ROUND = 16, ROUND_NS = 250000 };
-static const uint64_t rest_ns = 2000000000;
 
 uint64_t hg_conn_output_limit(const struct hg_conn *conn)
 {
@@ -95,12 +93,30 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
                 .reason = hgp_str_make(reason)});
 }
 
+// ---- turns --------------------------------------------------------------------------------------
+
+// By its token once it has one and its session is open, before it by its network. A token's key
+// begins with a byte that no name of a network does.
+static enum hg_status join_party(struct hg_conn *conn)
+{
+    const struct hg_peer *peer = &conn->peer;
+    uint8_t key[HG_TURN_KEY_BYTES] = {1};
+    if (conn->state == HG_CONN_OPEN && conn->auth.has_token)
+        memcpy(key + 1, conn->auth.hash, sizeof conn->auth.hash);
+    else
+        snprintf((char *)key, sizeof key, "%s", peer->network[0] ? peer->network : peer->source);
+    return hg_turn_join(&conn->turn, key);
+}
+
 // ---- ending -------------------------------------------------------------------------------------
 
 void hg_conn_set_open(struct hg_conn *conn, double rate)
 {
     hg_slots_opened(&conn->table->slots, &conn->slot);
     conn->state = HG_CONN_OPEN;
+    if (join_party(conn)) // no memory: its turns are with those of its network
+        hg_warn(NET, "session %llu has no turns of its own: no memory",
+            (unsigned long long)conn->number);
     conn->opened_ns = conn->rate.since_ns = conn->table->loop->now_ns;
     conn->rate.per_second = conn->rate.allowance = rate;
 }
@@ -122,25 +138,20 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     conn->state = HG_CONN_DEAD;
     hg_loop_remove(table->loop, &conn->source);
     hg_transport_close(&conn->transport);
-    if (conn->paused)
-        table->paused_count--;
-    conn->paused = false;
+    hg_turn_leave(&conn->turn);
     hg_slots_leave(&table->slots, &conn->slot, table->loop->now_ns);
     HG_LIST_REMOVE(table->first, conn);
     conn->next = table->dead;
     table->dead = conn;
 }
 
-// Nothing of HGP is sent any more; what waits in the transport is, and then it is closed.
-static void close_transport(struct hg_conn *conn)
+void hg_conn_close_transport(struct hg_conn *conn)
 {
     hg_outq_finish(&conn->out);
     conn->state = HG_CONN_CLOSING;
     conn->deadline_ns = conn->table->loop->now_ns + CLOSING_NS;
     conn->table->closing = true;
-    if (conn->paused)
-        conn->table->paused_count--;
-    conn->paused = false;
+    hg_turn_unpause(&conn->turn);
 }
 
 void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char *reason)
@@ -182,7 +193,7 @@ static void turn_away(struct hg_conn *conn, const struct hg_refusal *refusal)
     struct hg_conn_table *table = conn->table;
     struct hg_error err = {0};
     if (hg_transport_refuse(&conn->transport, refusal->reason)) {
-        close_transport(conn);
+        hg_conn_close_transport(conn);
         hg_conn_update(conn);
     } else {
         hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", refusal->reason);
@@ -237,11 +248,12 @@ static bool may_take_message(struct hg_conn *conn)
 
 static bool must_pause(struct hg_conn *conn)
 {
+    const bool has_had_turn = conn->turn.deferred || conn->turn.missed;
     if (conn->state < HG_CONN_OPEN)
-        return conn->deferred || conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
+        return has_had_turn || conn->auth.due_ns || conn->out.bytes > OUTPUT_BEFORE_OPEN;
     if (conn->state != HG_CONN_OPEN)
         return false;
-    return conn->table->quiet || conn->deferred || hg_conn_is_slow(conn) ||
+    return conn->table->quiet || has_had_turn || hg_conn_is_slow(conn) ||
            conn->table->events->must_wait(conn) || !may_take_message(conn);
 }
 
@@ -270,6 +282,7 @@ static bool take_message(struct hg_conn *conn)
     if (!packet)
         return false;
     conn->rate.allowance -= 1;
+    hg_turn_spend(&conn->turn, 0, 1);
     conn->budget.fill_ns = 0;
     hg_count(HG_COUNT_MESSAGES_IN);
     if (conn->state < HG_CONN_OPEN && conn->rate.allowance < 0) {
@@ -286,14 +299,21 @@ static bool take_message(struct hg_conn *conn)
     return true;
 }
 
+// What it has to do next comes in the next round.
+static void defer(struct hg_conn *conn)
+{
+    conn->turn.deferred = conn->table->turns.more = true;
+}
+
 // Handles queued messages until the connection has to wait.
 static void process(struct hg_conn *conn)
 {
     const uint64_t begin_ns = hg_clock_now_ns();
     for (int i = 0; conn->state < HG_CONN_CLOSING && !must_pause(conn); i++) {
-        const bool had_turn = i == MESSAGES_PER_ROUND || hg_clock_now_ns() - begin_ns > ROUND_NS;
+        const bool had_turn = i == MESSAGES_PER_ROUND || hg_turn_is_over(&conn->turn) ||
+                              hg_clock_now_ns() - begin_ns > ROUND_NS;
         if (had_turn && i > 0 && conn->state == HG_CONN_OPEN) {
-            conn->deferred = conn->table->deferred = true;
+            defer(conn);
             return;
         }
         if (conn->state == HG_CONN_PREFACE ? !take_preface(conn) : !take_message(conn))
@@ -322,7 +342,7 @@ static void end_transport(struct hg_conn *conn, enum hg_status status)
     if (status == HG_E_FORMAT)
         hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, NET, "closing %s: %s",
             conn->peer.name, conn->transport.fault ? conn->transport.fault : "protocol error");
-    close_transport(conn);
+    hg_conn_close_transport(conn);
 }
 
 // It comes from elsewhere than it seemed (PROXY protocol): that address counts.
@@ -331,7 +351,7 @@ static void rename_peer(struct hg_conn *conn)
     struct hg_conn_table *table = conn->table;
     conn->transport.renamed = false;
     hg_slots_leave(&table->slots, &conn->slot, table->loop->now_ns);
-    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot))
+    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot) || join_party(conn))
         hg_conn_kill(conn, "no memory for a connection");
     else
         admit(conn);
@@ -376,7 +396,7 @@ static void receive_all(struct hg_conn *conn)
             !hg_transport_has_input(&conn->transport))
             return;
     }
-    conn->deferred = conn->table->deferred = true;
+    defer(conn);
 }
 
 // All that was for the client is on its way: it sees the end.
@@ -416,13 +436,12 @@ static void transmit(struct hg_conn *conn)
     }
 }
 
-static void ready(struct hg_source *source, uint32_t events)
+static void take_events(struct hg_conn *conn, uint32_t events)
 {
-    struct hg_conn *conn = source->owner;
     bool read = events & EPOLLIN;
     if (events & EPOLLOUT) {
         transmit(conn);
-        read |= !conn->paused && hg_transport_has_input(&conn->transport);
+        read |= !conn->turn.paused && hg_transport_has_input(&conn->transport);
     }
     if (read && conn->state != HG_CONN_DEAD)
         receive_all(conn);
@@ -432,97 +451,59 @@ static void ready(struct hg_source *source, uint32_t events)
         hg_conn_update(conn);
 }
 
-// Only hg_conn_resume ends a pause: messages that were read before it come first.
+// Where others of its party have used up their turn, it comes behind those that wait already. What
+// ends it is cheap, and is taken at once.
+static void ready(struct hg_source *source, uint32_t events)
+{
+    struct hg_conn *conn = source->owner;
+    const uint64_t begin_ns = hg_clock_now_ns();
+    if (conn->state < HG_CONN_CLOSING && !(events & (EPOLLERR | EPOLLHUP)) &&
+        hg_turn_is_over(&conn->turn)) {
+        conn->turn.missed |= events;
+        conn->table->turns.more = true;
+        hg_conn_update(conn);
+        return;
+    }
+    take_events(conn, events);
+    hg_turn_spend(&conn->turn, hg_clock_now_ns() - begin_ns, 0);
+}
+
+// Only resume ends a pause: messages that were read before it come first.
 void hg_conn_update(struct hg_conn *conn)
 {
     if (conn->state == HG_CONN_DEAD)
         return;
-    if (!conn->paused && must_pause(conn)) {
-        conn->paused = true;
-        conn->table->paused_count++;
+    if (must_pause(conn))
+        hg_turn_pause(&conn->turn);
+    if (conn->turn.missed && conn->state < HG_CONN_CLOSING) {
+        hg_loop_set_events(conn->table->loop, &conn->source, 0);
+        return;
     }
-    bool read = !conn->paused && !conn->peer_ended;
+    bool read = !conn->turn.paused && !conn->peer_ended;
     bool write = hg_outq_may_send(&conn->out) ||
                  (conn->state == HG_CONN_CLOSING && !conn->out.head && !conn->transport.farewell);
     hg_loop_set_events(conn->table->loop, &conn->source,
         conn->transport.class->wants(&conn->transport, read, write));
 }
 
-static void resume(struct hg_conn *conn)
+static void resume(void *owner)
 {
-    conn->deferred = false;
-    if (conn->state == HG_CONN_DEAD || must_pause(conn))
+    struct hg_conn *conn = owner;
+    const uint32_t missed = conn->turn.missed;
+    conn->turn.missed = 0;
+    conn->turn.deferred = false;
+    if (missed & EPOLLOUT)
+        transmit(conn);
+    if (conn->state == HG_CONN_DEAD)
         return;
-    conn->paused = false;
-    conn->table->paused_count--;
-    process(conn);
-    if (conn->state < HG_CONN_CLOSING && !conn->paused && !must_pause(conn) &&
-        hg_transport_has_input(&conn->transport))
-        receive_all(conn);
+    if (!must_pause(conn)) {
+        hg_turn_unpause(&conn->turn);
+        process(conn);
+        if (conn->state < HG_CONN_CLOSING && !must_pause(conn) &&
+            (missed & EPOLLIN || hg_transport_has_input(&conn->transport)))
+            receive_all(conn);
+    }
     hg_conn_update(conn);
-}
-
-// ---- time ---------------------------------------------------------------------------------------
-
-static void check_idle(struct hg_conn *conn, uint64_t now_ns)
-{
-    const struct hg_options *o = conn->table->options;
-    uint64_t silent_ns = now_ns - conn->received_ns;
-    if (conn->peer.is_local || conn->paused)
-        return;
-    if (o->idle_timeout_ns && silent_ns > o->idle_timeout_ns) {
-        hg_count(HG_COUNT_REFUSED_IDLE);
-        hg_conn_kill(conn, "silent for too long (idle-timeout)");
-    } else if (silent_ns > o->idle_ping_ns && !conn->ping_ns) {
-        conn->ping_ns = now_ns;
-        hg_conn_send(conn, 0, HGP_T_ping, &(struct hgp_ping){.nonce = now_ns});
-    }
-}
-
-static void check_time(struct hg_conn *conn, uint64_t now_ns)
-{
-    const struct hg_options *o = conn->table->options;
-    if (conn->state == HG_CONN_CLOSING) {
-        if (now_ns > conn->deadline_ns)
-            hg_conn_kill(conn, "did not take its last messages");
-        return;
-    }
-    if (conn->state < HG_CONN_OPEN && now_ns > conn->deadline_ns) {
-        struct hg_error err = {0};
-        if (conn->state == HG_CONN_PREFACE && hg_transport_refuse(&conn->transport, NULL)) {
-            hg_count(HG_COUNT_REFUSED_HANDSHAKE_TIMEOUT);
-            close_transport(conn);
-            hg_conn_update(conn);
-            return;
-        }
-        if (!conn->transport.served)
-            hg_count(HG_COUNT_REFUSED_HANDSHAKE_TIMEOUT);
-        hg_error_set(&err, HG_E_TIMEOUT, "handshake", NULL, "was not finished in time");
-        if (conn->state == HG_CONN_PREFACE)
-            hg_conn_kill(conn, "sent no preface in time");
-        else
-            hg_conn_close(conn, &err, "handshake");
-        return;
-    }
-    hg_outq_excuse(&conn->out, now_ns);
-    if (conn->out.head && now_ns > conn->out.progress_ns + o->peer_timeout_ns) {
-        hg_count(HG_COUNT_REFUSED_PEER_TIMEOUT);
-        hg_conn_kill(conn, "takes nothing of what waits for it (peer-timeout)");
-        return;
-    }
-    if (!hg_outq_is_drained(&conn->out, now_ns, o->peer_timeout_ns, o->min_drain * 1024.)) {
-        hg_count(HG_COUNT_REFUSED_MIN_DRAIN);
-        hg_conn_kill(conn, "takes too little of what waits for it (min-drain)");
-        return;
-    }
-    if (conn->auth.due_ns && now_ns >= conn->auth.due_ns) {
-        conn->auth.due_ns = 0;
-        conn->table->events->due(conn);
-    }
-    if (now_ns - conn->received_ns > rest_ns)
-        conn->table->rested += hgp_framer_rest(&conn->in);
-    if (conn->state == HG_CONN_OPEN)
-        check_idle(conn, now_ns);
 }
 
 // ---- accepting ----------------------------------------------------------------------------------
@@ -541,6 +522,7 @@ static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport
         .transport = *transport,
         .in = {.frames = &hg_packet_frames},
         .out = {.reached = table->reached},
+        .turn = {.turns = &table->turns, .owner = conn},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,
         .received_ns = table->loop->now_ns,
         .rate = {.allowance = MESSAGES_BEFORE_OPEN},
@@ -553,7 +535,8 @@ static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport
     HG_LIST_ADD(table->first, conn);
     conn->transport.peer = &conn->peer;
     conn->transport.class->greet(&conn->transport, table->options->peer_timeout_ns, &conn->peer);
-    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot) == HG_OK)
+    if (hg_slots_take(&table->slots, &conn->peer, &conn->slot) == HG_OK &&
+        join_party(conn) == HG_OK)
         return conn;
     hg_conn_kill(conn, "no memory for a connection");
     return NULL;
@@ -611,10 +594,8 @@ struct hg_conn *hg_conn_adopt(
         hg_conn_kill(conn, "what its predecessor left makes no sense");
         return NULL;
     }
-    if (conn) { // what was read ahead is taken when reading goes on
-        conn->paused = true;
-        table->paused_count++;
-    }
+    if (conn) // what was read ahead is taken when reading goes on
+        hg_turn_pause(&conn->turn);
     return conn;
 }
 
@@ -638,22 +619,6 @@ void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener)
 
 // ---- all of them --------------------------------------------------------------------------------
 
-void hg_conn_check_times(struct hg_conn_table *table)
-{
-    uint64_t now_ns = table->loop->now_ns;
-    for (struct hg_conn *it = table->first, *next; it; it = next) {
-        next = it->next;
-        check_time(it, now_ns);
-    }
-    // The heap keeps what was freed in its middle.
-    if (table->rested >= RESTED_BEFORE_TRIM ||
-        (table->rested > 0 && now_ns - table->trimmed_ns >= trim_after_ns)) {
-        hg_alloc_trim();
-        table->rested = 0;
-        table->trimmed_ns = now_ns;
-    }
-}
-
 void hg_conn_release(struct hg_conn_table *table)
 {
     for (struct hg_conn *it = table->first; it; it = it->next)
@@ -662,12 +627,7 @@ void hg_conn_release(struct hg_conn_table *table)
 
 void hg_conn_resume_paused(struct hg_conn_table *table)
 {
-    table->deferred = false;
-    for (struct hg_conn *it = table->first, *next; it && table->paused_count; it = next) {
-        next = it->next;
-        if (it->paused)
-            resume(it);
-    }
+    hg_turns_give(&table->turns, resume);
 }
 
 void hg_conn_bury(struct hg_conn_table *table)

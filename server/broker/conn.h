@@ -3,6 +3,7 @@
 #ifndef HG_BROKER_CONN_H
 #define HG_BROKER_CONN_H
 
+#include "server/broker/conn_turn.h"
 #include "server/broker/listener.h"
 #include "server/broker/loop.h"
 #include "server/broker/options.h"
@@ -55,9 +56,9 @@ struct hg_conn {
     struct hgp_framer in;
     struct hg_outq out;
     enum hg_conn_state state;
-    bool paused, peer_ended;
-    bool starved;  // something waits for room in its output
-    bool deferred; // it has had its turn in this round; the rest of what was read comes in the next
+    struct hg_turn turn;
+    bool peer_ended;
+    bool starved; // something waits for room in its output
     struct hg_peer peer;
     struct hg_slot slot;
     struct hg_conn_auth auth;
@@ -96,14 +97,13 @@ struct hg_conn_table {
     const struct hg_tls *tls; // of the tls listeners
     const uint64_t *reached;  // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
-    uint32_t paused_count;
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
     uint64_t trimmed_ns;      // when that was
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause
     bool was_short;           // of memory for output, at the last check
     bool quiet;               // nothing is read from open sessions
-    bool deferred;            // one has had its turn and more to do
     bool closing;             // one began to close: `ended` comes at the end of the round
+    struct hg_turns turns;
     struct hg_slots slots;
     struct hg_peer_log log;
 };
@@ -137,16 +137,17 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
 // Error with request 0 (NULL: none), then bye, and the end once all is sent.
 void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char *reason);
 void hg_conn_kill(struct hg_conn *conn, const char *reason); // at once
+// Nothing of HGP is sent any more; what waits in the transport is, and then it is closed.
+void hg_conn_close_transport(struct hg_conn *conn);
 void hg_conn_update(struct hg_conn *conn);                   // which events are wanted
 // Bytes that may wait for the client: output-limit, or less while the daemon's memory is short.
 uint64_t hg_conn_output_limit(const struct hg_conn *conn);
 bool hg_conn_is_slow(const struct hg_conn *conn); // more wait
 
-// Once in a while: handshakes, silent and stuck clients.
-void hg_conn_check_times(struct hg_conn_table *table);
 // The state log has gone on: what was held may be sent.
 void hg_conn_release(struct hg_conn_table *table);
-// Reads again from those against which nothing stands any more.
+// Gives those that wait their turn (conn_turn.h): reads again from those against which nothing
+// stands any more.
 void hg_conn_resume_paused(struct hg_conn_table *table);
 // At the end of a round: `ended` for those that close or closed; frees the dead.
 void hg_conn_bury(struct hg_conn_table *table);

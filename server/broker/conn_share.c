@@ -67,7 +67,7 @@ static bool is_filled(struct hg_conn *conn, uint64_t now_ns)
 {
     const struct hg_options *o = conn->table->options;
     struct hg_conn_budget *budget = &conn->budget;
-    if (conn->state != HG_CONN_OPEN || conn->paused || hgp_framer_is_empty(&conn->in)) {
+    if (conn->state != HG_CONN_OPEN || conn->turn.paused || hgp_framer_is_empty(&conn->in)) {
         budget->fill_ns = 0;
         return true;
     }

@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 
-enum { EVENTS_PER_ROUND = 64 };
+enum { EVENTS_PER_ROUND = 512 };
 #define LATE_NS 200000000u // that a round may take beyond its wait
 
 enum hg_status hg_loop_init(struct hg_loop *loop, struct hg_error *err)

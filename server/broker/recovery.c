@@ -18,6 +18,7 @@
 #include "server/broker/trial.h"
 
 enum { REPLAY_DEATHS = 2 };
+static const uint64_t rebuild_ns = 4000000; // of a round of the loop: clients wait meanwhile
 
 // ---- sessions -----------------------------------------------------------------------------------
 
@@ -78,12 +79,17 @@ static void end_replay(struct hg_link *link)
 static void rebuild(struct hg_link *link)
 {
     struct hg_session_table *table = link->owner;
+    const uint64_t end_ns = hg_clock_now_ns() + rebuild_ns;
     for (struct hg_shared_scene *it = table->scenes.first, *next; it; it = next) {
         next = it->next;
         if (link->state != HG_LINK_UP || link->replay.scene)
             return; // goes on when it is up, or the replay is over
         if (it->in_worker || it->link != link)
             continue;
+        if (hg_clock_now_ns() >= end_ns) {
+            link->feed.rebuild_goes_on = true;
+            return;
+        }
         if (!hg_journal_get_stats(it->journal).entries && !it->kept_until_ns) {
             attach_all(it);
             continue;
@@ -93,11 +99,13 @@ static void rebuild(struct hg_link *link)
             end_replay(link);
     }
     link->feed.rebuild = link->state != HG_LINK_UP || link->replay.scene;
+    link->feed.pump |= !link->feed.rebuild; // suspects may have waited for it
 }
 
 void hg_recovery_continue(struct hg_link *link)
 {
     struct hg_session_table *table = link->owner;
+    link->feed.rebuild_goes_on = false;
     if (link->feed.rebuild)
         rebuild(link);
     hg_trial_check_time(link);

@@ -259,15 +259,17 @@ static struct hg_session *after(const struct hg_session_table *table, struct hg_
 
 void hg_session_request_pump_all(struct hg_session_table *table, struct hg_link *link)
 {
-    struct hg_session *first = table->first;
-    while (first && first->number != link->feed.turn)
-        first = first->next;
+    if (hg_trial_holds_all(link))
+        return;
+    struct hg_session *first = hg_session_find(table, link->feed.turn);
     first = after(table, first);
     bool more = first != NULL;
     while (more && hg_link_has_room(link)) {
         struct hg_session *it = first;
         more = false;
         do {
+            if (hg_trial_holds_all(link)) // by what was sent just now
+                return;
             if (it->scene && it->scene->link == link && hg_link_has_room(link)) {
                 more |= send_some(it, TURN_BYTES);
                 link->feed.turn = it->number;

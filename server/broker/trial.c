@@ -91,15 +91,14 @@ static bool is_tried_view(const struct hg_session *s, const struct hg_session_vi
 }
 
 // Scenes come before suspects, so that a death while a scene is built again is that scene's.
-static bool is_rebuilding(const struct hg_session *s)
+static bool is_rebuilding(const struct hg_link *link)
 {
-    const struct hg_link *link = s->scene->link;
-    if (link->replay.scene)
-        return true;
-    for (const struct hg_shared_scene *it = s->table->scenes.first; it; it = it->next)
-        if (it->link == link && !it->in_worker)
-            return true;
-    return false;
+    return link->replay.scene || link->feed.rebuild;
+}
+
+bool hg_trial_holds_all(const struct hg_link *link)
+{
+    return link->trial.waiting && (link->trial.session || is_rebuilding(link));
 }
 
 // Order within a session stays: cameras before a suspect go with it.
@@ -112,10 +111,8 @@ static bool leads_to_suspect(const struct hg_request *request)
 
 bool hg_trial_must_wait(const struct hg_session *s, const struct hg_request *request)
 {
-    const struct hg_link_trial *trial = &s->scene->link->trial;
-    if (!trial->waiting)
-        return false;
-    return trial->session || !leads_to_suspect(request) || is_rebuilding(s);
+    const struct hg_link *link = s->scene->link;
+    return link->trial.waiting && (hg_trial_holds_all(link) || !leads_to_suspect(request));
 }
 
 static uint64_t patience_ns(uint64_t ran_ns)
@@ -141,7 +138,7 @@ void hg_trial_subscribe(struct hg_session *s)
     struct hg_session_view *view = s->views;
     while (view && !(view->held && view->accepted && view->subscribed))
         view = view->next;
-    if (!view || trial->session || is_rebuilding(s))
+    if (!view || trial->session || is_rebuilding(s->scene->link))
         return;
     view->held = false;
     trial->session = s;

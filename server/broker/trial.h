@@ -15,6 +15,9 @@
 void hg_trial_meet(struct hg_session *session, struct hg_request *request);
 // It may not be sent now: suspects wait for their turn, the others for all suspects.
 bool hg_trial_must_wait(const struct hg_session *session, const struct hg_request *request);
+// Nothing of any session of that worker may be sent now: a suspect is tried, or would be the next
+// and scenes come first. `pump` is set when that ends.
+bool hg_trial_holds_all(const struct hg_link *link);
 void hg_trial_begin(struct hg_session *session, const struct hg_request *request); // it is sent
 // It is done, or goes.
 void hg_trial_clear(struct hg_session *session, struct hg_request *request);

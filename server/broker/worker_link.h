@@ -69,6 +69,7 @@ struct hg_link_trial {
 struct hg_link_feed {
     bool pump;             // sessions may have something to send
     bool rebuild;          // scenes may have to be replayed
+    bool rebuild_goes_on;  // in the next round, which is to come at once
     bool starved;          // and had more than there was room for
     uint32_t turn;         // number of the session that had the newest turn
     uint64_t unsent_bytes; // that sessions keep until there is room

@@ -9,6 +9,14 @@ shows() { # program, option of readelf, pattern, what is missing without it
     failed=1
 }
 
+# In the start files of the C library there are fewer.
+has_landing_pads() { # program
+    [ "$(uname -m)" != x86_64 ] && return
+    [ "$(objdump -d --no-show-raw-insn "$1" | grep -c 'endbr64')" -ge 100 ] && return
+    echo "$1: no landing pads (-fcf-protection)"
+    failed=1
+}
+
 for program; do
     shows "$program" -l GNU_RELRO "read-only relocations"
     shows "$program" -d 'FLAGS_1.* NOW' "binding of all symbols at the start"
@@ -16,5 +24,6 @@ for program; do
     shows "$program" -l 'GNU_STACK.* RW ' "stack without code"
     shows "$program" --dyn-syms __stack_chk_fail "stack canaries"
     shows "$program" --dyn-syms __memcpy_chk "checked functions of the C library"
+    has_landing_pads "$program"
 done
 exit $failed

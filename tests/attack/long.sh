@@ -6,7 +6,7 @@
 #             HELIO_READERS; what FOLDER/NAME.total says was done before counts
 #   foreign   HELIO_FOREIGN (20000) mutants of each file of a foreign format, each in a loader
 #   kills     HELIO_ALL_KILLS (1000) kills of the daemon, every fourth with one of its worker, in rounds of 50; a
-#             tenth as many of loaders, in rounds of 5, whose worker and daemon are to go on
+#             tenth as many of real workers, and of loaders, in rounds of 5, whose daemon is to go on
 #   soak      HELIO_SOAK_SESSIONS (10000) hostile sessions beside 10 honest ones for HELIO_SOAK_SECONDS (900, after
 #             as many of warming up) of the daemon's processor time, HELIO_SOAK_HELD (12000) connections held; with a
 #             BUILD of the preset asan under its sanitizers
@@ -111,13 +111,15 @@ kills() {
         HELIO_KILLS=50 "$build/tests/test_restarts" >"$folder/kills.round.log" 2>&1 ||
             { cat "$folder/kills.round.log"; return 1; }
         grep ' kills: ' "$folder/kills.round.log" | tee -a "$folder/kills.log"
-        HELIO_KILLS=5 "$build/tests/test_real_restarts" 'killed_loaders*' >"$folder/kills.round.log" 2>&1 ||
-            { cat "$folder/kills.round.log"; return 1; }
-        grep ' kills of loaders: ' "$folder/kills.round.log" | tee -a "$folder/kills.log"
+        for what in workers loaders; do
+            HELIO_KILLS=5 "$build/tests/test_real_restarts" "killed_$what*" >"$folder/kills.round.log" 2>&1 ||
+                { cat "$folder/kills.round.log"; return 1; }
+            grep " kills of $what: " "$folder/kills.round.log" | tee -a "$folder/kills.log"
+        done
         total=$((total + 50))
         echo "$total" >"$folder/kills.total"
     done
-    echo "kills: $total, and of loaders $((total / 10))"
+    echo "kills: $total, and of workers and loaders $((total / 10)) each"
 }
 
 soak() {

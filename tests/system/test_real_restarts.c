@@ -1,9 +1,9 @@
-// test_real_restarts.c - a new program, a killed daemon and killed loaders, with real workers of
-// two tenants: the same sessions, views and pictures afterwards, in homes and with weights as
-// before.
+// test_real_restarts.c - a new program, a killed daemon, killed workers and killed loaders, with
+// real workers of two tenants: the same sessions, views and pictures afterwards, in homes and with
+// weights as before.
 //
-// HELIO_KILLS=100 in the environment kills so many loaders instead of 3; an argument names one
-// test.
+// HELIO_KILLS=100 in the environment kills so many workers or loaders instead of 3; an argument
+// names one test.
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -45,6 +45,8 @@ static void begin(struct daemon *d, struct tenant_client clients[TENANTS])
     daemon_option(d, "state-dir", path);
     daemon_option(d, "asset-root", d->folder);
     daemon_option(d, "seed-shaders", "false");
+    daemon_option(d, "restart-delay", "0"); // doubles with each death
+    daemon_option(d, "crash-limit", "1000");
     daemon_start(d);
     clients[0] = (struct tenant_client){
         .token = "anna-token-1", .name = "anna", .color = {0.9f, 0.1f, 0.1f, 1}};
@@ -214,6 +216,109 @@ static void a_killed_daemon_goes_on(void **state)
     daemon_finish(&d);
 }
 
+// ---- killed workers -----------------------------------------------------------------------------
+
+static int count_kills(void)
+{
+    const char *text = getenv("HELIO_KILLS");
+    return text ? atoi(text) : 3;
+}
+
+// An edit that changes what the picture shows, or the one before it back.
+static void move_away(struct tenant_client *c, bool away)
+{
+    peer_call(&c->peer, HGP_T_node_set,
+        &(struct hgp_node_set){.node = c->peer.first_id,
+            .has_translation = true,
+            .translation = {away ? 5.0f : 0, 0, 0}},
+        HGP_T_ok);
+    assert_int_equal(c->peer.m.ok.revision, ++c->revision);
+}
+
+static int compare_times(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// Milliseconds of processor time of all its threads.
+static double processor_ms(pid_t pid)
+{
+    char path[64], line[1024] = "";
+    unsigned long user = 0, kernel = 0;
+    snprintf(path, sizeof path, "/proc/%d/stat", (int)pid);
+    FILE *file = fopen(path, "re");
+    assert_non_null(file);
+    assert_non_null(fgets(line, sizeof line, file));
+    fclose(file);
+    const char *rest = strrchr(line, ')');
+    assert_non_null(rest);
+    assert_int_equal(
+        sscanf(rest + 1, " %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &kernel),
+        2);
+    return (double)(user + kernel) * 1000 / (double)sysconf(_SC_CLK_TCK);
+}
+
+// The worker of the first tenant dies right after an edit was answered; its client has the picture
+// with that edit from the next one. times: milliseconds until then, and of processor time of the
+// new worker.
+static void kill_worker(
+    struct daemon *d, struct tenant_client *c, const uint8_t *wanted, double times[2])
+{
+    uint8_t now[FRAME_BYTES];
+    const pid_t worker = tenant_worker(d, c->name);
+    assert_true(worker > 0);
+    const uint64_t start_ns = hg_clock_now_ns();
+    assert_int_equal(kill(worker, SIGKILL), 0);
+    take(c, now);
+    const uint64_t took_ns = hg_clock_now_ns() - start_ns;
+    assert_memory_equal(now, wanted, FRAME_BYTES);
+    assert_int_equal(c->peer.m.frame.scene_revision, c->revision);
+    c->worker = tenant_worker(d, c->name);
+    assert_int_not_equal(c->worker, worker);
+    times[0] = (double)took_ns * 1e-6;
+    times[1] = processor_ms(c->worker);
+}
+
+static void killed_workers_lose_nothing(void **state)
+{
+    (void)state;
+    static struct tenant_client clients[TENANTS];
+    static uint8_t away[FRAME_BYTES], now[FRAME_BYTES];
+    struct daemon d;
+    const int kills = count_kills();
+    double times[2], *took_ms = calloc((size_t)kills, sizeof *took_ms),
+                     *processor = calloc((size_t)kills, sizeof *processor);
+    assert_true(took_ms && processor && kills > 0);
+    begin(&d, clients);
+    for (int i = 0; i < TENANTS; i++)
+        open_client(&clients[i], &d);
+    move_away(&clients[0], true);
+    take(&clients[0], away);
+    assert_memory_not_equal(away, clients[0].before, FRAME_BYTES);
+    for (int i = 0; i < kills; i++) {
+        move_away(&clients[0], i % 2);
+        kill_worker(&d, &clients[0], i % 2 ? away : clients[0].before, times);
+        took_ms[i] = times[0];
+        processor[i] = times[1];
+        take(&clients[1], now);
+        assert_memory_equal(now, clients[1].before, FRAME_BYTES);
+    }
+    qsort(took_ms, (size_t)kills, sizeof *took_ms, compare_times);
+    qsort(processor, (size_t)kills, sizeof *processor, compare_times);
+    print_message("%d kills of workers: nothing lost; next frame after %.0f ms (median), %.0f at "
+                  "most; the new one took %.0f ms of processor time for it (median)\n",
+        kills, took_ms[kills / 2], took_ms[kills - 1], processor[kills / 2]);
+    free(took_ms);
+    free(processor);
+    assert_int_equal(tenant_worker(&d, clients[1].name), clients[1].worker);
+    for (int i = 0; i < TENANTS; i++)
+        peer_close(&clients[i].peer);
+    daemon_finish(&d);
+}
+
+// ---- killed loaders -----------------------------------------------------------------------------
+
 // The loader that reads for a worker, once there is one.
 static pid_t await_loader(pid_t worker)
 {
@@ -245,8 +350,7 @@ static void killed_loaders_take_nothing_along(void **state)
     struct daemon d;
     char path[TEST_FOLDER_MAX + 16];
     uint8_t now[FRAME_BYTES];
-    const char *text = getenv("HELIO_KILLS");
-    const int kills = text ? atoi(text) : 3;
+    const int kills = count_kills();
     begin(&d, clients);
     snprintf(path, sizeof path, "%s/slow.dae", d.folder);
     loading_write_slow(path);
@@ -275,6 +379,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_new_program_goes_on),
         cmocka_unit_test(a_killed_daemon_goes_on),
+        cmocka_unit_test(killed_workers_lose_nothing),
         cmocka_unit_test(killed_loaders_take_nothing_along),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

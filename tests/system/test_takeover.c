@@ -376,8 +376,10 @@ static void workers_stay_what_they_are(void **state)
     daemon_write(&d, "config", "isolation = shared\n");
     snprintf(path, sizeof path, "--config=%s/config", d.folder);
     for (int i = 0; i < d.arg_count; i++)
-        if (strcmp(d.args[i], "--isolation=shared") == 0)
+        if (strcmp(d.args[i], "--isolation=shared") == 0) {
+            free(d.args[i]);
             d.args[i] = strdup(path);
+        }
     daemon_start(&d);
     peer_enter(&anna, &d, "edit-token-1");
     peer_scene(&anna, "hall");
