@@ -1,5 +1,4 @@
 // gi.c - light by way of surfaces in motion against the truth (helio bench gi).
-#include <stdlib.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -381,9 +380,9 @@ static enum hg_status walk_under(struct run *run, struct light *light, struct hg
         status = find_truth(run, light, err);
     if (status == HG_OK && light == run->lights)
         status = find_motion(run, err);
-    for (int mode = getenv("BQ") ? SHOWN_RESTED : 0; mode < SETTLED && status == HG_OK; mode++)
+    for (int mode = 0; mode < SETTLED && status == HG_OK; mode++)
         status = walk(run, light, mode, err);
-    if (status == HG_OK && !getenv("BQ"))
+    if (status == HG_OK)
         status = settle(run, light, err);
     if (status == HG_OK)
         change_of_truth(run, light);

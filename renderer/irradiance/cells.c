@@ -69,9 +69,9 @@ static float side_of(const struct hg_irradiance_cells *cells, int level)
     return ldexpf(cells->finest, level);
 }
 
-static int32_t cube_of(float at)
+static int32_t cube_of(float at) // what is no number is at 0
 {
-    return (int32_t)hg_clampf(floorf(at), -0x1p30f, 0x1p30f);
+    return at == at ? (int32_t)hg_clampf(floorf(at), -0x1p30f, 0x1p30f) : 0;
 }
 
 // The key of the cube that a point lies in, at any level.

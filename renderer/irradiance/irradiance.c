@@ -74,6 +74,16 @@ static enum hg_status make_buffers(struct hg_irradiance *r, struct hg_error *err
     return status;
 }
 
+uint64_t hg_irradiance_bytes(void)
+{
+    const uint64_t patch = sizeof(struct hg_gi_patch) + sizeof(struct hg_gi_direct) +
+                           sizeof(struct hg_gi_lit) + 3 * sizeof(float) +
+                           HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
+    const uint64_t ray = 2 * sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
+                         sizeof(struct sample) + 2 * sizeof(uint32_t);
+    return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + MOST_RAYS * (patch + ray);
+}
+
 enum hg_status hg_irradiance_create(
     struct hg_gpu *gpu, struct hg_jobs *jobs, struct hg_irradiance **out, struct hg_error *err)
 {
@@ -394,8 +404,7 @@ enum hg_status hg_irradiance_run(struct hg_irradiance *r,
     r->stats.cells = r->cells.count;
     r->stats.ns = hg_clock_now_ns() - begin;
     r->stats.cpu_ns = hg_clock_cpu_ns() - cpu;
-    r->stats.bytes = HG_IRRADIANCE_CELLS * sizeof *r->cells.cells +
-                     MOST_RAYS * (sizeof *r->samples + sizeof *r->met);
+    r->stats.bytes = hg_irradiance_bytes();
     return status;
 }
 

@@ -17,6 +17,7 @@
 
 struct hg_irradiance; // of one scene
 
+uint64_t hg_irradiance_bytes(void); // that one takes
 // HG_E_NOMEM, device errors. Borrows both.
 enum hg_status hg_irradiance_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     struct hg_irradiance **out, struct hg_error *err) HG_MUST_CHECK;
