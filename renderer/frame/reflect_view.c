@@ -101,7 +101,8 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (r->world.trace == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
-    uint64_t doublings; // of updates since the last change: a mean is not of the first ones for long
+    uint64_t
+        doublings; // of updates since the last change: a mean is not of the first ones for long
     r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
     for (doublings = 0; r->world.rounds >> doublings > 0;)
         doublings++;
@@ -231,8 +232,8 @@ static enum hg_status record(const struct hg_graph_run *run, void *user, struct 
         hg_irradiance_stats(draw->scene_gpu->irradiance, &gathered);
     hg_view_stats_add_stage(draw->stats, "irradiance rays", gathered.ns);
     hg_view_stats_add_stage(draw->stats, "reflection rays", stats.ray_ns);
-    hg_view_stats_add_stage(draw->stats, "reflections",
-        hg_clock_now_ns() - begin - stats.ray_ns - gathered.ns);
+    hg_view_stats_add_stage(
+        draw->stats, "reflections", hg_clock_now_ns() - begin - stats.ray_ns - gathered.ns);
     const uint32_t *words = back->mapped;
     if (status == HG_OK)
         status = hg_batch_look_into_mirrors(f, words, words + light_bytes / 4, err);

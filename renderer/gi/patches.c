@@ -66,8 +66,8 @@ enum hg_status hg_gi_patches_light(struct hg_gi_patches *patches,
     const enum hg_status status = hg_gi_points_light(&points, patches->lit, patches->count, err);
     for (uint32_t i = 0; i < patches->count && status == HG_OK; i++)
         for (int c = 0; c < 3; c++)
-            patches->radiance[i][c] =
-                patches->points[i].emission[c] + patches->points[i].albedo[c] * patches->lit[i].light[c];
+            patches->radiance[i][c] = patches->points[i].emission[c] +
+                                      patches->points[i].albedo[c] * patches->lit[i].light[c];
     if (status == HG_OK)
         *shadow_rays += hg_gi_points_rays(&points, patches->count);
     return status;

@@ -87,7 +87,8 @@ static uint64_t key_at(
 
 static uint32_t first_slot(uint64_t key)
 {
-    return (uint32_t)(hg_hash_mix(0, key) >> 40) & (HG_IRRADIANCE_CELLS - 1) & ~(uint32_t)(SLOTS - 1);
+    return (uint32_t)(hg_hash_mix(0, key) >> 40) & (HG_IRRADIANCE_CELLS - 1) &
+           ~(uint32_t)(SLOTS - 1);
 }
 
 static uint32_t find(const struct hg_irradiance_cells *cells, uint64_t key)
@@ -209,8 +210,8 @@ void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
     }
     for (int i = 0; i < 8; i++) {
         const int32_t at[3] = {low[0] + (i & 1), low[1] + (i >> 1 & 1), low[2] + (i >> 2)};
-        const float w = (i & 1 ? f[0] : 1 - f[0]) * (i & 2 ? f[1] : 1 - f[1]) *
-                        (i & 4 ? f[2] : 1 - f[2]);
+        const float w =
+            (i & 1 ? f[0] : 1 - f[0]) * (i & 2 ? f[1] : 1 - f[1]) * (i & 4 ? f[2] : 1 - f[2]);
         if (w > 0.01f)
             add_cell(cells, key_of(at, point->level, axis), w, out);
     }

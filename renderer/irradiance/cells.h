@@ -1,5 +1,6 @@
 // cells.h - a hash grid of cells on surfaces, and what rays from points in them gathered.
-// Floor 2, private to renderer/irradiance. Lookups from any thread, all else from the render thread.
+// Floor 2, private to renderer/irradiance. Lookups from any thread, all else from the render
+// thread.
 //
 // A cell is a cube of a grid, for surfaces that face along one of six axes. Cubes are larger by
 // powers of two the farther from the eye they were asked for (level). A new cell begins with what
@@ -33,9 +34,9 @@ struct hg_irradiance_cell {
     uint32_t light; // number of the light that its samples are of
 };
 
-struct hg_irradiance_cells { // zeroed: none
+struct hg_irradiance_cells {          // zeroed: none
     struct hg_irradiance_cell *cells; // [HG_IRRADIANCE_CELLS]
-    float finest; // metres of a cube of level 0; > 0
+    float finest;                     // metres of a cube of level 0; > 0
     uint32_t picture, light;
     uint32_t count;
 };
@@ -57,8 +58,8 @@ int hg_irradiance_level(const struct hg_irradiance_cells *cells, float metres);
 // samples of another light than `light` count as few from then on.
 uint32_t hg_irradiance_ask(
     struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point);
-void hg_irradiance_add(struct hg_irradiance_cells *cells, uint32_t cell,
-    const float gathered[3], const float without[3]);
+void hg_irradiance_add(struct hg_irradiance_cells *cells, uint32_t cell, const float gathered[3],
+    const float without[3]);
 // Sums of the eight cells around a point, interpolated. All zero: nothing is known.
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
     const struct hg_irradiance_point *point, struct hg_irradiance_sums *out);

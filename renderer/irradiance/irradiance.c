@@ -12,17 +12,17 @@
 #include "renderer/gi/words.h"
 #include "renderer/irradiance/cells.h"
 
-#define MOST_RAYS   6144u
-#define MOST_EACH   2u      // rays of a texel in one picture
-#define MOST_TURNS  64u     // pictures in which each texel sends once, at most
-#define ACROSS      20.0f   // cells that the height of a picture is, at any distance
-#define FINEST      0.005f  // metres of the smallest cells
-#define BELIEVED    6.0f    // samples that count as much as that probe light is right
-#define ENOUGH      128.0f  // samples of a cell from which on it is asked less often,
-#define SELDOM      8u      // in one of so many turns
-#define GREY        0.02f   // of the brightest channel, that a dark one is taken to have
-#define MOST_RATIO  16.0f
-#define LIFT        2e-3f   // of the depth, that rays begin off surfaces: levels of detail differ
+#define MOST_RAYS  6144u
+#define MOST_EACH  2u     // rays of a texel in one picture
+#define MOST_TURNS 64u    // pictures in which each texel sends once, at most
+#define ACROSS     20.0f  // cells that the height of a picture is, at any distance
+#define FINEST     0.005f // metres of the smallest cells
+#define BELIEVED   6.0f   // samples that count as much as that probe light is right
+#define ENOUGH     128.0f // samples of a cell from which on it is asked less often,
+#define SELDOM     8u     // in one of so many turns
+#define GREY       0.02f  // of the brightest channel, that a dark one is taken to have
+#define MOST_RATIO 16.0f
+#define LIFT       2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
 
 struct sample {
     uint32_t cell;
@@ -192,8 +192,8 @@ static struct hg_gpu_ray ray_of(const struct sample *s, const float direction[3]
         .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
 }
 
-// Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it is
-// in path mode.
+// Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it
+// is in path mode.
 static bool is_lost(const struct sample *s)
 {
     return hg_dot3(s->direction, s->facet) < 0;
@@ -357,11 +357,9 @@ static void apply_texel(const struct work *w, const uint32_t at[2])
     hg_gi_rgb9e5_read(*word, light);
     const float most = fmaxf(light[0], fmaxf(light[1], light[2]));
     for (int c = 0; c < 3; c++) {
-        const float ratio =
-            fminf(sums.gathered[c] / fmaxf(sums.without[c], FLT_MIN), MOST_RATIO);
+        const float ratio = fminf(sums.gathered[c] / fmaxf(sums.without[c], FLT_MIN), MOST_RATIO);
         const float grey = light[c] + GREY * most;
-        light[c] =
-            (sums.samples * ratio * grey + BELIEVED * light[c]) / (sums.samples + BELIEVED);
+        light[c] = (sums.samples * ratio * grey + BELIEVED * light[c]) / (sums.samples + BELIEVED);
     }
     *word = hg_gi_rgb9e5(light[0], light[1], light[2]);
 }

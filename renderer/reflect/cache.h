@@ -64,8 +64,8 @@ bool hg_radiance_cache_ask(struct hg_radiance_cache *cache, struct hg_cache_plac
 void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_place place,
     const struct hg_gi_patch *surface);
 // What a place shows.
-void hg_radiance_cache_surface(const struct hg_radiance_cache *cache, struct hg_cache_place place,
-    struct hg_gi_patch *out);
+void hg_radiance_cache_surface(
+    const struct hg_radiance_cache *cache, struct hg_cache_place place, struct hg_gi_patch *out);
 void hg_radiance_cache_light(
     struct hg_radiance_cache *cache, struct hg_cache_place place, const float radiance[3]);
 

@@ -26,7 +26,7 @@ struct way {
     float left[3];                // of the light that comes along it
     const struct hg_gi_glass *in; // the medium around; NULL: air
     float travelled;              // metres
-    struct hg_gi_patch met;  // ON_SURFACE
+    struct hg_gi_patch met;       // ON_SURFACE
     float radiance[3];            // from there
     bool goes_on, waits;          // waits: to be lit
     uint8_t end;                  // enum end
@@ -560,8 +560,7 @@ static enum hg_status light_waiting(const struct work *w, struct hg_error *err)
     g->stats.lit += g->light.count;
     if (count == 0)
         return HG_OK;
-    const enum hg_status status =
-        hg_gi_patches_light(&g->light, &with, &g->stats.shadow_rays, err);
+    const enum hg_status status = hg_gi_patches_light(&g->light, &with, &g->stats.shadow_rays, err);
     for (uint32_t k = 0; k < count && status == HG_OK; k++) {
         struct way *way = &g->ways[g->waiting[k]];
         const float *light = g->light.lit[k / w->step].light;

@@ -175,8 +175,7 @@ enum hg_status hg_reflect_shade(const struct hg_reflect_work *w, struct hg_error
         fill_places(w, waiting);
     choose_lit(w, waiting);
     r->stats.lit += r->light.count;
-    const enum hg_status status =
-        hg_gi_patches_light(&r->light, &with, &r->stats.shadow_rays, err);
+    const enum hg_status status = hg_gi_patches_light(&r->light, &with, &r->stats.shadow_rays, err);
     if (status == HG_OK)
         spread_light(w);
     return status;

@@ -107,8 +107,8 @@ static float halton(uint32_t i, uint32_t base)
     return sum;
 }
 
-// The reflected ray of a texel, above the plane of its triangle. turns: pictures since its last one,
-// so that its own points are evenly spread.
+// The reflected ray of a texel, above the plane of its triangle. turns: pictures since its last
+// one, so that its own points are evenly spread.
 static void send(const struct hg_reflect_work *w, size_t i, const uint32_t *mirror, uint32_t turns)
 {
     struct hg_reflect_texel *t = hg_reflect_texel_at(w->r, i);

@@ -1,5 +1,5 @@
-// occlusion.c - light where things meet in pictures in motion: with ambient occlusion, and with what
-// rays gather, they are nearer to path tracing, and nothing else is changed.
+// occlusion.c - light where things meet in pictures in motion: with ambient occlusion, and with
+// what rays gather, they are nearer to path tracing, and nothing else is changed.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -152,7 +152,8 @@ static void test_nearer_to_paths(void **state)
     }
 }
 
-// Rays know what probes and the depth of the picture do not: the same room, and the boxes in the open.
+// Rays know what probes and the depth of the picture do not: the same room, and the boxes in the
+// open.
 static void test_gathered_is_nearer(void **state)
 {
     struct rig *rig = *state;
@@ -202,8 +203,7 @@ static void test_elsewhere(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_nearer_to_paths),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_nearer_to_paths),
         cmocka_unit_test(test_gathered_is_nearer), cmocka_unit_test(test_elsewhere)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -107,7 +107,8 @@ static void test_between(void **state)
 static void test_new_cells(void **state)
 {
     (void)state;
-    const struct hg_irradiance_point large = at(0.5f, 0.5f, 0.5f, 2), small = at(0.3f, 0.3f, 0.3f, 1);
+    const struct hg_irradiance_point large = at(0.5f, 0.5f, 0.5f, 2),
+                                     small = at(0.3f, 0.3f, 0.3f, 1);
     const struct hg_irradiance_point smallest = at(0.3f, 0.3f, 0.3f, 0);
     fill(&large, 2, 100);
     const uint32_t cell = hg_irradiance_ask(&cells, &small);
@@ -115,7 +116,8 @@ static void test_new_cells(void **state)
     assert_true(s->samples > 0 && s->samples < 50);
     assert_float_equal(s->gathered[0] / s->samples, 2, 1e-5);
     const uint32_t next = hg_irradiance_ask(&cells, &smallest);
-    assert_float_equal(cells.cells[next].sums.gathered[1] / cells.cells[next].sums.samples, 4, 1e-5);
+    assert_float_equal(
+        cells.cells[next].sums.gathered[1] / cells.cells[next].sums.samples, 4, 1e-5);
     hg_irradiance_cells_clear(&cells);
     fill(&small, 5, 8);
     const uint32_t up = hg_irradiance_ask(&cells, &large);
