@@ -25,5 +25,6 @@ struct hg_debug_overrides hg_debug_environment_read(void)
         .table_addresses = is("HELIO_GPU_TABLES", "off"),
         .short_shaders = either("HELIO_GPU_OPTIMISE"),
         .unlit_tiles = either("HELIO_DARK"),
+        .no_irradiance_rays = is("HELIO_IRRADIANCE_RAYS", "off"),
     };
 }

@@ -6,8 +6,8 @@
 #include "renderer/scene_gpu/debug_overrides.h"
 
 // HELIO_CULLING=off, HELIO_RASTER=device, HELIO_PREFETCH=off, HELIO_GPU_TABLES=off,
-// HELIO_GPU_OPTIMISE=on|off and HELIO_DARK=on|off; other values count as none. Before there are
-// threads.
+// HELIO_GPU_OPTIMISE=on|off, HELIO_DARK=on|off and HELIO_IRRADIANCE_RAYS=off; other values count as
+// none. Before there are threads.
 struct hg_debug_overrides hg_debug_environment_read(void);
 
 #endif

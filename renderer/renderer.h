@@ -79,7 +79,7 @@ enum hg_background {
 enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
     HG_GI_NONE,
     HG_GI_AUTO, // the best that there is; at present as RAYS. The default of views of the protocol
-    HG_GI_RAYS, // PROBES in motion; at rest gathered by rays from each pixel
+    HG_GI_RAYS, // gathered by rays: at rest from each pixel, in motion into cells on surfaces
     HG_GI_PROBES,
 };
 enum hg_view_reflections {      // of pictures in motion that have light by way of surfaces

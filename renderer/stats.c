@@ -242,6 +242,19 @@ static void put_reflections(struct hg_writer *w, const struct hg_view_state *s)
         (unsigned long long)c.captured, (unsigned long long)c.lit, (unsigned long long)c.bytes);
 }
 
+static void put_irradiance(struct hg_writer *w, const struct hg_view_state *s)
+{
+    struct hg_irradiance_stats i;
+    if (s->scene_gpu->irradiance == NULL)
+        return;
+    hg_irradiance_stats(s->scene_gpu->irradiance, &i);
+    hg_json_put(w,
+        ",\"irradiance\":{\"rays\":%u,\"shadow_rays\":%u,\"misses\":%u,\"cells\":%u,"
+        "\"ms\":%.3f,\"cpu_ms\":%.3f,\"bytes\":%llu}",
+        i.rays, i.shadow_rays, i.misses, i.cells, ms(i.ns), ms(i.cpu_ns),
+        (unsigned long long)i.bytes);
+}
+
 static void put_mirrors(struct hg_writer *w, const struct hg_view_state *s)
 {
     const struct hg_mirror_stats *m = &s->motion.mirrors.stats;
@@ -391,6 +404,7 @@ enum hg_status hg_renderer_stats_json(
         put_light(&w, &view->state);
         put_gi(&w, &view->state);
         put_reflections(&w, &view->state);
+        put_irradiance(&w, &view->state);
         put_mirrors(&w, &view->state);
         put_glass(&w, &view->state);
         put_trace(&w, &view->state);

@@ -5,9 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/math/vec.h"
-#include "shaders/shared/gi.h"
-#include "shaders/shared/reflect.h"
+#include "renderer/gi/texels.h"
 
 #define TRIED         32      // points whose planes are tried
 #define SMOOTH_COSINE 0.9999f // between the shading normal and that of the mesh: 0.8 degrees
@@ -37,32 +35,22 @@ uint64_t hg_mirror_points_bytes(const struct hg_mirror_points *points)
 static bool point_of(
     const struct hg_mirror_texels *t, uint32_t x, uint32_t y, struct hg_mirror_point *out)
 {
-    const struct hg_gpu_camera *c = t->camera;
     const uint32_t i = y * t->columns + x;
     const uint32_t *light = t->light + 4 * (size_t)i, *mirror = t->surfaces + 2 * (size_t)i;
-    const float roughness = (float)(mirror[1] & HG_MIRROR_MOST) / HG_MIRROR_MOST;
-    const float f0 = (float)(mirror[1] >> HG_MIRROR_ROUGHNESS_BITS) / HG_MIRROR_MOST;
-    float depth, smooth[3], ray[3];
+    struct hg_gi_texel_mirror of;
+    float depth, smooth[3], view[3];
     memcpy(&depth, &light[3], sizeof depth);
-    if (!(depth > 0) || mirror[1] == UINT32_MAX || !(roughness < HG_MIRROR_ROUGH))
+    hg_gi_texel_mirror(mirror, &of);
+    if (!(depth > 0) || mirror[1] == UINT32_MAX || !(of.roughness < HG_MIRROR_ROUGH))
         return false;
-    hg_octahedral3((float)(int16_t)(mirror[0] & 0xffff) / 32767,
-        (float)(int16_t)(mirror[0] >> 16) / 32767, out->normal);
-    hg_octahedral3((float)(light[2] & 4095) * (2.0f / 4095) - 1,
-        (float)(light[2] >> 12 & 4095) * (2.0f / 4095) - 1, smooth);
+    hg_copy3(of.normal, out->normal);
+    hg_gi_texel_normal(light[2], smooth);
     if (!(hg_dot3(out->normal, smooth) > SMOOTH_COSINE))
         return false;
-    const uint32_t px[2] = {x * HG_PROBE_LIGHT_PX + HG_PROBE_LIGHT_PX / 2,
-        y * HG_PROBE_LIGHT_PX + HG_PROBE_LIGHT_PX / 2};
-    const float at[2] = {(float)(px[0] < t->width ? px[0] : t->width - 1) + 0.5f,
-        (float)(px[1] < t->height ? px[1] : t->height - 1) + 0.5f};
-    const float *x_ws = hg_mirror_axes(&c->ray_x_ws), *y_ws = hg_mirror_axes(&c->ray_y_ws);
-    for (int a = 0; a < 3; a++) {
-        ray[a] = hg_mirror_axes(&c->ray_origin_ws)[a] + at[0] * x_ws[a] + at[1] * y_ws[a];
-        out->position[a] = hg_mirror_axes(&c->eye_ws)[a] + ray[a] * depth;
-    }
-    const float m = 1 - hg_clampf(-hg_dot3(ray, out->normal) / hg_length3(ray), 0, 1);
-    out->weight = f0 + (1 - f0) * m * m * m * m * m;
+    const struct hg_gi_texels texels = {t->camera, t->width, t->height};
+    hg_gi_texel_place(&texels, (const uint32_t[2]){x, y}, depth, out->position, view);
+    const float m = 1 - hg_clampf(hg_dot3(view, out->normal), 0, 1);
+    out->weight = of.f0 + (1 - of.f0) * m * m * m * m * m;
     out->apart = APART * depth;
     out->texel = i;
     return true;

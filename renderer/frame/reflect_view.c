@@ -36,15 +36,21 @@ static bool chooses_lights(const struct hg_lighting_sources *s)
     return s->count > suns + 1 || sized;
 }
 
+// Revision of all that the light of surfaces depends on.
+static uint64_t light_of(const struct hg_view_state *view, uint64_t rounds)
+{
+    const struct hg_scene_gpu *s = view->scene_gpu;
+    uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
+    light = hg_hash_mix(light, s->geometry_revision);
+    light = hg_hash_mix(light, view->gi.field);
+    return hg_hash_mix(light, rounds);
+}
+
 static enum hg_status sync_cache(struct hg_view_state *view)
 {
     struct hg_scene_gpu *s = view->scene_gpu;
     struct hg_reflect_view *r = &view->motion.reflections;
-    uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
-    light = hg_hash_mix(light, s->geometry_revision);
-    light = hg_hash_mix(light, view->gi.field);
-    light = hg_hash_mix(light, r->world.rounds);
-    struct hg_cache_key key = {.light = light,
+    struct hg_cache_key key = {.light = light_of(view, r->world.rounds),
         .side = view->context->overrides.cache_side > 0 ? view->context->overrides.cache_side
                                                         : HG_CACHE_SIDE,
         .lit_enough = chooses_lights(&r->sources) ? LAMPS_ENOUGH : 1,
@@ -54,6 +60,19 @@ static enum hg_status sync_cache(struct hg_view_state *view)
     if (!s->radiance)
         status = hg_radiance_cache_create(&s->radiance);
     return status == HG_OK ? hg_radiance_cache_sync(s->radiance, &key, r->world.whole) : status;
+}
+
+// Without room or memory for it surfaces have the light of probes.
+static bool make_irradiance(struct hg_view_state *view)
+{
+    struct hg_scene_gpu *s = view->scene_gpu;
+    const uint64_t budget = view->context->geometry_budget_bytes;
+    struct hg_error err = {0};
+    if (view->context->overrides.no_irradiance_rays ||
+        (budget > 0 && hg_irradiance_bytes() > budget))
+        return false;
+    return s->irradiance != NULL || hg_irradiance_create(view->context->gpu, view->context->jobs,
+                                        &s->irradiance, &err) == HG_OK;
 }
 
 // Without memory surfaces mirror what the field says.
@@ -82,7 +101,13 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (r->world.trace == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
+    uint64_t
+        doublings; // of updates since the last change: a mean is not of the first ones for long
     r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
+    for (doublings = 0; r->world.rounds >> doublings > 0;)
+        doublings++;
+    r->light_of = light_of(view, doublings);
+    r->gathers = view->settings.gi == HG_VIEW_GI_RAYS && make_irradiance(view);
     // Without a cache all that rays meet is shaded.
     r->caches =
         view->settings.reflections == HG_VIEW_REFLECTIONS_CACHE && sync_cache(view) == HG_OK;
@@ -131,6 +156,25 @@ enum hg_status hg_batch_reserve_reflections(struct hg_draw *draw, struct hg_erro
     return status == HG_OK ? HG_OK : go_without(r, status, err);
 }
 
+// Diffuse light of the same texels.
+static enum hg_status gather(struct hg_batch *f, struct hg_error *err)
+{
+    struct hg_draw *draw = f->draw;
+    struct hg_reflect_view *r = draw->reflections;
+    const VkExtent2D size = texels_of(draw);
+    const uint32_t *back = r->back.mapped;
+    struct hg_irradiance_picture picture = {
+        .texels = {&draw->frame->camera, draw->frame->width, draw->frame->height},
+        .light = r->light_of,
+        .looked_up = back,
+        .mirrors = back + (size_t)size.width * size.height * (LIGHT_BYTES / 4),
+        .sources = &r->sources,
+        .world = r->world,
+        .share = r->share};
+    hg_geometry_origin(draw->scene_gpu->geometry, picture.origin);
+    return hg_irradiance_run(draw->scene_gpu->irradiance, &picture, r->words, err);
+}
+
 static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
 {
     struct hg_draw *draw = f->draw;
@@ -156,6 +200,8 @@ static enum hg_status reflect(struct hg_batch *f, struct hg_error *err)
     const bool without = status == HG_E_NOMEM;
     if (without)
         status = go_without(r, status, err);
+    else if (status == HG_OK && r->gathers)
+        status = gather(f, err);
     return status == HG_OK ? hg_gpu_image_upload(draw->context->gpu, &r->light, &all,
                                  without ? back : r->words, 0, err)
                            : status;
@@ -179,10 +225,15 @@ static enum hg_status record(const struct hg_graph_run *run, void *user, struct 
     hg_view_stats_add_device(draw->stats, run->gpu);
     const uint64_t begin = hg_clock_now_ns();
     struct hg_reflect_stats stats;
+    struct hg_irradiance_stats gathered = {0};
     status = reflect(f, err);
     hg_reflect_stats(draw->reflections->reflect, &stats);
+    if (draw->reflections->gathers)
+        hg_irradiance_stats(draw->scene_gpu->irradiance, &gathered);
+    hg_view_stats_add_stage(draw->stats, "irradiance rays", gathered.ns);
     hg_view_stats_add_stage(draw->stats, "reflection rays", stats.ray_ns);
-    hg_view_stats_add_stage(draw->stats, "reflections", hg_clock_now_ns() - begin - stats.ray_ns);
+    hg_view_stats_add_stage(
+        draw->stats, "reflections", hg_clock_now_ns() - begin - stats.ray_ns - gathered.ns);
     const uint32_t *words = back->mapped;
     if (status == HG_OK)
         status = hg_batch_look_into_mirrors(f, words, words + light_bytes / 4, err);

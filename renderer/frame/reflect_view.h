@@ -23,6 +23,8 @@ struct hg_reflect_view {
     struct hg_gi_world world;   // of the next picture; no trace: it has no reflections
     struct hg_lighting_sources sources;
     bool caches;
+    bool gathers;      // irradiance, too (renderer/irradiance/irradiance.h)
+    uint64_t light_of; // revision of the light that is gathered
     float share;       // of texels that send rays, by the governor
     uint64_t settings; // revision that the history is of
 };

@@ -1,6 +1,7 @@
 // environment.h - the environment as rays of probes see it: an even part, which rays that leave the
 // scene bring, and its peaks (lamps, a sun), which few of them would find and rays of their own go
-// to. Floor 2, private to renderer/gi. Thread: the render thread; lookups from any.
+// to. Floor 2, for renderer/gi and renderer/irradiance. Thread: the render thread; lookups from
+// any.
 #ifndef HG_RENDERER_GI_ENVIRONMENT_H
 #define HG_RENDERER_GI_ENVIRONMENT_H
 

@@ -274,6 +274,7 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
     const enum hg_status status = hg_gi_waves_sync_surfaces(&gi->waves, rests, err);
     if (status == HG_OK)
         *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->waves.rays),
+            .environment = &gi->waves.environment,
             .surfaces = &gi->waves.surfaces,
             .whole = &whole->field,
             .field = field,

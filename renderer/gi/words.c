@@ -25,3 +25,10 @@ uint32_t hg_gi_rgb9e5(float r, float g, float b)
         word |= (uint32_t)lrintf(hg_clampf(values[c] * scale, 0, 511)) << (9 * c);
     return word;
 }
+
+void hg_gi_rgb9e5_read(uint32_t word, float out[3])
+{
+    const float scale = ldexpf(1, (int)(word >> 27) - 24);
+    for (int c = 0; c < 3; c++)
+        out[c] = (float)(word >> (9 * c) & 511) * scale;
+}

@@ -256,8 +256,8 @@ static uint32_t pack2(float a, float b)
     return (uint32_t)(hg_clampf(a, 0, 1) * 65535) | (uint32_t)(hg_clampf(b, 0, 1) * 65535) << 16;
 }
 
-void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_place place,
-    const struct hg_cache_surface *surface)
+void hg_radiance_cache_fill(
+    struct hg_radiance_cache *cache, struct hg_cache_place place, const struct hg_gi_patch *surface)
 {
     struct texel *t = at(cache, place);
     *t = (struct texel){.state = FILLED};
@@ -269,8 +269,8 @@ void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_pla
     cache->stats.captured++;
 }
 
-void hg_radiance_cache_surface(const struct hg_radiance_cache *cache, struct hg_cache_place place,
-    struct hg_cache_surface *out)
+void hg_radiance_cache_surface(
+    const struct hg_radiance_cache *cache, struct hg_cache_place place, struct hg_gi_patch *out)
 {
     const struct texel *t = at(cache, place);
     hg_copy3(t->position, out->position);

@@ -11,6 +11,7 @@
 #define HG_RENDERER_REFLECT_CACHE_H
 
 #include "renderer/gi/field.h"
+#include "renderer/gi/patches.h"
 #include "renderer/reflect/lobe.h"
 
 #define HG_CACHE_MOST_PROBES 16
@@ -60,14 +61,11 @@ enum hg_cache_answer hg_radiance_cache_find(const struct hg_radiance_cache *cach
 // True for the first who asks for a place since it was captured or lit last.
 bool hg_radiance_cache_ask(struct hg_radiance_cache *cache, struct hg_cache_place place);
 // A place without light from now on shows this surface.
-struct hg_cache_surface {
-    float position[3], normal[3], albedo[3], emission[3];
-};
 void hg_radiance_cache_fill(struct hg_radiance_cache *cache, struct hg_cache_place place,
-    const struct hg_cache_surface *surface);
+    const struct hg_gi_patch *surface);
 // What a place shows.
-void hg_radiance_cache_surface(const struct hg_radiance_cache *cache, struct hg_cache_place place,
-    struct hg_cache_surface *out);
+void hg_radiance_cache_surface(
+    const struct hg_radiance_cache *cache, struct hg_cache_place place, struct hg_gi_patch *out);
 void hg_radiance_cache_light(
     struct hg_radiance_cache *cache, struct hg_cache_place place, const float radiance[3]);
 

@@ -4,10 +4,11 @@
 #include <float.h>
 
 #include "base/alloc.h"
+#include "renderer/math/vec.h"
 #include "base/clock.h"
 #include "renderer/gi/holes.h"
 #include "renderer/gi/words.h"
-#include "renderer/reflect/light.h"
+#include "renderer/gi/patches.h"
 
 #define TEXELS     8192u // at once, of two rays each
 #define AT_ONCE    128u  // rays of one job
@@ -25,7 +26,7 @@ struct way {
     float left[3];                // of the light that comes along it
     const struct hg_gi_glass *in; // the medium around; NULL: air
     float travelled;              // metres
-    struct hg_cache_surface met;  // ON_SURFACE
+    struct hg_gi_patch met;       // ON_SURFACE
     float radiance[3];            // from there
     bool goes_on, waits;          // waits: to be lit
     uint8_t end;                  // enum end
@@ -41,7 +42,7 @@ struct hg_glass {
     uint8_t *blocks, *near;     // [rows][columns] of SCOUT x SCOUT texels: show glass; or beside
     uint32_t *texels, *waiting; // [texel_room]; [2 * TEXELS]
     uint32_t block_room, texel_room;
-    struct hg_reflect_light light;
+    struct hg_gi_patches light;
     struct hg_glass_stats stats;
 };
 
@@ -91,7 +92,7 @@ void hg_glass_destroy(struct hg_glass *g)
     hg_gpu_buffer_destroy(g->gpu, &g->hits);
     hg_gpu_buffer_destroy(g->gpu, &g->list);
     hg_gpu_buffer_destroy(g->gpu, &g->again);
-    hg_reflect_light_finish(&g->light, g->gpu);
+    hg_gi_patches_finish(&g->light, g->gpu);
     free_texels(g);
     hg_free(g->ways);
     hg_free(g->waiting);
@@ -136,7 +137,7 @@ static enum hg_status reserve(struct work *w, struct hg_error *err)
         status = hg_gpu_buffer_reserve(
             g->gpu, HG_GPU_BUFFER_READBACK, rows[i].bytes, rows[i].name, rows[i].buffer, err);
     if (status == HG_OK)
-        status = hg_reflect_light_reserve(&g->light, g->gpu, MOST_LIT, err);
+        status = hg_gi_patches_reserve(&g->light, g->gpu, MOST_LIT, err);
     if (!g->ways)
         g->ways = hg_calloc(2 * TEXELS, sizeof *g->ways);
     if (!g->waiting)
@@ -552,15 +553,14 @@ static enum hg_status light_waiting(const struct work *w, struct hg_error *err)
 {
     struct hg_glass *g = w->g;
     const uint32_t count = list_waiting(w);
-    const struct hg_reflect_lighting with = {g->jobs, w->p->sources, &w->p->world, g->number};
+    const struct hg_gi_patch_lighting with = {g->jobs, w->p->sources, &w->p->world, g->number};
     g->light.count = 0;
     for (uint32_t k = 0; k < count && g->light.count < MOST_LIT; k += w->step)
         g->light.points[g->light.count++] = g->ways[g->waiting[k]].met;
     g->stats.lit += g->light.count;
     if (count == 0)
         return HG_OK;
-    const enum hg_status status =
-        hg_reflect_light_run(&g->light, &with, &g->stats.shadow_rays, err);
+    const enum hg_status status = hg_gi_patches_light(&g->light, &with, &g->stats.shadow_rays, err);
     for (uint32_t k = 0; k < count && status == HG_OK; k++) {
         struct way *way = &g->ways[g->waiting[k]];
         const float *light = g->light.lit[k / w->step].light;

@@ -19,7 +19,7 @@ static void add(const struct hg_reflect *r, size_t i, const float radiance[3], f
 
 // --- what they meet ------------------------------------------------------------------------------
 
-static void surface_of_hit(const struct hg_reflect_work *w, size_t i, struct hg_cache_surface *out)
+static void surface_of_hit(const struct hg_reflect_work *w, size_t i, struct hg_gi_patch *out)
 {
     const struct hg_reflect_texel *t = hg_reflect_texel_at(w->r, i);
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->r->hits.mapped + i;
@@ -39,7 +39,7 @@ static void look_up(const struct hg_reflect_work *w, size_t i, bool filled)
     const struct hg_reflect_texel *t = hg_reflect_texel_at(r, i);
     struct hg_cache_query q = {
         .roughness = t->roughness, .length = t->length, .sample = r->samples[i], .filled = filled};
-    struct hg_cache_surface surface;
+    struct hg_gi_patch surface;
     float radiance[3] = {0};
     surface_of_hit(w, i, &surface);
     hg_copy3(surface.position, q.position);
@@ -108,7 +108,7 @@ static void fill_places(const struct hg_reflect_work *w, uint32_t waiting)
     const struct turn turn = take_turn(r, waiting);
     for (uint32_t k = turn.at; k < waiting; k += turn.step) {
         const uint32_t i = r->waiting[k];
-        struct hg_cache_surface surface;
+        struct hg_gi_patch surface;
         if (r->answers[i] != HG_CACHE_EMPTY)
             continue;
         if (!hg_radiance_cache_ask(w->p->cache, r->places[i])) {
@@ -168,15 +168,14 @@ static void spread_light(const struct hg_reflect_work *w)
 enum hg_status hg_reflect_shade(const struct hg_reflect_work *w, struct hg_error *err)
 {
     struct hg_reflect *r = w->r;
-    const struct hg_reflect_lighting with = {r->jobs, w->p->sources, &w->p->world, r->number};
+    const struct hg_gi_patch_lighting with = {r->jobs, w->p->sources, &w->p->world, r->number};
     hg_jobs_for(r->jobs, (r->ray_count + AT_ONCE - 1) / AT_ONCE, find, (void *)w);
     const uint32_t waiting = list_waiting(r);
     if (w->p->cache)
         fill_places(w, waiting);
     choose_lit(w, waiting);
     r->stats.lit += r->light.count;
-    const enum hg_status status =
-        hg_reflect_light_run(&r->light, &with, &r->stats.shadow_rays, err);
+    const enum hg_status status = hg_gi_patches_light(&r->light, &with, &r->stats.shadow_rays, err);
     if (status == HG_OK)
         spread_light(w);
     return status;

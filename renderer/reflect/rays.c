@@ -4,6 +4,7 @@
 #include <float.h>
 
 #include "base/hash.h"
+#include "renderer/gi/texels.h"
 
 #define ROUGH       0.45f // roughness from which blocks mirror for their texels
 #define BLOCK_TURNS 4u    // pictures in which each block sends once,
@@ -18,8 +19,10 @@ static void read_texel(const struct hg_reflect_work *w, size_t texel, struct hg_
 {
     const uint32_t *light = w->p->light + 4 * texel, *mirror = w->p->mirrors + 2 * texel;
     memcpy(&out->depth, &light[3], sizeof out->depth);
-    out->roughness = (float)(mirror[1] & HG_MIRROR_MOST) * (1.0f / HG_MIRROR_MOST);
-    out->f0 = (float)(mirror[1] >> HG_MIRROR_ROUGHNESS_BITS) * (1.0f / HG_MIRROR_MOST);
+    struct hg_gi_texel_mirror m;
+    hg_gi_texel_mirror(mirror, &m);
+    out->roughness = m.roughness;
+    out->f0 = m.f0;
     out->mirrors = out->depth > 0 && mirror[1] != UINT32_MAX;
 }
 
@@ -28,38 +31,41 @@ static bool is_rough(const struct hg_reflect_work *w, const struct hg_reflect_te
     return texel->mirrors && !w->p->dense && texel->roughness >= ROUGH;
 }
 
-// Where a place in the picture is; view: unit, towards the eye.
-static void find_place(
-    const struct hg_gpu_camera *c, float px, float py, struct hg_reflect_texel *t)
+// Normals at which the mirrored view leads behind the triangle are bent, as those of paths and of
+// settled pictures are (hg_valid_normal of shaders/lib/shading_normal.glsl).
+static void bend(const float facet[3], const float view[3], float normal[3])
 {
-    const float origin[3] = {c->ray_origin_ws.x, c->ray_origin_ws.y, c->ray_origin_ws.z};
-    const float x[3] = {c->ray_x_ws.x, c->ray_x_ws.y, c->ray_x_ws.z};
-    const float y[3] = {c->ray_y_ws.x, c->ray_y_ws.y, c->ray_y_ws.z};
-    const float eye[3] = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z};
-    const float ahead[3] = {c->forward_ws.x, c->forward_ws.y, c->forward_ws.z};
-    for (int a = 0; a < 3; a++) {
-        const float ray = origin[a] + px * x[a] + py * y[a];
-        t->position[a] = c->orthographic ? ray + ahead[a] * t->depth : eye[a] + ray * t->depth;
-        t->view[a] = c->orthographic ? -ahead[a] : -ray;
-    }
-    hg_normalize3(t->view);
+    float along[3], half_way[3];
+    const float twice = 2 * hg_dot3(normal, view);
+    for (int a = 0; a < 3; a++)
+        along[a] = twice * normal[a] - view[a];
+    const float height = hg_dot3(along, facet);
+    const float least = fminf(0.9f * hg_dot3(view, facet), 0.01f);
+    if (height >= least)
+        return;
+    hg_mad3(along, facet, -height, along);
+    const float scale = sqrtf((1 - least * least) / fmaxf(hg_dot3(along, along), 1e-12f));
+    hg_mad3(view, along, scale, half_way);
+    hg_mad3(half_way, facet, least, normal);
+    hg_normalize3(normal);
 }
 
 void hg_reflect_place(
     const struct hg_reflect_work *w, uint32_t x, uint32_t y, struct hg_reflect_texel *t)
 {
     const size_t texel = (size_t)y * w->r->levels[HG_REFLECT_TEXELS].image.columns + x;
-    const uint32_t word = w->p->mirrors[2 * texel];
-    const float px = hg_clampf((float)(x * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->width - 1));
-    const float py = hg_clampf((float)(y * HG_PROBE_LIGHT_PX + 2), 0, (float)(w->p->height - 1));
-    hg_octahedral3(
-        (float)(int16_t)(word & 0xffff) / 32767, (float)(int16_t)(word >> 16) / 32767, t->normal);
-    find_place(w->p->camera, px + 0.5f, py + 0.5f, t);
+    const struct hg_gi_texels texels = {w->p->camera, w->p->width, w->p->height};
+    const uint32_t at[2] = {x, y};
+    struct hg_gi_texel_mirror m;
+    hg_gi_texel_mirror(w->p->mirrors + 2 * texel, &m);
+    hg_copy3(m.normal, t->normal);
+    hg_gi_texel_place(&texels, at, t->depth, t->position, t->view);
     const float facing = hg_dot3(t->normal, t->view);
     if (facing < 0.02f) { // normal maps turn some surfaces away from the eye
         hg_mad3(t->normal, t->view, 0.02f - facing, t->normal);
         hg_normalize3(t->normal);
     }
+    bend(m.facet, t->view, t->normal);
 }
 
 // --- turns ---------------------------------------------------------------------------------------
@@ -101,27 +107,27 @@ static float halton(uint32_t i, uint32_t base)
     return sum;
 }
 
-// The reflected ray of a texel, above the surface that its triangle lies in. turns: pictures since
-// its last one, so that its own points are evenly spread.
-static void send(const struct hg_reflect_work *w, size_t i, const uint32_t *light, uint32_t turns)
+// The reflected ray of a texel, above the plane of its triangle. turns: pictures since its last
+// one, so that its own points are evenly spread.
+static void send(const struct hg_reflect_work *w, size_t i, const uint32_t *mirror, uint32_t turns)
 {
     struct hg_reflect_texel *t = hg_reflect_texel_at(w->r, i);
     const uint64_t bits = hg_hash_mix(0x7265666cu, i);
     const float turn[2] = {
         (float)(bits >> 40) * 0x1p-24f, (float)(bits >> 16 & 0xffffff) * 0x1p-24f};
     const float *point = w->xi[log2_of(turns)];
-    float xi[2], from[3], smooth[3];
+    struct hg_gi_texel_mirror m;
+    float xi[2], from[3];
     for (int a = 0; a < 2; a++) { // Cranley-Patterson rotation
         xi[a] = point[a] + turn[a];
         xi[a] -= floorf(xi[a]);
     }
-    hg_octahedral3((float)(light[2] & 4095) * (2.0f / 4095) - 1,
-        (float)(light[2] >> 12 & 4095) * (2.0f / 4095) - 1, smooth);
+    hg_gi_texel_mirror(mirror, &m);
     struct hg_lobe_sample s = hg_lobe_take(t->roughness, t->f0, t->normal, t->view, xi);
-    const float below = hg_dot3(s.direction, smooth);
-    if (below < 0) // normal maps bend rays into the surface
-        hg_mad3(s.direction, smooth, -2 * below, s.direction);
-    hg_mad3(t->position, smooth, LIFT * t->depth, from);
+    const float below = hg_dot3(s.direction, m.facet);
+    if (below < 0) // interpolated normals and normal maps bend rays into the surface
+        hg_mad3(s.direction, m.facet, -2 * below, s.direction);
+    hg_mad3(t->position, m.facet, LIFT * t->depth, from);
     ((struct hg_gpu_ray *)w->r->rays.mapped)[i] =
         (struct hg_gpu_ray){.origin_ws = {from[0], from[1], from[2]},
             .direction_ws = {s.direction[0], s.direction[1], s.direction[2]},
@@ -144,7 +150,7 @@ static bool begin_texel(const struct hg_reflect_work *w, int level, size_t i, co
     t->length = 0;
     t->sends = rank_of(x, y) % turns == w->r->number % turns;
     if (t->sends)
-        send(w, l->first + i, w->p->light + 4 * texel, turns);
+        send(w, l->first + i, w->p->mirrors + 2 * texel, turns);
     return t->sends;
 }
 

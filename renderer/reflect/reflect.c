@@ -70,7 +70,7 @@ void hg_reflect_destroy(struct hg_reflect *r)
     struct hg_gpu_buffer *buffers[] = {&r->rays, &r->hits, &r->list};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         hg_gpu_buffer_destroy(r->gpu, buffers[i]);
-    hg_reflect_light_finish(&r->light, r->gpu);
+    hg_gi_patches_finish(&r->light, r->gpu);
     free_texels(r);
     hg_free(r->asks);
     hg_free(r);
@@ -141,7 +141,7 @@ static enum hg_status resize(
     if (status == HG_OK)
         status = make_buffers(r, err);
     if (status == HG_OK)
-        status = hg_reflect_light_reserve(&r->light, r->gpu, HG_REFLECT_MOST_LIT, err);
+        status = hg_gi_patches_reserve(&r->light, r->gpu, HG_REFLECT_MOST_LIT, err);
     if (status != HG_OK)
         free_texels(r);
     return status;

@@ -12,7 +12,7 @@
 // Layers, lowest first:
 //   lobe
 //   texel cache
-//   light filter picture
+//   filter picture
 //   glass
 //   work
 //   rays hits

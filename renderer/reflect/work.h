@@ -8,7 +8,7 @@
 #define HG_RENDERER_REFLECT_WORK_H
 
 #include "renderer/reflect/filter.h"
-#include "renderer/reflect/light.h"
+#include "renderer/gi/patches.h"
 #include "renderer/reflect/picture.h"
 
 enum { HG_REFLECT_TEXELS, HG_REFLECT_BLOCKS, HG_REFLECT_LEVELS };
@@ -45,7 +45,7 @@ struct hg_reflect {
     uint32_t ask_count, ray_count;
     float *planes; // [HG_REFLECT_PLANES][rows + 2][columns + 2] of blocks: spread.c
     struct hg_gpu_buffer rays, hits, list;
-    struct hg_reflect_light light;
+    struct hg_gi_patches light;
     double origin[3]; // that the history is relative to
     struct hg_reflect_stats stats;
 };

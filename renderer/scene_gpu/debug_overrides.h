@@ -25,6 +25,7 @@ struct hg_debug_overrides {
     uint32_t cache_side;      // texels along a face of radiance caches; 0 = HG_CACHE_SIDE
     uint32_t reflect_samples; // rays of a texel of reflections; 0 = 1
     bool reflect_dense;       // rough surfaces send as many as others
+    bool no_irradiance_rays;  // pictures in motion have the light of probes as it is
     uint32_t path_estimators; // HG_PATH_USE_* bits; 0 = all
     uint32_t path_branches;   // of each path at what the camera sees; 0 = chosen
     // What is not kept otherwise: the frame before, though no pass reads it; motion vectors of

@@ -110,6 +110,7 @@ static void destroy(struct hg_frame_context *context, struct hg_scene_gpu *scene
     if (*link == scene_gpu)
         *link = scene_gpu->next;
     hg_radiance_cache_destroy(scene_gpu->radiance);
+    hg_irradiance_destroy(scene_gpu->irradiance);
     hg_gi_destroy(scene_gpu->gi);
     hg_light_shared_destroy(scene_gpu->light);
     hg_rays_destroy(scene_gpu->rays);

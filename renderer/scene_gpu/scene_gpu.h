@@ -7,6 +7,7 @@
 #include "renderer/camera/camera.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/gi/gi.h"
+#include "renderer/irradiance/irradiance.h"
 #include "renderer/reflect/cache.h"
 #include "renderer/gpu/gpu.h"
 #include "renderer/light/lighting.h"
@@ -46,6 +47,7 @@ struct hg_scene_gpu {
     struct hg_rays *rays; // of its views and passes
     struct hg_light_shared *light;
     struct hg_gi *gi;     // made on first use; NULL: none yet
+    struct hg_irradiance *irradiance;   // the same
     struct hg_radiance_cache *radiance; // the same
 };
 

@@ -587,7 +587,8 @@ static const char environment_text[] =
     "| `HELIO_GPU_OPTIMISE=on`, `off` | Shaders are made shorter before the driver compiles them; "
     "default on CPU devices. |\n"
     "| `HELIO_DARK=on`, `off` | Tiles that no light reaches are shaded without lights everywhere, "
-    "nowhere; default where it pays. |\n";
+    "nowhere; default where it pays. |\n"
+    "| `HELIO_IRRADIANCE_RAYS=off` | Pictures in motion have the light of probes as it is. |\n";
 
 void hg_options_print_markdown(FILE *file)
 {

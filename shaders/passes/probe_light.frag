@@ -17,6 +17,7 @@ layout(constant_id = 3) const bool hg_mirrors = false; // how surfaces mirror is
 #include "lib/texture.glsl"
 #include "lib/material.glsl"
 #include "shared/pass_io.h"
+#include "shared/reflect.h"
 
 HG_PROBE_LIGHT_IO(HG_IO_DECLARE)
 #include "lib/probe_light_texel.glsl"
@@ -41,7 +42,8 @@ uint pack_rgb9e5(vec3 c)
 }
 
 // Textures as a texel of this picture covers them: what normal maps lose by that widens the lobe.
-uvec2 mirror_of(hg_vertex v)
+// facet: normal of the triangle.
+uvec2 mirror_of(hg_vertex v, vec3 facet)
 {
     v.uv0_dx *= float(HG_PROBE_LIGHT_PX);
     v.uv0_dy *= float(HG_PROBE_LIGHT_PX);
@@ -49,8 +51,10 @@ uvec2 mirror_of(hg_vertex v)
     v.uv1_dy *= float(HG_PROBE_LIGHT_PX);
     hg_surface s = hg_material_evaluate(v);
     float f0 = mix(s.f0, max(s.base_color.r, max(s.base_color.g, s.base_color.b)), s.metallic);
-    uvec2 words = uvec2(round(clamp(vec2(s.roughness, f0), 0.0, 1.0) * 65535.0));
-    return uvec2(hg_encode_normal(s.normal), s.unlit ? 65535u : words.x | words.y << 16);
+    uvec2 words = uvec2(round(clamp(vec2(s.roughness, f0), vec2(0.0), vec2(1.0, 0.996)) * float(HG_MIRROR_MOST)));
+    uint how = s.unlit ? uint(HG_MIRROR_MOST) : words.x | words.y << HG_MIRROR_F0_SHIFT;
+    uint way = packSnorm4x8(vec4(hg_oct_encode(facet), 0.0, 0.0)) << HG_MIRROR_FACET_SHIFT;
+    return uvec2(hg_encode_normal(s.normal), how | way);
 }
 
 // Neighbours have values far apart, and so have samples. Jimenez 2014, "Next Generation Post Processing in
@@ -64,7 +68,7 @@ vec2 spread(ivec2 texel)
 
 void main()
 {
-    out_mirror = uvec2(0u, 65535u);
+    out_mirror = uvec2(0u, uint(HG_MIRROR_MOST));
     ivec2 texel = ivec2(gl_FragCoord.xy), pixel = hg_probe_light_pixel(texel, 0);
     uvec2 id = texelFetch(hg_visibility, pixel, 0).xy;
     for (int i = 1; i < HG_PROBE_LIGHT_TRIES; i++) {
@@ -82,9 +86,9 @@ void main()
     vec3 view = -hg_frame.camera.forward_ws;
     if (hg_frame.camera.orthographic == 0u)
         view = normalize(hg_frame.camera.eye_ws - v.position_ws);
-    if (hg_mirrors)
-        out_mirror = mirror_of(v);
     float side = v.front ? 1.0 : -1.0;
+    if (hg_mirrors)
+        out_mirror = mirror_of(v, v.geometric_ws * side);
     vec3 n = v.normal_ws * side;
     vec4 open = vec4(n, 1.0);
     if ((hg_frame.flags & HG_FRAME_OCCLUSION) != 0u && hg_frame.camera.orthographic == 0u)

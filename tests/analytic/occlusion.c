@@ -1,5 +1,5 @@
-// occlusion.c - ambient occlusion of pictures in motion: nearer to path tracing where things meet,
-// and nothing else is changed.
+// occlusion.c - light where things meet in pictures in motion: with ambient occlusion, and with
+// what rays gather, they are nearer to path tracing, and nothing else is changed.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -152,6 +152,30 @@ static void test_nearer_to_paths(void **state)
     }
 }
 
+// Rays know what probes and the depth of the picture do not: the same room, and the boxes in the
+// open.
+static void test_gathered_is_nearer(void **state)
+{
+    struct rig *rig = *state;
+    float truth[CELLS], cells[2][CELLS];
+    double worst[2], mean[2];
+    for (int i = 0; i < 2; i++) {
+        (i ? make_room : make_boxes)(rig);
+        path_trace(rig, truth);
+        for (int k = 0; k < 2; k++) {
+            struct hg_view_params params = params_of(HG_AO_AUTO);
+            params.gi = k ? HG_GI_RAYS : HG_GI_PROBES;
+            params.reflections = HG_REFLECTIONS_AUTO;
+            move(rig, &params, cells[k]);
+            mean[k] = error_of(cells[k], truth, &worst[k]);
+        }
+        print_message("gathered: mean %g, worst %g with, %g, %g without\n", mean[1], worst[1],
+            mean[0], worst[0]);
+        if (!(mean[1] < (i ? 0.8 : 0.7) * mean[0]))
+            fail_msg("mean %g gathered, %g not", mean[1], mean[0]);
+    }
+}
+
 // Settled pictures do not know of it, and no picture without light from probes does.
 static void test_elsewhere(void **state)
 {
@@ -179,7 +203,7 @@ static void test_elsewhere(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_nearer_to_paths), cmocka_unit_test(test_elsewhere)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_nearer_to_paths),
+        cmocka_unit_test(test_gathered_is_nearer), cmocka_unit_test(test_elsewhere)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -157,7 +157,7 @@ static struct hg_cache_query on_wall(float at, float y, float z, float roughness
 // A place from now on shows the wall that was hit.
 static void fill(struct fixture *f, struct hg_cache_place place, const struct hg_cache_query *hit)
 {
-    struct hg_cache_surface wall = {.albedo = {0.5f, 0.25f, 0.125f}, .emission = {0, 0, 2}}, got;
+    struct hg_gi_patch wall = {.albedo = {0.5f, 0.25f, 0.125f}, .emission = {0, 0, 2}}, got;
     hg_copy3(hit->position, wall.position);
     hg_copy3(hit->normal, wall.normal);
     hg_radiance_cache_fill(f->cache, place, &wall);

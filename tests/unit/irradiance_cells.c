@@ -1,0 +1,199 @@
+// irradiance_cells.c - the hash grid of gathered light: which surfaces share a cell, what lies
+// between cells, what new, old and outdated cells know.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "renderer/irradiance/cells.h"
+
+#define FINEST 0.25f // metres; a level of 0 has such cubes
+
+static struct hg_irradiance_cells cells;
+
+static int set_up(void **state)
+{
+    (void)state;
+    return hg_irradiance_cells_init(&cells, FINEST) == HG_OK ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    hg_irradiance_cells_finish(&cells);
+    return 0;
+}
+
+static struct hg_irradiance_point at(float x, float y, float z, int level)
+{
+    return (struct hg_irradiance_point){{x, y, z}, {0, 1, 0}, level};
+}
+
+// So many samples of light and of half as much without.
+static void fill(const struct hg_irradiance_point *point, float light, int samples)
+{
+    const float gathered[3] = {light, 2 * light, 3 * light};
+    const float without[3] = {light / 2, light, 3 * light / 2};
+    for (int i = 0; i < samples; i++) {
+        const uint32_t cell = hg_irradiance_ask(&cells, point);
+        assert_true(cell != HG_IRRADIANCE_NONE);
+        hg_irradiance_add(&cells, cell, gathered, without);
+    }
+}
+
+static struct hg_irradiance_sums look(const struct hg_irradiance_point *point)
+{
+    struct hg_irradiance_sums sums;
+    hg_irradiance_look_up(&cells, point, &sums);
+    return sums;
+}
+
+static void test_levels(void **state)
+{
+    (void)state;
+    assert_int_equal(hg_irradiance_level(&cells, 0), 0);
+    assert_int_equal(hg_irradiance_level(&cells, FINEST), 0);
+    assert_int_equal(hg_irradiance_level(&cells, 2 * FINEST), 1);
+    assert_int_equal(hg_irradiance_level(&cells, 40 * FINEST), 5);
+    assert_int_equal(hg_irradiance_level(&cells, 1e30f), HG_IRRADIANCE_LEVELS - 1);
+}
+
+// A cube is for one side of surfaces, one level and one place, on both sides of the origin.
+static void test_who_shares(void **state)
+{
+    (void)state;
+    struct hg_irradiance_point points[6] = {at(0.1f, 0.1f, 0.1f, 0), at(0.2f, 0.05f, 0.2f, 0),
+        at(-0.1f, 0.1f, 0.1f, 0), at(0.1f, 0.1f, 0.1f, 3), at(0.1f, 0.1f, 0.1f, 0),
+        at(0.1f, 0.1f, 0.1f, 0)};
+    uint32_t asked[6];
+    points[4].normal[1] = -1;
+    points[5] = (struct hg_irradiance_point){{0.1f, 0.1f, 0.1f}, {0.8f, 0.6f, 0}, 0};
+    for (int i = 0; i < 6; i++)
+        asked[i] = hg_irradiance_ask(&cells, &points[i]);
+    assert_int_equal(asked[0], asked[1]);
+    for (int i = 2; i < 6; i++)
+        for (int k = 1; k < i; k++)
+            assert_int_not_equal(asked[i], asked[k]);
+    assert_int_equal(cells.count, 5);
+    hg_irradiance_cells_clear(&cells);
+    assert_int_equal(cells.count, 0);
+}
+
+static void test_between(void **state)
+{
+    (void)state;
+    const struct hg_irradiance_point a = at(0.5f, 0.5f, 0.5f, 2), b = at(1.5f, 0.5f, 0.5f, 2);
+    const struct hg_irradiance_point nothing = at(5, 5, 5, 2);
+    fill(&a, 1, 10);
+    fill(&b, 3, 10);
+    for (int i = 0; i <= 4; i++) { // linear from one middle to the other
+        const float f = (float)i / 4;
+        const struct hg_irradiance_point p = at(0.5f + f, 0.5f, 0.5f, 2);
+        const struct hg_irradiance_sums s = look(&p);
+        assert_float_equal(s.samples, 10, 1e-3);
+        assert_float_equal(s.gathered[0], 10 * (1 + 2 * f), 1e-3);
+        assert_float_equal(s.gathered[2], 30 * (1 + 2 * f), 1e-3);
+        assert_float_equal(s.without[1], 10 * (1 + 2 * f), 1e-3);
+    }
+    assert_true(look(&nothing).samples == 0);
+    hg_irradiance_cells_clear(&cells);
+}
+
+// A new cell begins with what a larger one, or a smaller one, has there, as few samples.
+static void test_new_cells(void **state)
+{
+    (void)state;
+    const struct hg_irradiance_point large = at(0.5f, 0.5f, 0.5f, 2),
+                                     small = at(0.3f, 0.3f, 0.3f, 1);
+    const struct hg_irradiance_point smallest = at(0.3f, 0.3f, 0.3f, 0);
+    fill(&large, 2, 100);
+    const uint32_t cell = hg_irradiance_ask(&cells, &small);
+    const struct hg_irradiance_sums *s = &cells.cells[cell].sums;
+    assert_true(s->samples > 0 && s->samples < 50);
+    assert_float_equal(s->gathered[0] / s->samples, 2, 1e-5);
+    const uint32_t next = hg_irradiance_ask(&cells, &smallest);
+    assert_float_equal(
+        cells.cells[next].sums.gathered[1] / cells.cells[next].sums.samples, 4, 1e-5);
+    hg_irradiance_cells_clear(&cells);
+    fill(&small, 5, 8);
+    const uint32_t up = hg_irradiance_ask(&cells, &large);
+    assert_float_equal(cells.cells[up].sums.gathered[0] / cells.cells[up].sums.samples, 5, 1e-5);
+    hg_irradiance_cells_clear(&cells);
+}
+
+// Where light has changed, what was gathered before counts as few samples, for lookups as well.
+static void test_another_light(void **state)
+{
+    (void)state;
+    const struct hg_irradiance_point p = at(0.5f, 0.5f, 0.5f, 2);
+    fill(&p, 1, 200);
+    const float before = look(&p).samples;
+    cells.light++;
+    const struct hg_irradiance_sums outdated = look(&p);
+    assert_true(before > 150 && outdated.samples < 10);
+    assert_float_equal(outdated.gathered[0] / outdated.samples, 1, 1e-5);
+    fill(&p, 3, 30);
+    const struct hg_irradiance_sums after = look(&p);
+    assert_true(after.gathered[0] / after.samples > 2.7f);
+    hg_irradiance_cells_clear(&cells);
+}
+
+// Means follow: they are never of more than some hundred samples.
+static void test_follows(void **state)
+{
+    (void)state;
+    const struct hg_irradiance_point p = at(0.5f, 0.5f, 0.5f, 2);
+    fill(&p, 1, 5000);
+    fill(&p, 2, 1000);
+    const struct hg_irradiance_sums s = look(&p);
+    assert_true(s.samples <= 256.01f);
+    assert_float_equal(s.gathered[0] / s.samples, 2, 0.05);
+    hg_irradiance_cells_clear(&cells);
+}
+
+// Many more places than cells: the table stays as large as it is; what is in use is not taken away,
+// what was not asked for any more makes room.
+static void test_full(void **state)
+{
+    (void)state;
+    uint32_t none = 0;
+    for (uint32_t i = 0; i < 2 * HG_IRRADIANCE_CELLS; i++) {
+        const struct hg_irradiance_point p = at((float)(i % 1024), 0, (float)(i / 1024), 0);
+        none += hg_irradiance_ask(&cells, &p) == HG_IRRADIANCE_NONE;
+    }
+    assert_true(cells.count <= HG_IRRADIANCE_CELLS && cells.count > HG_IRRADIANCE_CELLS / 2);
+    assert_int_equal(none, 2 * HG_IRRADIANCE_CELLS - cells.count);
+    cells.picture += 1000;
+    for (uint32_t i = 0; i < HG_IRRADIANCE_CELLS / 16; i++) {
+        const struct hg_irradiance_point p = at(-1 - (float)(i % 256), 8, (float)(i / 256), 0);
+        assert_true(hg_irradiance_ask(&cells, &p) != HG_IRRADIANCE_NONE);
+    }
+    hg_irradiance_cells_clear(&cells);
+}
+
+// Places that are no numbers, or far away, have a cell like all others.
+static void test_far(void **state)
+{
+    (void)state;
+    const float places[4] = {1e9f, -1e30f, INFINITY, NAN};
+    for (int i = 0; i < 4; i++) {
+        const struct hg_irradiance_point p = at(places[i], places[i], 0, 0);
+        struct hg_irradiance_sums s = look(&p);
+        (void)s;
+        assert_true(hg_irradiance_ask(&cells, &p) != HG_IRRADIANCE_NONE);
+    }
+    hg_irradiance_cells_clear(&cells);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels),
+        cmocka_unit_test(test_who_shares), cmocka_unit_test(test_between),
+        cmocka_unit_test(test_new_cells), cmocka_unit_test(test_another_light),
+        cmocka_unit_test(test_follows), cmocka_unit_test(test_full), cmocka_unit_test(test_far)};
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
