@@ -4,11 +4,11 @@
 #include <float.h>
 
 #include "base/alloc.h"
-#include "renderer/math/vec.h"
 #include "base/clock.h"
 #include "renderer/gi/holes.h"
-#include "renderer/gi/words.h"
 #include "renderer/gi/patches.h"
+#include "renderer/gi/words.h"
+#include "renderer/math/vec.h"
 
 #define TEXELS     8192u // at once, of two rays each
 #define AT_ONCE    128u  // rays of one job

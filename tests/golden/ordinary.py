@@ -14,7 +14,7 @@ ordinary_scenes.py makes the files. Of each picture these are checked, and then 
 What covers is found with a second picture that has no background. Scripts draw both of each scene, so that a scene
 is loaded and lit once; a few files of different kinds (BY_COMMAND) are drawn by `helio render` as well, whose picture
 must be the script's byte for byte. The others have fewer samples than by default, which is a third of the time and
-changes noise and edges by at most half of FLIP_LIMIT (0.0049). One daemon draws all.
+changes noise and edges by a FLIP of at most 0.0057, where FLIP_LIMIT is 0.01. One daemon draws all.
 """
 import argparse
 import concurrent.futures
