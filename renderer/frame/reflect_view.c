@@ -36,21 +36,20 @@ static bool chooses_lights(const struct hg_lighting_sources *s)
     return s->count > suns + 1 || sized;
 }
 
-// Revision of all that the light of surfaces depends on.
-static uint64_t light_of(const struct hg_view_state *view, uint64_t rounds)
+// Revision of the scene and its lights.
+static uint64_t light_of(const struct hg_view_state *view)
 {
     const struct hg_scene_gpu *s = view->scene_gpu;
-    uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
-    light = hg_hash_mix(light, s->geometry_revision);
-    light = hg_hash_mix(light, view->gi.field);
-    return hg_hash_mix(light, rounds);
+    const uint64_t light = hg_hash_mix(s->scene->revision, s->scene->environment.revision);
+    return hg_hash_mix(light, s->geometry_revision);
 }
 
 static enum hg_status sync_cache(struct hg_view_state *view)
 {
     struct hg_scene_gpu *s = view->scene_gpu;
     struct hg_reflect_view *r = &view->motion.reflections;
-    struct hg_cache_key key = {.light = light_of(view, r->world.rounds),
+    const uint64_t field = hg_hash_mix(view->gi.field, r->world.rounds);
+    struct hg_cache_key key = {.light = hg_hash_mix(light_of(view), field),
         .side = view->context->overrides.cache_side > 0 ? view->context->overrides.cache_side
                                                         : HG_CACHE_SIDE,
         .lit_enough = chooses_lights(&r->sources) ? LAMPS_ENOUGH : 1,
@@ -101,12 +100,8 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (r->world.trace == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
-    uint64_t
-        doublings; // of updates since the last change: a mean is not of the first ones for long
     r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
-    for (doublings = 0; r->world.rounds >> doublings > 0;)
-        doublings++;
-    r->light_of = light_of(view, doublings);
+    r->light_of = light_of(view);
     r->gathers = view->settings.gi == HG_VIEW_GI_RAYS && make_irradiance(view);
     // Without a cache all that rays meet is shaded.
     r->caches =
@@ -163,9 +158,13 @@ static enum hg_status gather(struct hg_batch *f, struct hg_error *err)
     struct hg_reflect_view *r = draw->reflections;
     const VkExtent2D size = texels_of(draw);
     const uint32_t *back = r->back.mapped;
+    uint32_t doublings = 0; // means are not of the first updates of the field for long
+    while (r->world.rounds >> doublings > 0)
+        doublings++;
     struct hg_irradiance_picture picture = {
         .texels = {&draw->frame->camera, draw->frame->width, draw->frame->height},
         .light = r->light_of,
+        .doublings = doublings,
         .looked_up = back,
         .mirrors = back + (size_t)size.width * size.height * (LIGHT_BYTES / 4),
         .sources = &r->sources,

@@ -39,6 +39,7 @@ struct hg_irradiance {
     struct hg_irradiance_cells cells;
     double origin[3];
     uint64_t light;
+    uint32_t doublings;
     struct sample *samples; // [MOST_RAYS]
     uint32_t *met;          // [MOST_RAYS] samples whose ray met a surface
     uint32_t count;
@@ -378,7 +379,10 @@ static void sync(struct hg_irradiance *r, const struct hg_irradiance_picture *p)
     if (memcmp(r->origin, p->origin, sizeof r->origin) != 0)
         hg_irradiance_cells_clear(&r->cells);
     memcpy(r->origin, p->origin, sizeof r->origin);
-    r->cells.light += p->light != r->light;
+    // Views that have the field of rest have seen no updates.
+    const bool is_new = p->light != r->light;
+    r->cells.light += is_new || p->doublings > r->doublings;
+    r->doublings = is_new || p->doublings > r->doublings ? p->doublings : r->doublings;
     r->light = p->light;
     r->cells.picture++;
 }

@@ -392,7 +392,8 @@ static void test_a_scene_without_an_environment_is_lit(void **state)
     expect_fill(rig);
 }
 
-// All tests share a worker, whose shaders are compiled once; each has a scene of its own, whose sky comes from the cache.
+// All tests share a worker, whose shaders are compiled once; each has a scene of its own, whose sky
+// comes from the cache.
 int main(void)
 {
     const struct CMUnitTest tests[] = {
