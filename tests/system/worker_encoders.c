@@ -195,8 +195,6 @@ static void set_view(struct rig *rig, uint32_t view, uint32_t width, enum hgp_en
             .samples = SAMPLES,
             .has_gi = true,
             .gi = HGP_gi_NONE,
-            .has_exposure_mode = true,
-            .exposure_mode = HGP_exposure_mode_FIXED,
             .has_max_fps = true,
             .max_fps = 1000,
             .has_encoding = true,
