@@ -41,7 +41,7 @@ static bool point_of(
     float depth, smooth[3], view[3];
     memcpy(&depth, &light[3], sizeof depth);
     hg_gi_texel_mirror(mirror, &of);
-    if (!(depth > 0) || mirror[1] == UINT32_MAX || !(of.roughness < HG_MIRROR_ROUGH))
+    if (!(depth > 0) || !(of.roughness < HG_MIRROR_ROUGH))
         return false;
     hg_copy3(of.normal, out->normal);
     hg_gi_texel_normal(light[2], smooth);

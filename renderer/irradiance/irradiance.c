@@ -11,16 +11,18 @@
 #include "renderer/gi/surfaces.h"
 #include "renderer/gi/words.h"
 #include "renderer/irradiance/cells.h"
+#include "renderer/math/sequence.h"
 
 #define MOST_RAYS  6144u
-#define MOST_EACH  2u     // rays of a texel in one picture
-#define MOST_TURNS 64u    // pictures in which each texel sends once, at most
-#define ACROSS     20.0f  // cells that the height of a picture is, at any distance
-#define FINEST     0.005f // metres of the smallest cells
-#define BELIEVED   6.0f   // samples that count as much as that probe light is right
-#define ENOUGH     128.0f // samples of a cell from which on it is asked less often,
-#define SELDOM     8u     // in one of so many turns
-#define GREY       0.02f  // of the brightest channel, that a dark one is taken to have
+#define MOST_EACH  2u                    // rays of a texel in one picture
+#define TURN_BITS  3                     // of places along a side that have turns of their own
+#define MOST_TURNS (1u << 2 * TURN_BITS) // pictures in which each texel sends once, at most
+#define ACROSS     20.0f                 // cells that the height of a picture is, at any distance
+#define FINEST     0.005f                // metres of the smallest cells
+#define BELIEVED   6.0f                  // samples that count as much as that probe light is right
+#define ENOUGH     128.0f                // samples of a cell from which on it is asked less often,
+#define SELDOM     8u                    // in one of so many turns
+#define GREY       0.02f // of the brightest channel, that a dark one is taken to have
 #define MOST_RATIO 16.0f
 #define LIFT       2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
 
@@ -126,17 +128,7 @@ void hg_irradiance_destroy(struct hg_irradiance *r)
 
 // --- which texels send ---------------------------------------------------------------------------
 
-// Of 8 x 8 places (ordered dither): neighbours are far apart in turn.
-static uint32_t rank_of(uint32_t x, uint32_t y)
-{
-    static const uint8_t order[4] = {0, 3, 1, 2};
-    uint32_t rank = 0;
-    for (int bit = 0; bit < 3; bit++)
-        rank = 4 * rank + order[(x >> bit & 1) | (y >> bit & 1) << 1];
-    return rank;
-}
-
-// False: there is no surface that scatters.
+// False: there is no surface.
 static bool find_point(
     const struct work *w, const uint32_t at[2], struct hg_irradiance_point *out, float *depth)
 {
@@ -145,7 +137,7 @@ static bool find_point(
     const struct hg_gpu_camera *c = w->p->texels.camera;
     float view[3];
     memcpy(depth, &light[3], sizeof *depth);
-    if (!(*depth > 0) || w->p->mirrors[2 * texel + 1] == UINT32_MAX)
+    if (!(*depth > 0))
         return false;
     hg_gi_texel_place(&w->p->texels, at, *depth, out->position, view);
     hg_gi_texel_normal(light[2], out->normal);
@@ -153,16 +145,6 @@ static bool find_point(
     out->level =
         hg_irradiance_level(&w->r->cells, pixel * (float)w->p->texels.height * (1 / ACROSS));
     return true;
-}
-
-static float radical_inverse(uint32_t i, uint32_t base)
-{
-    float f = 1, sum = 0;
-    for (; i > 0; i /= base) {
-        f /= (float)base;
-        sum += f * (float)(i % base);
-    }
-    return sum;
 }
 
 // Over the cosine. Each cell has a sequence of its own: Halton points, turned (Cranley and
@@ -174,7 +156,7 @@ static void choose_direction(struct hg_irradiance_cell *cell, struct sample *s, 
     float t[3], b[3];
     for (int a = 0; a < 3; a++) {
         static const uint32_t bases[3] = {2, 3, 5};
-        xi[a] = radical_inverse(number + 1, bases[a]) +
+        xi[a] = hg_radical_inverse(number + 1, bases[a]) +
                 (float)(bits >> (20 * a) & 0xfffff) * (1.0f / 0x100000);
         xi[a] -= floorf(xi[a]);
     }
@@ -241,7 +223,7 @@ static void send(const struct work *w, const uint32_t at[2], uint32_t cell,
 static void choose_texel(const struct work *w, const uint32_t at[2], uint32_t turns)
 {
     struct hg_irradiance *r = w->r;
-    const uint32_t rank = rank_of(at[0], at[1]);
+    const uint32_t rank = hg_dither_rank(at[0], at[1], TURN_BITS);
     struct hg_irradiance_point point;
     float depth;
     if (rank % turns != r->cells.picture % turns || !find_point(w, at, &point, &depth))

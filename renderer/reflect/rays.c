@@ -5,6 +5,7 @@
 
 #include "base/hash.h"
 #include "renderer/gi/texels.h"
+#include "renderer/math/sequence.h"
 
 #define ROUGH       0.45f // roughness from which blocks mirror for their texels
 #define BLOCK_TURNS 4u    // pictures in which each block sends once,
@@ -23,7 +24,7 @@ static void read_texel(const struct hg_reflect_work *w, size_t texel, struct hg_
     hg_gi_texel_mirror(mirror, &m);
     out->roughness = m.roughness;
     out->f0 = m.f0;
-    out->mirrors = out->depth > 0 && mirror[1] != UINT32_MAX;
+    out->mirrors = out->depth > 0;
 }
 
 static bool is_rough(const struct hg_reflect_work *w, const struct hg_reflect_texel *texel)
@@ -70,15 +71,6 @@ void hg_reflect_place(
 
 // --- turns ---------------------------------------------------------------------------------------
 
-static const uint8_t order[4] = {0, 3, 1, 2};
-
-// Of 4 x 4 places (ordered dither): any two of them that are next to each other are far apart in
-// turn.
-static uint32_t rank_of(uint32_t x, uint32_t y)
-{
-    return order[(x & 1) | (y & 1) << 1] + 4u * order[(x >> 1 & 1) | (y >> 1 & 1) << 1];
-}
-
 static uint32_t turns_of(
     const struct hg_reflect_work *w, const struct hg_reflect_texel *t, int level)
 {
@@ -96,16 +88,6 @@ static int log2_of(uint32_t turns)
 }
 
 // --- rays ----------------------------------------------------------------------------------------
-
-static float halton(uint32_t i, uint32_t base)
-{
-    float f = 1, sum = 0;
-    for (; i > 0; i /= base) {
-        f /= (float)base;
-        sum += f * (float)(i % base);
-    }
-    return sum;
-}
 
 // The reflected ray of a texel, above the plane of its triangle. turns: pictures since its last
 // one, so that its own points are evenly spread.
@@ -148,7 +130,7 @@ static bool begin_texel(const struct hg_reflect_work *w, int level, size_t i, co
     const size_t texel = (size_t)at[1] * r->levels[HG_REFLECT_TEXELS].image.columns + at[0];
     hg_reflect_place(w, at[0], at[1], t);
     t->length = 0;
-    t->sends = rank_of(x, y) % turns == w->r->number % turns;
+    t->sends = hg_dither_rank(x, y, 2) % turns == w->r->number % turns;
     if (t->sends)
         send(w, l->first + i, w->p->mirrors + 2 * texel, turns);
     return t->sends;
@@ -182,7 +164,8 @@ static uint32_t begin_block(
                 list[count++] = (uint32_t)i;
             continue;
         }
-        const uint32_t turn = (order[k] - r->number / turns_of(w, t, HG_REFLECT_BLOCKS)) & 3;
+        const uint32_t turn =
+            (hg_dither_rank(k & 1, k >> 1, 1) - r->number / turns_of(w, t, HG_REFLECT_BLOCKS)) & 3;
         if (turn < soonest) {
             soonest = turn;
             *b = *t;
@@ -262,8 +245,8 @@ enum hg_status hg_reflect_cast(struct hg_reflect_work *w, struct hg_error *err)
     const uint32_t samples = w->p->samples > 0 ? w->p->samples : 1;
     for (int k = 0; k < HG_REFLECT_PERIODS; k++) {
         const uint32_t number = (r->number >> k) * samples + w->sample;
-        w->xi[k][0] = halton(number, 2);
-        w->xi[k][1] = halton(number, 3);
+        w->xi[k][0] = hg_radical_inverse(number, 2);
+        w->xi[k][1] = hg_radical_inverse(number, 3);
     }
     hg_jobs_for(r->jobs, r->levels[HG_REFLECT_BLOCKS].image.rows, begin_row, w);
     r->ray_count = compact(r);

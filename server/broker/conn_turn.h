@@ -6,8 +6,8 @@
 // connections of a party together have HG_TURN_NS or HG_TURN_MESSAGES, whichever ends first. Those
 // that have more to do, or an event after that, wait for the next round in the order in which they
 // came. So an event of a client waits for one turn of each other party, however many connections
-// these have; and no time is left unused, since a round with somebody waiting is followed by the
-// next one at once.
+// these have; and no time is left unused, since a round after which connections wait is followed by
+// the next one at once.
 //
 // Source: deficit round robin over flows (Shreedhar and Varghese 1995, "Efficient Fair Queuing
 // Using Deficit Round Robin"), with a party as the flow and without the deficit: a turn ends after

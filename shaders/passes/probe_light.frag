@@ -51,7 +51,7 @@ uvec2 mirror_of(hg_vertex v, vec3 facet)
     v.uv1_dy *= float(HG_PROBE_LIGHT_PX);
     hg_surface s = hg_material_evaluate(v);
     float f0 = mix(s.f0, max(s.base_color.r, max(s.base_color.g, s.base_color.b)), s.metallic);
-    uvec2 words = uvec2(round(clamp(vec2(s.roughness, f0), vec2(0.0), vec2(1.0, 0.996)) * float(HG_MIRROR_MOST)));
+    uvec2 words = uvec2(round(clamp(vec2(s.roughness, f0), 0.0, 1.0) * float(HG_MIRROR_MOST)));
     uint how = s.unlit ? uint(HG_MIRROR_MOST) : words.x | words.y << HG_MIRROR_F0_SHIFT;
     uint way = packSnorm4x8(vec4(hg_oct_encode(facet), 0.0, 0.0)) << HG_MIRROR_FACET_SHIFT;
     return uvec2(hg_encode_normal(s.normal), how | way);

@@ -56,24 +56,6 @@ static uint64_t number_of(const char *variable, uint64_t otherwise)
     return text ? strtoull(text, NULL, 10) : otherwise;
 }
 
-// Processor time of the daemon, in ticks of a hundredth of a second.
-static uint64_t ticks_of(const struct daemon *d)
-{
-    char path[64], line[1024] = "";
-    unsigned long user = 0, kernel = 0;
-    snprintf(path, sizeof path, "/proc/%d/stat", (int)d->pid);
-    FILE *file = fopen(path, "re");
-    assert_non_null(file);
-    assert_non_null(fgets(line, sizeof line, file));
-    fclose(file);
-    const char *rest = strrchr(line, ')');
-    assert_non_null(rest);
-    assert_int_equal(
-        sscanf(rest + 1, " %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &kernel),
-        2);
-    return user + kernel;
-}
-
 // ---- hostile sessions ---------------------------------------------------------------------------
 
 static void put(struct hg_writer *w, enum hgp_type type, const void *message)
@@ -226,7 +208,7 @@ static void say(struct soak *s, const char *what)
     s->said_ns = hg_clock_now_ns();
     print_message("%s: %.0f s, %.1f of processor time; %llu steps, honest ones served %llu times, "
                   "in %u ms (median), %u (99%%), %u at most; %.1f MiB\n",
-        what, (double)(s->said_ns - s->begun_ns) * 1e-9, (double)ticks_of(&s->d) / 100,
+        what, (double)(s->said_ns - s->begun_ns) * 1e-9, daemon_cpu_s(s->d.pid),
         (unsigned long long)s->steps, (unsigned long long)s->served, took_ms(s, 0.5),
         took_ms(s, 0.99), took_ms(s, 1), (double)daemon_rss_bytes(&s->d) / MIB);
     fflush(NULL);
@@ -234,10 +216,10 @@ static void say(struct soak *s, const char *what)
 
 static void soak(struct soak *s, const char *what)
 {
-    const uint64_t end = ticks_of(&s->d) + 100 * number_of("HELIO_SOAK_SECONDS", 2),
-                   most_s = number_of("HELIO_SOAK_LIMIT", UINT64_MAX / second_ns),
+    const double end_s = daemon_cpu_s(s->d.pid) + (double)number_of("HELIO_SOAK_SECONDS", 2);
+    const uint64_t most_s = number_of("HELIO_SOAK_LIMIT", UINT64_MAX / second_ns),
                    start_ns = hg_clock_now_ns(), least = s->steps + STEPS_EACH * s->count;
-    while (s->steps < least || ticks_of(&s->d) < end) {
+    while (s->steps < least || daemon_cpu_s(s->d.pid) < end_s) {
         for (int i = 0; i < STEPS; i++)
             step(s);
         be_served(s, &s->honest[s->served % HONEST]);

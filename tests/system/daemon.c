@@ -314,6 +314,23 @@ uint64_t daemon_allowed(uint64_t bytes)
 #endif
 }
 
+double daemon_cpu_s(pid_t pid)
+{
+    char path[64], line[1024] = "";
+    unsigned long user = 0, kernel = 0;
+    snprintf(path, sizeof path, "/proc/%d/stat", (int)pid);
+    FILE *file = fopen(path, "re");
+    assert_non_null(file);
+    assert_non_null(fgets(line, sizeof line, file));
+    fclose(file);
+    const char *rest = strrchr(line, ')');
+    assert_non_null(rest);
+    assert_int_equal(
+        sscanf(rest + 1, " %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &kernel),
+        2);
+    return (double)(user + kernel) / (double)sysconf(_SC_CLK_TCK);
+}
+
 uint64_t daemon_rss_bytes(struct daemon *d)
 {
     char path[64];

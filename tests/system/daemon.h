@@ -42,6 +42,7 @@ void daemon_wait_log(struct daemon *d, const char *text);    // until the log co
 pid_t daemon_worker(struct daemon *d, pid_t other_than);     // newest worker, once it is another
 double daemon_metric(struct daemon *d, const char *name);    // of /metrics, over tcp
 uint64_t daemon_rss_bytes(struct daemon *d);
+double daemon_cpu_s(pid_t pid);          // seconds of processor time of all threads of a process
 uint64_t daemon_allowed(uint64_t bytes); // more under sanitizers, which keep what was freed
 
 struct peer {

@@ -241,24 +241,6 @@ static int compare_times(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-// Milliseconds of processor time of all its threads.
-static double processor_ms(pid_t pid)
-{
-    char path[64], line[1024] = "";
-    unsigned long user = 0, kernel = 0;
-    snprintf(path, sizeof path, "/proc/%d/stat", (int)pid);
-    FILE *file = fopen(path, "re");
-    assert_non_null(file);
-    assert_non_null(fgets(line, sizeof line, file));
-    fclose(file);
-    const char *rest = strrchr(line, ')');
-    assert_non_null(rest);
-    assert_int_equal(
-        sscanf(rest + 1, " %*c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", &user, &kernel),
-        2);
-    return (double)(user + kernel) * 1000 / (double)sysconf(_SC_CLK_TCK);
-}
-
 // The worker of the first tenant dies right after an edit was answered; its client has the picture
 // with that edit from the next one. times: milliseconds until then, and of processor time of the
 // new worker.
@@ -277,7 +259,7 @@ static void kill_worker(
     c->worker = tenant_worker(d, c->name);
     assert_int_not_equal(c->worker, worker);
     times[0] = (double)took_ns * 1e-6;
-    times[1] = processor_ms(c->worker);
+    times[1] = 1000 * daemon_cpu_s(c->worker);
 }
 
 static void killed_workers_lose_nothing(void **state)
