@@ -16,6 +16,7 @@ struct png_input {
     uint8_t *row;   // one, as stored
     uint8_t *whole; // all rows of an interlaced picture, once they are asked for
     bool interlaced;
+    bool started;     // the decoder has its rows
     bool failed;      // nothing more comes of it
     char reason[256]; // of libpng's last error
 };
@@ -82,13 +83,23 @@ static void read_header(struct png_input *in, void *unused)
         png_set_swap(png); // samples in the order of this machine
     if (in->interlaced)
         png_set_interlace_handling(png);
-    png_read_update_info(png, in->info);
+}
+
+// Of what is decoded. libpng says so only once it has its rows: two, which it fills, as wide as the
+// header claims.
+static int decoded_channels(struct png_input *in)
+{
+    const int type = png_get_color_type(in->png, in->info);
+    const int colors = (type & PNG_COLOR_MASK_COLOR) ? 3 : 1; // a palette has colors
+    const bool alpha =
+        (type & PNG_COLOR_MASK_ALPHA) || png_get_valid(in->png, in->info, PNG_INFO_tRNS);
+    return colors + alpha;
 }
 
 static void describe(struct png_input *in)
 {
     struct hg_oiio_header *h = &in->base.header;
-    const int channels = png_get_channels(in->png, in->info);
+    const int channels = decoded_channels(in);
     h->width = (int)png_get_image_width(in->png, in->info);
     h->height = (int)png_get_image_height(in->png, in->info);
     h->channels = channels;
@@ -114,6 +125,7 @@ static enum hg_status begin(struct png_input *in, struct hg_error *err)
     end_decoder(in);
     in->at = 0;
     in->next_row = 0;
+    in->started = false;
     in->failed = true;
     snprintf(in->reason, sizeof in->reason, "it cannot be read from its beginning again");
     if (in->base.file && fseeko(in->base.file, 0, SEEK_SET) != 0)
@@ -137,14 +149,26 @@ static enum hg_status begin_first(struct hg_rows_input *base, struct hg_error *e
 
 // ---- pixels ------------------------------------------------------------------------------------
 
+// When pixels are asked for, and callers have checked the size.
+static void start_rows(struct png_input *in)
+{
+    png_read_update_info(in->png, in->info);
+    if (png_get_rowbytes(in->png, in->info) != in->base.header.row_bytes)
+        png_error(in->png, "rows of another size than the header says");
+    in->started = true;
+}
+
 static void read_row(struct png_input *in, void *row)
 {
+    if (!in->started)
+        start_rows(in);
     png_read_row(in->png, row, NULL);
 }
 
 static void read_whole(struct png_input *in, void *unused)
 {
     (void)unused;
+    start_rows(in);
     for (int pass = 0; pass < PNG_INTERLACE_ADAM7_PASSES; pass++)
         for (int y = 0; y < in->base.header.height; y++)
             png_read_row(in->png, in->whole + (size_t)y * in->base.header.row_bytes, NULL);

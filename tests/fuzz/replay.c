@@ -92,14 +92,29 @@ static void run(const char *name, unsigned long number, const uint8_t *data, siz
 
 // ---- mutations ---------------------------------------------------------------------------------
 
+static bool is_same(const struct input *in, const uint8_t *buffer, size_t size)
+{
+    return size == in->size && (size == 0 || memcmp(buffer, in->data, size) == 0);
+}
+
 // Edits a copy of the n-th input, sometimes with a piece of another.
-static size_t mutate(struct fuzz_random *random, size_t n, uint8_t *buffer)
+static size_t edit(struct fuzz_random *random, size_t n, uint8_t *buffer)
 {
     const struct input *in = &inputs[n], *other = &inputs[fuzz_below(random, input_count)];
     if (in->size)
         memcpy(buffer, in->data, in->size);
     struct fuzz_piece piece = {other->data, other->size};
     return fuzz_mutate(random, buffer, in->size, MAX_INPUT_BYTES, &piece);
+}
+
+// An input that nothing changed would be run again for nothing: another try, unless it is empty.
+static size_t mutate(struct fuzz_random *random, size_t n, uint8_t *buffer)
+{
+    size_t size;
+    do {
+        size = edit(random, n, buffer);
+    } while (inputs[n].size && is_same(&inputs[n], buffer, size));
+    return size;
 }
 
 static unsigned long run_mutations(double seconds)

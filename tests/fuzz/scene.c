@@ -150,7 +150,8 @@ static enum hg_status fetch_same(
     return HG_OK;
 }
 
-void fuzz_load_file(const char *name, const uint8_t *data, size_t size)
+void fuzz_load_file_within(
+    const char *name, const uint8_t *data, size_t size, uint64_t memory_limit_bytes)
 {
     struct file file = {data, size};
     fuzz_load(&(struct hg_load_params){.path = name,
@@ -158,5 +159,10 @@ void fuzz_load_file(const char *name, const uint8_t *data, size_t size)
         .fetch_user = &file,
         .asset_number = 1,
         .scene_index = -1,
-        .memory_limit_bytes = 64 << 20});
+        .memory_limit_bytes = memory_limit_bytes});
+}
+
+void fuzz_load_file(const char *name, const uint8_t *data, size_t size)
+{
+    fuzz_load_file_within(name, data, size, 64 << 20);
 }

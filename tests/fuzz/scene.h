@@ -8,7 +8,9 @@
 // Aborts when the result breaks a promise.
 void fuzz_load(const struct hg_load_params *params);
 // Loads a file that is alone: whatever else it names has the same bytes, and names with "missing"
-// are missing.
+// are missing. What becomes of it may have 64 MiB.
 void fuzz_load_file(const char *name, const uint8_t *data, size_t size);
+void fuzz_load_file_within(
+    const char *name, const uint8_t *data, size_t size, uint64_t memory_limit_bytes);
 
 #endif

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include <cmocka.h>
 #include <turbojpeg.h>
@@ -183,6 +184,40 @@ static void every_kind_of_png_is_read_as_openimageio_reads_it(void **state)
 }
 
 // Every end of a file that is cut short is an error, before or while rows are read, and stays one.
+static long most_kib(void)
+{
+    struct rusage usage;
+    assert_int_equal(getrusage(RUSAGE_SELF, &usage), 0);
+    return usage.ru_maxrss;
+}
+
+// libpng has two rows for itself, of 2 GiB each here: not before pixels are read.
+static void what_a_png_claims_takes_no_memory(void **state)
+{
+    (void)state;
+    static const uint32_t width = (UINT32_C(1) << 28) + 1;
+    struct hg_writer file = {0};
+    struct hg_rows_input *input;
+    struct hg_error err = {0};
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+    png_infop info = png_create_info_struct(png);
+    png_set_write_fn(png, &file, put, NULL);
+    png_set_user_limits(png, width, 1);
+    png_set_IHDR(png, info, width, 1, 16, PNG_COLOR_TYPE_RGB_ALPHA, PNG_INTERLACE_NONE,
+        PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_write_info(png, info);
+    png_write_chunk(png, (png_const_bytep) "IDAT", (png_const_bytep) "data", 4);
+    png_destroy_write_struct(&png, &info);
+    const struct hg_image_bytes bytes = {file.data, file.size, "wide.png"};
+    const long before_kib = most_kib();
+    assert_int_equal(hg_png_open(NULL, &bytes, false, &input, &err), HG_E_LIMIT);
+    assert_int_equal(hg_png_open(NULL, &bytes, true, &input, &err), HG_OK);
+    assert_int_equal(input->header.width, (int)width);
+    hg_rows_close(input);
+    assert_in_range(most_kib() - before_kib, 0, 64 << 10);
+    hg_writer_finish(&file);
+}
+
 static void cut_pngs_are_refused(void **state)
 {
     (void)state;
@@ -323,6 +358,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_kind_of_png_is_read_as_openimageio_reads_it),
         cmocka_unit_test(cut_pngs_are_refused),
+        cmocka_unit_test(what_a_png_claims_takes_no_memory),
         cmocka_unit_test(every_kind_of_jpeg_is_read_as_openimageio_reads_it),
         cmocka_unit_test(jpegs_of_many_scans_are_refused),
         cmocka_unit_test(the_png_suite_is_read_as_openimageio_reads_it),

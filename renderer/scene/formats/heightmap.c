@@ -14,6 +14,7 @@
 #define DEGREE_M 111319.5f // one degree of latitude, and of longitude on the equator
 #define VOID_M   (-32768)
 #define SIDE_MAX 16385u // samples
+enum { SAMPLE_BYTES = 4 + 32 + 24 }; // read, a vertex, six indices
 
 struct heights {
     uint32_t width, height;
@@ -51,8 +52,28 @@ bool hg_heightmap_knows(const char *label, const struct hg_refbuf *data)
 
 // ---- samples ------------------------------------------------------------------------------------
 
-static enum hg_status read_tile(
-    const struct hg_refbuf *data, const char *label, struct heights *h, struct hg_error *err)
+static uint64_t memory_limit(const struct hg_load_params *params)
+{
+    return params->memory_limit_bytes ? params->memory_limit_bytes : 8ull << 30;
+}
+
+// Before a sample is read: what is refused costs nothing.
+static enum hg_status check_size(const struct hg_load_params *params, uint64_t width,
+    uint64_t height, const char *label, struct hg_error *err)
+{
+    const uint64_t bytes = width * height * SAMPLE_BYTES;
+    if (width < 2 || height < 2 || width > SIDE_MAX || height > SIDE_MAX)
+        return hg_error_set(err, HG_E_LIMIT, label, NULL,
+            "%llu x %llu samples; 2 to %u a side are read", (unsigned long long)width,
+            (unsigned long long)height, SIDE_MAX);
+    if (bytes > memory_limit(params))
+        return hg_error_set(err, HG_E_LIMIT, label, NULL, "%llu bytes pass the memory limit",
+            (unsigned long long)bytes);
+    return HG_OK;
+}
+
+static enum hg_status read_tile(const struct hg_load_params *params, const struct hg_refbuf *data,
+    const char *label, struct heights *h, struct hg_error *err)
 {
     const uint32_t side = data->size == 1201u * 1201u * 2u   ? 1201
                           : data->size == 3601u * 3601u * 2u ? 3601
@@ -60,6 +81,9 @@ static enum hg_status read_tile(
     if (side == 0)
         return hg_error_set(err, HG_E_FORMAT, label, NULL,
             "%zu bytes are neither 1201 x 1201 nor 3601 x 3601 samples", data->size);
+    const enum hg_status status = check_size(params, side, side, label, err);
+    if (status != HG_OK)
+        return status;
     h->width = h->height = side;
     h->samples = hg_spill_scratch((size_t)side * side, sizeof *h->samples);
     if (h->samples == NULL)
@@ -77,11 +101,15 @@ static enum hg_status read_picture(const struct hg_load_params *params,
 {
     const struct hg_image_limits limits = {.max_side_px = SIDE_MAX,
         .max_pixels = (uint64_t)SIDE_MAX * SIDE_MAX,
-        .max_bytes = params->memory_limit_bytes ? params->memory_limit_bytes : 8ull << 30};
+        .max_bytes = memory_limit(params)};
+    const struct hg_image_bytes bytes = {data->data, data->size, label};
+    struct hg_image_info info;
     struct hg_image image;
-    const enum hg_status status =
-        hg_image_read_memory(&(struct hg_image_bytes){data->data, data->size, label},
-            HG_PIXEL_RGBA16, &limits, &image, err);
+    enum hg_status status = hg_image_probe_memory(&bytes, &info, err);
+    if (status == HG_OK)
+        status = check_size(params, info.width, info.height, label, err);
+    if (status == HG_OK)
+        status = hg_image_read_memory(&bytes, HG_PIXEL_RGBA16, &limits, &image, err);
     if (status != HG_OK)
         return status;
     h->width = image.width;
@@ -217,29 +245,13 @@ static enum hg_status make_asset(const struct heights *h, const char *label, str
     return make_part(h, &mesh->parts[0]);
 }
 
-static enum hg_status check_size(const struct hg_load_params *params, const struct heights *h,
-    const char *label, struct hg_error *err)
-{
-    const uint64_t limit = params->memory_limit_bytes ? params->memory_limit_bytes : 8ull << 30;
-    const uint64_t bytes = (uint64_t)h->width * h->height * (4 + 32 + 24);
-    if (h->width < 2 || h->height < 2 || h->width > SIDE_MAX || h->height > SIDE_MAX)
-        return hg_error_set(err, HG_E_LIMIT, label, NULL,
-            "%u x %u samples; 2 to %u a side are read", h->width, h->height, SIDE_MAX);
-    if (bytes > limit)
-        return hg_error_set(err, HG_E_LIMIT, label, NULL, "%llu bytes pass the memory limit",
-            (unsigned long long)bytes);
-    return HG_OK;
-}
-
 enum hg_status hg_heightmap_load(const struct hg_load_params *params, const struct hg_refbuf *data,
     const char *label, struct hg_asset **out, struct hg_error *err)
 {
     struct heights h = {0};
     *out = NULL;
-    enum hg_status status = is_tile(label) ? read_tile(data, label, &h, err)
+    enum hg_status status = is_tile(label) ? read_tile(params, data, label, &h, err)
                                            : read_picture(params, data, label, &h, err);
-    if (status == HG_OK)
-        status = check_size(params, &h, label, err);
     if (status == HG_OK && params->progress != NULL &&
         !params->progress(params->progress_user, "meshes", 0, 1))
         status = hg_error_set(err, HG_E_CANCELLED, label, NULL, "cancelled");
