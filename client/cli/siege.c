@@ -9,20 +9,24 @@
 #include "base/clock.h"
 #include "client/cli/bench_common.h"
 
-enum { WAIT_NS = 10000000, HONEST_SIDE = 64, FIRST_ROUNDS = 3 };
+enum { WAIT_NS = 10000000, HONEST_SIDE = 64, FIRST_ROUNDS = 3, TURNS_MAX = 100 };
 #define START_NS  60000000000u
 #define FRAMES_NS 10000000u // between frames and
-#define PINGS_NS  2000000u  // between pings of the honest client
+#define PINGS_NS  500000u   // between pings of the honest client
 static const char tokens[] = "honest-token-1 edit honest\nother-token-1 edit other\n";
+
+// Of the honest client beside others that behave, those of even and of odd turns, or attack.
+enum beside { BEHAVED, BEHAVED_TOO, ATTACKED, BESIDE };
 
 struct siege {
     struct hg_cli *cli;
     double seconds;
-    uint32_t clients, viewers, side, rate;
+    uint32_t clients, viewers, side, rate, turns;
     const char *isolation, *only;
     struct hg_bench_daemon daemon;
     struct hg_siege_client client[HG_SIEGE_CLIENTS + 2];
-    struct hg_siege_times frames, pings; // of the honest client
+    struct hg_siege_times frames[BESIDE], pings[BESIDE];
+    uint64_t rounds[BESIDE]; // of the others
     json_t *report;
 };
 
@@ -87,47 +91,20 @@ static enum hg_status run_phase(struct siege *s, uint32_t count, struct hg_error
     return HG_OK;
 }
 
-// ---- numbers ------------------------------------------------------------------------------------
-
-static int compare_ns(const void *a, const void *b)
-{
-    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return x < y ? -1 : x > y;
-}
-
-static json_t *times_json(struct hg_siege_times *t)
-{
-    qsort(t->ns, t->count, sizeof *t->ns, compare_ns);
-    const uint32_t n = t->count;
-    return json_pack("{s:f, s:f, s:f, s:i}", "p50", n ? (double)t->ns[n / 2] * 1e-6 : 0.0, "p99",
-        n ? (double)t->ns[n - 1 - n / 100] * 1e-6 : 0.0, "max",
-        n ? (double)t->ns[n - 1] * 1e-6 : 0.0, "count", (int)n);
-}
-
-static double ratio_of(const json_t *attacked, const json_t *behaved, const char *key)
-{
-    const double a = json_number_value(json_object_get(attacked, key)),
-                 b = json_number_value(json_object_get(behaved, key));
-    return b > 0 ? a / b : 0;
-}
-
 // The honest client beside clients of one class.
-static enum hg_status measure(struct siege *s,
-    enum hg_status (*round)(struct hg_siege_client *client, struct hg_error *err), json_t **out,
+static enum hg_status measure(struct siege *s, enum beside beside,
+    enum hg_status (*round)(struct hg_siege_client *client, struct hg_error *err),
     struct hg_error *err)
 {
     uint32_t count = 0;
-    uint64_t rounds = 0;
-    *out = NULL;
-    s->frames.count = s->pings.count = 0;
     struct hg_siege_client *frames = add_client(s, &count, "honest-token-1");
     frames->round = hg_siege_frame;
     frames->pause_ns = FRAMES_NS;
-    frames->times = &s->frames;
+    frames->times = &s->frames[beside];
     struct hg_siege_client *pings = add_client(s, &count, "honest-token-1");
     pings->round = hg_siege_ping;
     pings->pause_ns = PINGS_NS;
-    pings->times = &s->pings;
+    pings->times = &s->pings[beside];
     for (uint32_t i = 0; i < s->clients; i++) {
         struct hg_siege_client *c = add_client(s, &count, "other-token-1");
         c->round = round;
@@ -143,34 +120,110 @@ static enum hg_status measure(struct siege *s,
             frames->failures ? frames->err.what : pings->err.what,
             frames->failures ? frames->err.reason : pings->err.reason);
     for (uint32_t i = 2; i < count; i++)
-        rounds += atomic_load(&s->client[i].rounds);
-    *out = json_pack("{s:o, s:o, s:I}", "frame_ms", times_json(&s->frames), "ping_ms",
-        times_json(&s->pings), "rounds", (json_int_t)rounds);
+        s->rounds[beside] += atomic_load(&s->client[i].rounds);
     return HG_OK;
+}
+
+// Turn about, so that what the machine does meanwhile is in both.
+static enum hg_status measure_turns(
+    struct siege *s, const struct hg_siege_class *class, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (int i = 0; i < BESIDE; i++)
+        s->rounds[i] = s->frames[i].count = s->pings[i].count = 0;
+    for (uint32_t i = 0; i < s->turns && !status; i++) {
+        const enum beside behaved = i % 2 ? BEHAVED_TOO : BEHAVED;
+        status = i % 2 ? measure(s, ATTACKED, class->attack, err)
+                       : measure(s, behaved, class->behave, err);
+        if (!status)
+            status = i % 2 ? measure(s, behaved, class->behave, err)
+                           : measure(s, ATTACKED, class->attack, err);
+    }
+    return status;
+}
+
+// ---- numbers ------------------------------------------------------------------------------------
+
+static int compare_ns(const void *a, const void *b)
+{
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+static double percentile_ms(const struct hg_siege_times *t, uint32_t percent)
+{
+    return t->count ? (double)t->ns[(uint64_t)(t->count - 1) * percent / 100] * 1e-6 : 0.0;
+}
+
+static double ratio_of(
+    const struct hg_siege_times *over, const struct hg_siege_times *under, uint32_t percent)
+{
+    const double b = percentile_ms(under, percent);
+    return b > 0 ? percentile_ms(over, percent) / b : 0;
+}
+
+// How far two halves of the same are from each other: smaller differences mean nothing.
+static double noise_of(const struct hg_siege_times times[BESIDE])
+{
+    const double ratio = ratio_of(&times[BEHAVED_TOO], &times[BEHAVED], 99);
+    return ratio > 0 && ratio < 1 ? 1 / ratio : ratio;
+}
+
+static void sort(struct hg_siege_times *t)
+{
+    qsort(t->ns, t->count, sizeof *t->ns, compare_ns);
+}
+
+// All that were beside clients that behave, in BEHAVED.
+static void join_turns(struct hg_siege_times times[BESIDE])
+{
+    struct hg_siege_times *all = &times[BEHAVED], *more = &times[BEHAVED_TOO];
+    const uint32_t room = HG_SIEGE_SAMPLES - all->count,
+                   count = more->count < room ? more->count : room;
+    memcpy(all->ns + all->count, more->ns, count * sizeof *all->ns);
+    all->count += count;
+    sort(all);
+}
+
+static json_t *times_json(const struct hg_siege_times *t)
+{
+    return json_pack("{s:f, s:f, s:f, s:i}", "p50", percentile_ms(t, 50), "p99",
+        percentile_ms(t, 99), "max", percentile_ms(t, 100), "count", (int)t->count);
+}
+
+static json_t *beside_json(const struct siege *s, enum beside beside, uint64_t rounds)
+{
+    return json_pack("{s:o, s:o, s:I}", "frame_ms", times_json(&s->frames[beside]), "ping_ms",
+        times_json(&s->pings[beside]), "rounds", (json_int_t)rounds);
+}
+
+static json_t *ratio_json(const struct siege *s)
+{
+    const struct hg_siege_times *f = s->frames, *p = s->pings;
+    return json_pack("{s:f, s:f, s:f, s:f}", "frame_p50", ratio_of(&f[ATTACKED], &f[BEHAVED], 50),
+        "frame_p99", ratio_of(&f[ATTACKED], &f[BEHAVED], 99), "ping_p50",
+        ratio_of(&p[ATTACKED], &p[BEHAVED], 50), "ping_p99",
+        ratio_of(&p[ATTACKED], &p[BEHAVED], 99));
 }
 
 static enum hg_status measure_class(
     struct siege *s, const struct hg_siege_class *class, struct hg_error *err)
 {
-    json_t *behaved = NULL, *attacked = NULL;
-    enum hg_status status = measure(s, class->behave, &behaved, err);
-    if (!status)
-        status = measure(s, class->attack, &attacked, err);
-    if (status) {
-        json_decref(behaved);
+    enum hg_status status = measure_turns(s, class, err);
+    if (status)
         return status;
+    for (int i = 0; i < BESIDE; i++) {
+        sort(&s->frames[i]);
+        sort(&s->pings[i]);
     }
-    const json_t *frames[] = {
-        json_object_get(attacked, "frame_ms"), json_object_get(behaved, "frame_ms")};
-    const json_t *pings[] = {
-        json_object_get(attacked, "ping_ms"), json_object_get(behaved, "ping_ms")};
-    json_t *ratio =
-        json_pack("{s:f, s:f, s:f, s:f}", "frame_p50", ratio_of(frames[0], frames[1], "p50"),
-            "frame_p99", ratio_of(frames[0], frames[1], "p99"), "ping_p50",
-            ratio_of(pings[0], pings[1], "p50"), "ping_p99", ratio_of(pings[0], pings[1], "p99"));
+    json_t *noise =
+        json_pack("{s:f, s:f}", "frame_p99", noise_of(s->frames), "ping_p99", noise_of(s->pings));
+    join_turns(s->frames);
+    join_turns(s->pings);
     json_array_append_new(json_object_get(s->report, "classes"),
-        json_pack("{s:s, s:o, s:o, s:o}", "name", class->name, "behaved", behaved, "attacked",
-            attacked, "ratio", ratio));
+        json_pack("{s:s, s:o, s:o, s:o, s:o}", "name", class->name, "behaved",
+            beside_json(s, BEHAVED, s->rounds[BEHAVED] + s->rounds[BEHAVED_TOO]), "attacked",
+            beside_json(s, ATTACKED, s->rounds[ATTACKED]), "ratio", ratio_json(s), "noise", noise));
     return HG_OK;
 }
 
@@ -199,33 +252,35 @@ static enum hg_status measure_viewers(struct siege *s, struct hg_error *err)
 
 static enum hg_status read_options(struct siege *s, const json_t *options, struct hg_error *err)
 {
-    int clients = 4, viewers = 8, side = 512, rate = 5000;
+    int clients = 4, viewers = 8, side = 512, rate = 5000, turns = 4;
     json_error_t wrong;
     s->seconds = 3;
     s->isolation = "tenant";
     if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT,
-            "{s?F, s?i, s?i, s?i, s?i, s?s, s?s}", "seconds", &s->seconds, "clients", &clients,
-            "viewers", &viewers, "side", &side, "rate", &rate, "isolation", &s->isolation, "only",
-            &s->only))
+            "{s?F, s?i, s?i, s?i, s?i, s?i, s?s, s?s}", "seconds", &s->seconds, "clients", &clients,
+            "viewers", &viewers, "side", &side, "rate", &rate, "turns", &turns, "isolation",
+            &s->isolation, "only", &s->only))
         return hg_error_set(err, HG_E_INVAL, "bench siege", "options", "%s", wrong.text);
     if (clients < 1 || clients > HG_SIEGE_CLIENTS || viewers < 1 || viewers > HG_SIEGE_CLIENTS ||
-        side < 1 || side > 4096 || rate < 1 || !(s->seconds > 0 && s->seconds <= 3600))
+        side < 1 || side > 4096 || rate < 1 || turns < 1 || turns > TURNS_MAX ||
+        !(s->seconds > 0 && s->seconds <= 3600))
         return hg_error_set(err, HG_E_INVAL, "bench siege", "options",
-            "clients and viewers are 1 to %d, side 1 to 4096, seconds at most 3600",
-            HG_SIEGE_CLIENTS);
+            "clients and viewers are 1 to %d, side 1 to 4096, turns 1 to %d, seconds at most 3600",
+            HG_SIEGE_CLIENTS, TURNS_MAX);
     s->clients = (uint32_t)clients;
     s->viewers = (uint32_t)viewers;
     s->side = (uint32_t)side;
     s->rate = (uint32_t)rate;
+    s->turns = (uint32_t)turns;
     return HG_OK;
 }
 
 static enum hg_status begin(struct siege *s, struct hg_error *err)
 {
     const char *more[] = {"--isolation", s->isolation, "--max-sessions-per-token", "128", NULL};
-    s->report = json_pack("{s:f, s:i, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "clients",
-        (int)s->clients, "side", (int)s->side, "rate", (int)s->rate, "isolation", s->isolation,
-        "classes");
+    s->report = json_pack("{s:f, s:i, s:i, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "turns",
+        (int)s->turns, "clients", (int)s->clients, "side", (int)s->side, "rate", (int)s->rate,
+        "isolation", s->isolation, "classes");
     if (!s->report)
         return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
     return hg_bench_daemon_start(

@@ -39,6 +39,7 @@ static const uint32_t allowed[] = {
     __NR_sched_setaffinity,
     __NR_sched_setparam,
     __NR_sched_setscheduler,
+    __NR_sched_setattr,
     // clients
     __NR_socket,
     __NR_socketpair,

@@ -17,6 +17,7 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
+#include "base/slice.h"
 #include "server/broker/confine.h"
 
 enum { PATHS_MAX = 256, STEP_BYTES = 120, LOG_BYTES = 512, PATIENCE_S = 10 };
@@ -325,6 +326,7 @@ static void run_launcher(const struct hg_options *options, char *const *argv)
     fcntl(SOCKET_FD, F_SETFD, FD_CLOEXEC);
     close_range(SOCKET_FD + 1, ~0u, 0);
     setpgid(0, 0);
+    hg_slice_set(0); // a daemon that took over has its predecessor's, which is not for workers
     signal(SIGINT, SIG_IGN); // it ends with the daemon's end of the socket
     signal(SIGTERM, SIG_IGN);
     prctl(PR_SET_NAME, "heliod-launch", 0, 0, 0);

@@ -7,6 +7,7 @@
 
 #include "base/clock.h"
 #include "base/file.h"
+#include "base/slice.h"
 
 enum { EVENTS_PER_ROUND = 512 };
 #define LATE_NS 200000000u // that a round may take beyond its wait
@@ -83,6 +84,7 @@ void hg_loop_run(struct hg_loop *loop, uint64_t (*round)(void *user), void *user
 {
     int ms = -1;
     uint64_t begin_ns = 0;
+    hg_slice_set(HG_SLICE_SHORT_NS);
     while (!loop->stop) {
         loop->now_ns = hg_clock_now_ns();
         note_late(loop, begin_ns, ms);

@@ -11,7 +11,7 @@ CLASSES = ["pings that are not read", "frames that are not read", "eight picture
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--helio", required=True)
 args = parser.parse_args()
-options = {"seconds": 0.4, "clients": 1, "viewers": 3, "side": 64, "isolation": "shared"}
+options = {"seconds": 0.4, "clients": 1, "viewers": 3, "side": 64, "isolation": "shared", "turns": 2}
 text = subprocess.run([args.helio, "bench", "siege", "--options", json.dumps(options)], check=True,
                       stdout=subprocess.PIPE, timeout=280).stdout
 report = json.loads(text)
@@ -23,7 +23,8 @@ for c in report["classes"]:
             assert times["count"] > 0 and 0 < times["p50"] <= times["p99"] <= times["max"], (c["name"], times)
         assert c[side]["rounds"] > 0, c
     assert set(c["ratio"]) == {"frame_p50", "frame_p99", "ping_p50", "ping_p99"}, c
-    print(c["name"], c["ratio"])
+    assert c["noise"]["ping_p99"] >= 1 and c["noise"]["frame_p99"] >= 1, c
+    print(c["name"], c["ratio"], c["noise"])
 viewers = report["viewers"]
 assert len(viewers["frames"]) == 3 and min(viewers["frames"]) > 0 and 0 < viewers["least_to_most"] <= 1, viewers
 print(viewers)

@@ -5,11 +5,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
 #include "base/clock.h"
+#include "base/slice.h"
 #include "tests/system/daemon.h"
 
 enum { SESSIONS = 10, WINDOW = 16, TAKEOVERS = 5 };
@@ -313,6 +315,23 @@ static bool has_loader_cpu(pid_t pid, int seconds)
 
 // Those that start afterwards are as confined as those before, by the process that started these,
 // and have the options of now.
+// How long a process may run at a time; 0: the kernel does not say. struct sched_attr, version 0.
+static uint64_t slice_ns(pid_t pid)
+{
+    uint64_t attributes[6] = {0};
+    assert_int_equal(syscall(SYS_sched_getattr, pid, attributes, sizeof attributes, 0), 0);
+    return attributes[3];
+}
+
+// The loop runs before those that compute, and its workers compute.
+static void expect_slices(struct daemon *d, pid_t worker)
+{
+    const uint64_t usual_ns = slice_ns(0);
+    if (usual_ns)
+        assert_int_equal(slice_ns(d->pid), HG_SLICE_SHORT_NS);
+    assert_int_equal(slice_ns(worker), usual_ns);
+}
+
 static void workers_start_as_before(void **state)
 {
     (void)state;
@@ -331,6 +350,7 @@ static void workers_start_as_before(void **state)
     const pid_t launcher = launcher_of(&d);
     const bool confined = is_confined(worker);
     assert_true(has_loader_cpu(worker, 7));
+    expect_slices(&d, worker);
     daemon_write(&d, "config", "loader-cpu = 8\n");
     for (int i = 0; i < 2; i++) {
         daemon_signal(&d, SIGUSR2);
@@ -339,6 +359,7 @@ static void workers_start_as_before(void **state)
         worker = daemon_worker(&d, worker);
         assert_int_equal(is_confined(worker), confined);
         assert_true(has_loader_cpu(worker, 8));
+        expect_slices(&d, worker);
         assert_int_equal(launcher_of(&d), launcher);
     }
     print_message("workers %s namespaces of their own\n", confined ? "have" : "may have no");
