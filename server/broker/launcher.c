@@ -147,8 +147,8 @@ static void become_worker(const struct hg_worker_start *start, enum hg_confine_l
     set_descriptors(start->fd, report);
     report = WORKER_FD + 1;
     hg_worker_process_make_first_victim();
-    if (start->seed)
-        setpriority(PRIO_PROCESS, 0, SEED_NICE); // no client waits for it
+    const int nice = getpriority(PRIO_PROCESS, 0) + (int)start->options->worker_nice;
+    setpriority(PRIO_PROCESS, 0, start->seed ? SEED_NICE : nice); // no client waits for a seed
     plan_paths(&plan, start, &arguments);
     if (!failed && plan.impossible && level != HG_CONFINE_NONE) {
         step = "leave out the root";

@@ -129,6 +129,6 @@ void hg_worker_share_apply(const struct hg_machine *machine, const struct hg_opt
     if (share->memory_bytes && strcmp(o->sandbox, "off") != 0)
         limit_data(pid, share->memory_bytes);
     const int steps = hg_weight_nice(share->weight, share->heaviest);
-    const int nice = steps + getpriority(PRIO_PROCESS, 0); // the heaviest has the daemon's
+    const int nice = steps + getpriority(PRIO_PROCESS, 0) + (int)o->worker_nice;
     give_way(pid, !steps ? 0 : nice > 19 ? 19 : nice);
 }
