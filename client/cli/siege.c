@@ -252,7 +252,7 @@ static enum hg_status measure_viewers(struct siege *s, struct hg_error *err)
 
 static enum hg_status read_options(struct siege *s, const json_t *options, struct hg_error *err)
 {
-    int clients = 4, viewers = 8, side = 512, rate = 5000, turns = 4;
+    int clients = 4, viewers = 8, side = 512, rate = 5000, turns = 2;
     json_error_t wrong;
     s->seconds = 3;
     s->isolation = "tenant";

@@ -23,7 +23,7 @@ static void begin(struct daemon *d, const char *group)
         "anna-token-1 edit anna\nbert-token-1 edit bert weight=300\n"
         "carl-token-1 edit carl weight=10\nadmin-token-1 admin\n");
     daemon_option(d, "sandbox", "best-effort"); // off takes limits away as well
-    daemon_option(d, "worker-nice", "3");
+    daemon_option(d, "worker-nice", "2");
     if (group) {
         snprintf(path, sizeof path, "%s/%s", d->folder, group);
         assert_int_equal(mkdir(path, 0700), 0);
@@ -173,7 +173,7 @@ static void limits_have_weights(void **state)
     }
     tenant_enter(&carl, &d, "carl-token-1", "hall");
     pid_t carls = tenant_await_worker(&d, "carl", 0);
-    const int base = getpriority(PRIO_PROCESS, (id_t)d.pid) + 3; // the heaviest, bert, keeps it
+    const int base = getpriority(PRIO_PROCESS, (id_t)d.pid) + 2; // the heaviest, bert, keeps it
     await_nice(annas, base + 5);                                 // 1.25^5 = 3.05
     await_nice(carls, base + 15);
     await_nice(berts, base);

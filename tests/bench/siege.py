@@ -11,7 +11,7 @@ CLASSES = ["pings that are not read", "frames that are not read", "eight picture
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--helio", required=True)
 args = parser.parse_args()
-options = {"seconds": 0.4, "clients": 1, "viewers": 3, "side": 64, "isolation": "shared", "turns": 2}
+options = {"seconds": 0.4, "clients": 1, "viewers": 3, "side": 64, "isolation": "shared"}
 text = subprocess.run([args.helio, "bench", "siege", "--options", json.dumps(options)], check=True,
                       stdout=subprocess.PIPE, timeout=280).stdout
 report = json.loads(text)
