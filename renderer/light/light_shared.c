@@ -17,14 +17,15 @@ static enum hg_status create_dfg(struct hg_light_shared *s, struct hg_error *err
     return status;
 }
 
-enum hg_status hg_light_shared_create(
-    struct hg_gpu *gpu, struct hg_light_shared **out, struct hg_error *err)
+enum hg_status hg_light_shared_create(struct hg_gpu *gpu, struct hg_sky_cache *sky,
+    struct hg_light_shared **out, struct hg_error *err)
 {
     *out = NULL;
     struct hg_light_shared *s = hg_calloc(1, sizeof *s);
     if (!s)
         return hg_error_set(err, HG_E_NOMEM, "lighting", NULL, "no memory");
     s->gpu = gpu;
+    s->sky = sky ? sky : &s->own_sky;
     enum hg_status status = hg_env_device_init(&s->env, gpu, err);
     if (!status)
         status = create_dfg(s, err);
@@ -42,7 +43,7 @@ void hg_light_shared_destroy(struct hg_light_shared *s)
     if (!s)
         return;
     hg_env_device_finish(&s->env, s->gpu);
-    hg_sky_cache_finish(&s->sky);
+    hg_sky_cache_finish(&s->own_sky);
     hg_gpu_buffer_destroy(s->gpu, &s->dfg);
     hg_shadow_atlases_finish(&s->atlases);
     hg_free(s);
@@ -50,5 +51,5 @@ void hg_light_shared_destroy(struct hg_light_shared *s)
 
 struct hg_sky_cache *hg_light_shared_sky(struct hg_light_shared *s)
 {
-    return &s->sky;
+    return s->sky;
 }

@@ -11,7 +11,7 @@
 struct hg_light_shared {
     struct hg_gpu *gpu;
     struct hg_env_device env;
-    struct hg_sky_cache sky;
+    struct hg_sky_cache *sky, own_sky; // sky: borrowed, or own_sky
     struct hg_gpu_buffer dfg; // tables of albedo, and of linearly transformed cosines behind them
     struct hg_shadow_atlases atlases;
 };

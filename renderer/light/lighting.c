@@ -74,7 +74,8 @@ enum hg_status hg_lighting_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
     uint32_t limit = hg_gpu_get_caps(gpu)->max_image_side_px;
     while (l->params.shadow_atlas_px > limit)
         l->params.shadow_atlas_px /= 2;
-    enum hg_status status = l->params.shared ? HG_OK : hg_light_shared_create(gpu, &l->own, err);
+    enum hg_status status =
+        l->params.shared ? HG_OK : hg_light_shared_create(gpu, NULL, &l->own, err);
     if (l->own)
         l->params.shared = l->own;
     if (status)
@@ -486,7 +487,7 @@ enum hg_status hg_lighting_sync(
 {
     struct hg_lighting_view view = *asked;
     struct hg_light_shared *shared = l->params.shared;
-    const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store, &shared->sky};
+    const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store, shared->sky};
     bool has_sun;
     if (l->pages.table) // what became of those that were due
         hg_shadow_pages_drawn(l->pages.table, l->plan.maps + l->plan.count, l->pages.due);

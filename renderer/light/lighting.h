@@ -19,13 +19,14 @@
 struct hg_lighting;
 
 // What the views of one scene share: the environment, prefiltered, tables of albedo, and the
-// atlases of shadow maps (shadow/shadow_atlas.h). HG_E_NOMEM, device errors.
+// atlases of shadow maps (shadow/shadow_atlas.h). sky: the last one drawn for any scene, borrowed,
+// must outlive it; NULL: one of its own. HG_E_NOMEM, device errors.
 struct hg_light_shared;
 struct hg_sky_cache;
-enum hg_status hg_light_shared_create(
-    struct hg_gpu *gpu, struct hg_light_shared **out, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_light_shared_create(struct hg_gpu *gpu, struct hg_sky_cache *sky,
+    struct hg_light_shared **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_light_shared_destroy(struct hg_light_shared *shared); // accepts NULL
-// The sky that was drawn last for its scene; borrowed.
+// The one that it was created with; borrowed.
 struct hg_sky_cache *hg_light_shared_sky(struct hg_light_shared *shared);
 
 struct hg_lighting_params {   // zero of each field = default

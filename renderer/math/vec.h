@@ -106,9 +106,14 @@ static inline uint16_t hg_half(float value)
 
 static inline float hg_half_to_float(uint16_t h)
 {
-    uint32_t exponent = h >> 10 & 31, mantissa = h & 1023;
-    float v = exponent ? ldexpf((float)(mantissa | 1024), (int)exponent - 25)
-                       : ldexpf((float)mantissa, -24);
+    const uint32_t magnitude = h & 0x7fffu;
+    uint32_t u = (magnitude << 13) + 0x38000000u;
+    float v;
+    if (magnitude < 0x0400) { // subnormal, steps of 2^-24
+        v = (float)magnitude * 0x1p-24f;
+    } else {
+        memcpy(&v, &u, 4);
+    }
     return h & 0x8000 ? -v : v;
 }
 

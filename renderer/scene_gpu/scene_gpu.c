@@ -136,6 +136,7 @@ void hg_frame_context_finish(struct hg_frame_context *context)
 {
     hg_page_cache_destroy(context->pages);
     context->pages = NULL;
+    hg_sky_cache_finish(&context->sky);
 }
 
 static enum hg_status create(struct hg_frame_context *context, struct hg_scene *scene,
@@ -162,7 +163,7 @@ static enum hg_status create(struct hg_frame_context *context, struct hg_scene *
     if (status == HG_OK)
         status = hg_rays_create(context->gpu, scene_gpu->geometry, &rays, &scene_gpu->rays, err);
     if (status == HG_OK)
-        status = hg_light_shared_create(context->gpu, &scene_gpu->light, err);
+        status = hg_light_shared_create(context->gpu, &context->sky, &scene_gpu->light, err);
     if (status != HG_OK) {
         destroy(context, scene_gpu);
         return status;

@@ -10,6 +10,7 @@
 #include "renderer/irradiance/irradiance.h"
 #include "renderer/reflect/cache.h"
 #include "renderer/gpu/gpu.h"
+#include "renderer/light/env/sky_cache.h"
 #include "renderer/light/lighting.h"
 #include "renderer/scene/scene.h"
 #include "renderer/scene_gpu/debug_overrides.h"
@@ -26,6 +27,7 @@ struct hg_frame_context {
     uint64_t texture_budget_bytes, geometry_budget_bytes, host_budget_bytes; // 0 = unlimited
     struct hg_store *store;         // page packs and cluster files on disk; NULL = none
     struct hg_page_cache *pages;    // of all scenes; made on first use
+    struct hg_sky_cache sky;        // the last one drawn, for any of them
     struct hg_scene_gpu *scene_gpu; // list of all scenes in use
     uint32_t bake_from;             // as of struct hg_geometry_params
     struct hg_debug_overrides overrides;

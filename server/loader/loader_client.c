@@ -73,7 +73,8 @@ static _Noreturn void wait_and_exec(const struct arguments *a, int fd, pid_t par
     struct pollfd link = {.fd = LINK_FD, .events = POLLIN};
     while (poll(&link, 1, -1) < 0 && errno == EINTR)
         ;
-    if (link.revents & POLLIN)
+    // A link that was closed can be read from, too: nothing will be asked for.
+    if ((link.revents & (POLLIN | POLLHUP)) == POLLIN)
         execv(a->path, (char *const *)a->items);
     _exit(1);
 }

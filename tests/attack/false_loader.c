@@ -11,6 +11,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/clock.h"
@@ -128,16 +129,40 @@ static void refused(const char *name, enum hg_status code, const char *reason)
     assert_string_equal(err.what, name);
 }
 
+static int become_the_loader(void **state)
+{
+    (void)state;
+    char self[4096];
+    const ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
+    assert_true(n > 0);
+    self[n] = 0;
+    return setenv("HELIO_LOADER", self, 1);
+}
+
+// A worker that ends without a file of a foreign format never starts helio-loader, which would load
+// its libraries: the process that waited for it ends as one that cannot.
+static void test_not_asked(void **state)
+{
+    (void)state;
+    int how;
+    const pid_t worker = fork();
+    if (worker == 0) {
+        struct hg_error err = {0};
+        const struct loader_options options = {.sandbox = "off"};
+        if (hg_loader_start(&options, &err) != HG_OK || close_range(LINK_FD, ~0u, 0) != 0)
+            _exit(2);
+        _exit(wait(&how) > 0 && WIFEXITED(how) && WEXITSTATUS(how) == 1 ? 0 : 3);
+    }
+    assert_true(worker > 0 && waitpid(worker, &how, 0) == worker);
+    assert_true(WIFEXITED(how));
+    assert_int_equal(WEXITSTATUS(how), 0);
+}
+
 static void test_lies(void **state)
 {
     (void)state;
     struct hg_error err = {0};
     const struct loader_options options = {.timeout_s = 0.3, .sandbox = "off"};
-    char self[4096];
-    const ssize_t n = readlink("/proc/self/exe", self, sizeof self - 1);
-    assert_true(n > 0);
-    self[n] = 0;
-    setenv("HELIO_LOADER", self, 1);
     assert_int_equal(hg_loader_start(&options, &err), HG_OK);
     refused("empty.dae", HG_E_FORMAT, "unsound");
     refused("noise.dae", HG_E_FORMAT, "unsound");
@@ -158,6 +183,7 @@ int main(int argc, char **argv)
 {
     if (argc > 1 && strcmp(argv[1], "--cpu") == 0)
         return be_a_loader();
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_lies)};
-    return cmocka_run_group_tests_name("attack_false_loader", tests, NULL, NULL);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_not_asked), cmocka_unit_test(test_lies)};
+    return cmocka_run_group_tests_name("attack_false_loader", tests, become_the_loader, NULL);
 }

@@ -16,6 +16,7 @@
 #include "server/worker/dispatch.h"
 #include "server/worker/encode_queue.h"
 #include "server/worker/view_codec.h"
+#include "tests/support/folder.h"
 
 enum { CHANNEL = 1, SLOW = 1, QUICK = 2, SIDE = 32, SAMPLES = 4, CAMERAS = 12 };
 #define ANSWER_TIMEOUT_NS (UINT64_C(120) * 1000000000)
@@ -212,12 +213,27 @@ static struct hgp_view_camera camera(uint32_t view, uint64_t seq)
         .has_target = true};
 }
 
+static char folder[TEST_FOLDER_MAX]; // the sky, prefiltered once for all workers
+
+static int make_folder(void **state)
+{
+    (void)state;
+    return test_folder_make(folder, "encoders") ? 0 : -1;
+}
+
+static int remove_folder(void **state)
+{
+    (void)state;
+    return test_folder_remove(folder) ? 0 : -1;
+}
+
 static int start(void **state)
 {
     struct rig *rig = hg_calloc(1, sizeof *rig);
     assert_non_null(rig);
     encoder.opened = encoder.closed = encoder.begun = 0;
     set_encoder(false, false);
+    rig->w.options.cache_dir = folder;
     assert_int_equal(hg_worker_init(&rig->w), HG_OK);
     assert_int_equal(hg_encode_queue_create(&rig->w, 0, find_encoder, &rig->w.encoders), HG_OK);
     assert_int_equal(pthread_create(&rig->render, NULL, hg_dispatch_main, &rig->w), 0);
@@ -658,5 +674,5 @@ int main(void)
         cmocka_unit_test_setup_teardown(
             test_codecs_are_left_and_come_back, start_queue, stop_queue),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
 }

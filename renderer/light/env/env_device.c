@@ -35,7 +35,7 @@ static enum hg_status sky_key(const struct hg_sky *sky, uint8_t key[32])
         float sun[3], turbidity;
         uint32_t disc, version;
     } text = {"hg sky", {sky->sun_direction[0], sky->sun_direction[1], sky->sun_direction[2]},
-        sky->turbidity, sky->with_disc, 2};
+        sky->turbidity, sky->with_disc, 3};
     return hg_sha256(&text, sizeof text, key);
 }
 

@@ -23,6 +23,7 @@ static const float haze_spectrum[3] = {0.7590f, 1.0f, 1.3365f};
 #define TABLE_X   64 // cosine of the sun's zenith angle
 #define TABLE_Y   32 // height
 #define SKY_STEPS 40 // of a march
+#define SKY_TURNS 128 // marches of a row
 
 struct atmosphere {
     struct hg_sky sky;
@@ -233,23 +234,30 @@ static hg_v4 ground_light(
     return air->transmittance * GROUND_ALBEDO * light;
 }
 
-// Light along a ray per unit of the sun's illuminance.
-static hg_v4 march(const struct atmosphere *a, const struct air *air, const struct sun_about *sun)
+// Light along a ray per unit of the sun's illuminance: scattered once, over the phase function of
+// air or haze, and the rest. All of it changes slowly with the angle between ray and sun.
+struct light {
+    hg_v4 rayleigh, mie, rest;
+};
+
+static struct light march(
+    const struct atmosphere *a, const struct air *air, const struct sun_about *sun)
 {
-    const float isotropic = (float)(1 / (4 * HG_PI)), c2 = sun->cosine * sun->cosine;
-    const float phase_r = sun->isotropic ? isotropic : (float)(3 / (16 * HG_PI)) * (1 + c2);
-    const float phase_m = sun->isotropic ? isotropic : mie_phase(sun->cosine);
-    hg_v4 light = {0, 0, 0, 0};
+    struct light light = {{0, 0, 0, 0}, {0, 0, 0, 0}, {0, 0, 0, 0}};
     for (int k = 0; k < air->steps; k++) {
         const struct air_step *step = &air->step[k];
         const float mu = (air->r * sun->y + step->t * sun->cosine) / step->r;
         const struct table_place at = mu_place(mu);
-        light +=
-            sun_light(a, &step->sun, mu, at) * (step->rayleigh * phase_r + step->mie * phase_m);
+        const hg_v4 direct = sun_light(a, &step->sun, mu, at);
+        light.rayleigh += direct * step->rayleigh;
+        light.mie += direct * step->mie;
         if (!sun->isotropic)
-            light += table_read(a->multiple, step->sun.height, at) * (step->rayleigh + step->mie);
+            light.rest +=
+                table_read(a->multiple, step->sun.height, at) * (step->rayleigh + step->mie);
     }
-    return air->ground ? light + ground_light(a, air, sun) : light;
+    if (air->ground)
+        light.rest += ground_light(a, air, sun);
+    return light;
 }
 
 // Hillaire 2020, eq. 5..10: second order from 64 directions, further ones as a geometric series.
@@ -269,7 +277,10 @@ static void multiple_row(void *user, size_t row)
             const float mu = table_mu(i / AROUND);
             const struct sun_about sun = {
                 mu, s * cosf(phi) * sqrtf(fmaxf(0, 1 - mu * mu)) + y * mu, true};
-            second[i / AROUND] += march(a, &air, &sun) / (RINGS * AROUND);
+            const struct light light = march(a, &air, &sun);
+            second[i / AROUND] +=
+                ((light.rayleigh + light.mie) * (float)(1 / (4 * HG_PI)) + light.rest) /
+                (RINGS * AROUND);
         }
     }
     for (int i = 0; i < TABLE_X; i++)
@@ -291,20 +302,53 @@ static float disc_cover(const float dir[3], const float sun[3])
     return hg_clampf((HG_SUN_RADIUS + texel - angle) / texel, 0, 1);
 }
 
+// A row's light depends on one cosine, that of the angle to the sun: middle - reach .. middle +
+// reach.
+struct turns {
+    float middle, reach;
+    struct light light[SKY_TURNS + 1];
+};
+
+static void make_turns(
+    const struct atmosphere *a, const struct air *air, float y, struct turns *out)
+{
+    const float up = a->sky.sun_direction[1];
+    out->middle = y * up;
+    out->reach = sqrtf(fmaxf(0, 1 - y * y) * fmaxf(0, 1 - up * up));
+    for (int i = 0; i <= SKY_TURNS; i++) {
+        const float cosine = out->middle + out->reach * (2 * (float)i / SKY_TURNS - 1);
+        const struct sun_about about = {up, cosine, false};
+        out->light[i] = march(a, air, &about);
+    }
+}
+
+static hg_v4 light_at(const struct turns *turns, float cosine)
+{
+    const float reach = fmaxf(turns->reach, 1e-6f);
+    const float at = hg_clampf((cosine - turns->middle) / reach * 0.5f + 0.5f, 0, 1) * SKY_TURNS;
+    const struct table_place place = table_place(at, SKY_TURNS + 1);
+    const struct light *low = &turns->light[place.index], *high = low + 1;
+    const float phase = (float)(3 / (16 * HG_PI)) * (1 + cosine * cosine);
+    return (low->rayleigh + (high->rayleigh - low->rayleigh) * place.between) * phase +
+           (low->mie + (high->mie - low->mie) * place.between) * mie_phase(cosine) +
+           (low->rest + (high->rest - low->rest) * place.between);
+}
+
 static void sky_row(void *user, size_t row)
 {
     const struct sky_fill *fill = user;
     const struct atmosphere *a = fill->a;
     float *out = (float *)fill->image->pixels + row * HG_SKY_WIDTH * 4;
     float latitude = (float)HG_PI * (0.5f - ((float)row + 0.5f) / HG_SKY_HEIGHT);
-    const float y = sinf(latitude), *sun = a->sky.sun_direction;
+    const float y = sinf(latitude);
     struct air air;
+    struct turns turns;
     look_through(a, GROUND_KM + EYE_KM, y, SKY_STEPS, &air);
+    make_turns(a, &air, y, &turns);
     for (uint32_t x = 0; x < HG_SKY_WIDTH; x++, out += 4) {
         float phi = (float)(2 * HG_PI) * (((float)x + 0.5f) / HG_SKY_WIDTH - 0.5f);
         const float direction[3] = {cosf(latitude) * cosf(phi), y, cosf(latitude) * sinf(phi)};
-        const struct sun_about about = {sun[1], hg_dot3(direction, sun), false};
-        const hg_v4 light = march(a, &air, &about);
+        const hg_v4 light = light_at(&turns, hg_dot3(direction, a->sky.sun_direction));
         for (size_t c = 0; c < 3; c++)
             out[c] = light[c] * HG_SKY_SUN_LUX;
         out[3] = 1;

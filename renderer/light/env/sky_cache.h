@@ -2,7 +2,7 @@
 // Floor 2 (light). Thread: the render thread.
 //
 // What lights pictures in motion and what rays sample is the same image: it is drawn once for each
-// place of the sun and each turbidity.
+// place of the sun and each turbidity, and scenes whose files bring no light have the same.
 #ifndef HG_RENDERER_LIGHT_ENV_SKY_CACHE_H
 #define HG_RENDERER_LIGHT_ENV_SKY_CACHE_H
 
