@@ -163,10 +163,13 @@ static enum hg_status draw_all(
         if (status == HG_OK)
             status = hg_view_step(view, 1, &info, err);
         hg_reflect_stats(view->state.motion.reflections.reflect, &out->stats);
+        struct hg_irradiance_stats rough = {0}; // what rough surfaces mirror
+        if (view->state.motion.reflections.gathers)
+            hg_irradiance_stats(view->state.scene_gpu->irradiance, &rough);
         if (i < PICTURES - MEASURED || status != HG_OK)
             continue;
         if (hg_bench_times_add(&frames, hg_clock_cpu_ns() - cpu) != HG_OK ||
-            hg_bench_times_add(&host, out->stats.cpu_ns) != HG_OK)
+            hg_bench_times_add(&host, out->stats.cpu_ns + rough.cpu_ns) != HG_OK)
             status = no_memory(err);
     }
     out->cpu_ms = hg_bench_times_at(&host, 0.5);

@@ -102,7 +102,9 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     hg_lighting_sources(view->lighting, &r->sources);
     r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
     r->light_of = light_of(view);
-    r->gathers = view->settings.gi == HG_VIEW_GI_RAYS && make_irradiance(view);
+    r->gathers =
+        (view->settings.gi == HG_VIEW_GI_RAYS || !view->context->overrides.reflect_dense) &&
+        make_irradiance(view);
     // Without a cache all that rays meet is shaded.
     r->caches =
         view->settings.reflections == HG_VIEW_REFLECTIONS_CACHE && sync_cache(view) == HG_OK;
@@ -169,7 +171,9 @@ static enum hg_status gather(struct hg_batch *f, struct hg_error *err)
         .mirrors = back + (size_t)size.width * size.height * (LIGHT_BYTES / 4),
         .sources = &r->sources,
         .world = r->world,
-        .share = r->share};
+        .share = r->share,
+        .diffuse = draw->request->settings->gi == HG_VIEW_GI_RAYS,
+        .lobes = !draw->context->overrides.reflect_dense};
     hg_geometry_origin(draw->scene_gpu->geometry, picture.origin);
     return hg_irradiance_run(draw->scene_gpu->irradiance, &picture, r->words, err);
 }

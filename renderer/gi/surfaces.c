@@ -46,7 +46,7 @@ static struct hg_gi_material make_material(
     hg_gi_texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
     hg_gi_texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
     const float metallic = m->metallic * other[2], roughness = m->roughness * other[1];
-    const float mirrored = DIELECTRIC_SMOOTH + (DIELECTRIC_ROUGH - DIELECTRIC_SMOOTH) * roughness;
+    const float even = DIELECTRIC_SMOOTH + (DIELECTRIC_ROUGH - DIELECTRIC_SMOOTH) * roughness;
     out.id = m->head.id;
     out.revision = m->head.revision;
     out.double_sided = m->double_sided;
@@ -54,6 +54,7 @@ static struct hg_gi_material make_material(
     out.glass = make_glass(textures, m, metallic, roughness, base);
     for (int c = 0; c < 3; c++) {
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
+        const float mirrored = even * hg_clampf(m->specular.factor * m->specular.color[c], 0, 1);
         out.albedo[c] =
             m->unlit ? 0 : (color * (1 - mirrored) + mirrored) * (1 - metallic) + color * metallic;
         const float emissive = m->emissive[c] * glow[c];

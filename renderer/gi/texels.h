@@ -58,4 +58,36 @@ static inline void hg_gi_texel_mirror(const uint32_t words[2], struct hg_gi_texe
         (float)(int8_t)(words[1] >> (HG_MIRROR_FACET_SHIFT + 8)) / 127, out->facet);
 }
 
+// Normals at which the mirrored view leads behind the triangle are bent, as those of paths and of
+// settled pictures are (hg_valid_normal of shaders/lib/shading_normal.glsl).
+static inline void hg_gi_texel_bend(const float facet[3], const float view[3], float normal[3])
+{
+    float along[3], half_way[3];
+    const float twice = 2 * hg_dot3(normal, view);
+    for (int a = 0; a < 3; a++)
+        along[a] = twice * normal[a] - view[a];
+    const float height = hg_dot3(along, facet);
+    const float least = fminf(0.9f * hg_dot3(view, facet), 0.01f);
+    if (height >= least)
+        return;
+    hg_mad3(along, facet, -height, along);
+    const float scale = sqrtf((1 - least * least) / fmaxf(hg_dot3(along, along), 1e-12f));
+    hg_mad3(view, along, scale, half_way);
+    hg_mad3(half_way, facet, least, normal);
+    hg_normalize3(normal);
+}
+
+// The normal that a texel mirrors about: less than 90 degrees off the view.
+static inline void hg_gi_texel_mirror_normal(
+    const struct hg_gi_texel_mirror *m, const float view[3], float out[3])
+{
+    hg_copy3(m->normal, out);
+    const float facing = hg_dot3(out, view);
+    if (facing < 0.02f) { // normal maps turn some surfaces away from the eye
+        hg_mad3(out, view, 0.02f - facing, out);
+        hg_normalize3(out);
+    }
+    hg_gi_texel_bend(m->facet, view, out);
+}
+
 #endif

@@ -12,11 +12,18 @@
 #define MOST_SAMPLES  256.0f // older ones fade
 #define OLD_SAMPLES   4.0f   // that those of another light count as
 #define FIRST_SAMPLES 16.0f  // that those of a cell of another level count as
+#define LARGER        2      // levels from a cell to that which stands in for it,
+#define YOUNG         64.0f  // until it has so many samples,
+#define STANDS_IN     16.0f  // as many as this at first
 #define UNUSED        64     // pictures after which a cell may make room
 
 #define AXIS_BITS  3
 #define LEVEL_BITS 5
-#define PLACE_BITS 18 // of each coordinate; farther away they repeat
+#define VIEW_BITS   5
+#define VIEWS       24u
+#define PLACE_BITS  17 // of each coordinate; farther away they repeat
+#define VIEW_SHIFT  (AXIS_BITS + LEVEL_BITS)
+#define PLACE_SHIFT (VIEW_SHIFT + VIEW_BITS)
 
 // --- life ----------------------------------------------------------------------------------------
 
@@ -55,23 +62,45 @@ static uint32_t axis_of(const float n[3])
     return 2 * axis + (n[axis] < 0);
 }
 
-static uint64_t key_of(const int32_t at[3], int level, uint32_t axis)
-{
-    const uint64_t mask = (UINT64_C(1) << PLACE_BITS) - 1;
-    uint64_t key = (uint64_t)level << AXIS_BITS | (axis + 1);
-    for (int a = 0; a < 3; a++)
-        key |= ((uint64_t)(uint32_t)at[a] & mask) << (AXIS_BITS + LEVEL_BITS + a * PLACE_BITS);
-    return key;
-}
-
 static float side_of(const struct hg_irradiance_cells *cells, int level)
 {
     return ldexpf(cells->finest, level);
 }
 
+// From the middle of a cube to the eye: 1 .. VIEWS, four to each of six axes; 0: diffuse light. It
+// is the same all over a cube, so that lookups between cubes blend from one to the next.
+static uint32_t view_of(
+    const struct hg_irradiance_cells *cells, const int32_t at[3], int level, const float *eye)
+{
+    const float side = side_of(cells, level);
+    float to[3];
+    if (!eye)
+        return 0;
+    for (int a = 0; a < 3; a++)
+        to[a] = eye[a] - ((float)at[a] + 0.5f) * side;
+    const uint32_t axis = axis_of(to), u = (axis / 2 + 1) % 3, v = (axis / 2 + 2) % 3;
+    return 1 + 4 * axis + (to[u] < 0) + 2 * (to[v] < 0);
+}
+
+static uint64_t key_of(const int32_t at[3], int level, uint32_t axis, uint32_t view)
+{
+    const uint64_t mask = (UINT64_C(1) << PLACE_BITS) - 1;
+    uint64_t key =
+        (uint64_t)view << VIEW_SHIFT | (uint64_t)level << AXIS_BITS | (uint64_t)(axis + 1);
+    for (int a = 0; a < 3; a++)
+        key |= ((uint64_t)(uint32_t)at[a] & mask) << (PLACE_SHIFT + a * PLACE_BITS);
+    return key;
+}
+
 static int32_t cube_of(float at) // what is no number is at 0
 {
     return at == at ? (int32_t)hg_clampf(floorf(at), -0x1p30f, 0x1p30f) : 0;
+}
+
+static uint64_t key_of_cube(const struct hg_irradiance_cells *cells,
+    const struct hg_irradiance_point *p, const int32_t at[3], int level)
+{
+    return key_of(at, level, axis_of(p->normal), view_of(cells, at, level, p->eye));
 }
 
 // The key of the cube that a point lies in, at any level.
@@ -82,7 +111,7 @@ static uint64_t key_at(
     int32_t at[3];
     for (int a = 0; a < 3; a++)
         at[a] = cube_of(p->position[a] * scale);
-    return key_of(at, level, axis_of(p->normal));
+    return key_of_cube(cells, p, at, level);
 }
 
 static uint32_t first_slot(uint64_t key)
@@ -126,31 +155,56 @@ static uint32_t make_room(const struct hg_irradiance_cells *cells, uint64_t key)
     return cells->picture - cells->cells[oldest].used > UNUSED ? oldest : HG_IRRADIANCE_NONE;
 }
 
-static uint32_t make(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p)
+// That was asked for last of the cells of the same cube for other views.
+static uint32_t find_other_view(const struct hg_irradiance_cells *cells, uint64_t key)
 {
-    const uint64_t key = key_at(cells, p, p->level);
-    const uint32_t slot = make_room(cells, key);
-    if (slot == HG_IRRADIANCE_NONE)
-        return slot;
-    struct hg_irradiance_cell *c = &cells->cells[slot];
-    cells->count += c->key == 0;
-    *c = (struct hg_irradiance_cell){.key = key, .light = cells->light};
-    for (int step = 1; step >= -1; step -= 2) { // the larger one knows more about the surroundings
-        const int level = p->level + step;
-        const bool there = level >= 0 && level < HG_IRRADIANCE_LEVELS;
-        const uint32_t other = there ? find(cells, key_at(cells, p, level)) : HG_IRRADIANCE_NONE;
-        if (other == HG_IRRADIANCE_NONE)
+    const uint64_t mask = ((UINT64_C(1) << VIEW_BITS) - 1) << VIEW_SHIFT;
+    uint32_t newest = HG_IRRADIANCE_NONE;
+    for (uint64_t view = 1; view <= VIEWS && (key & mask) != 0; view++) {
+        const uint64_t other = (key & ~mask) | view << VIEW_SHIFT;
+        const uint32_t slot = other != key ? find(cells, other) : HG_IRRADIANCE_NONE;
+        if (slot == HG_IRRADIANCE_NONE)
             continue;
-        c->sums = cells->cells[other].sums;
-        c->light = cells->cells[other].light;
-        fade(&c->sums, FIRST_SAMPLES);
-        break;
+        const uint32_t age = cells->picture - cells->cells[slot].used;
+        if (newest == HG_IRRADIANCE_NONE || age < cells->picture - cells->cells[newest].used)
+            newest = slot;
+    }
+    return newest;
+}
+
+// What knows most of a new cell: another view, a larger cell, which knows more about the
+// surroundings than a smaller one.
+static uint32_t find_like(
+    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p, uint64_t key)
+{
+    uint32_t slot = find_other_view(cells, key);
+    for (int step = 1; step >= -1 && slot == HG_IRRADIANCE_NONE; step -= 2) {
+        const int level = p->level + step;
+        if (level >= 0 && level < HG_IRRADIANCE_LEVELS)
+            slot = find(cells, key_at(cells, p, level));
     }
     return slot;
 }
 
-uint32_t hg_irradiance_ask(
-    struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point)
+static uint32_t make(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p)
+{
+    const uint64_t key = key_at(cells, p, p->level);
+    const uint32_t slot = make_room(cells, key), like = find_like(cells, p, key);
+    if (slot == HG_IRRADIANCE_NONE)
+        return slot;
+    struct hg_irradiance_cell *c = &cells->cells[slot];
+    struct hg_irradiance_cell made = {.key = key, .light = cells->light};
+    if (like != HG_IRRADIANCE_NONE) {
+        made.sums = cells->cells[like].sums;
+        made.light = cells->cells[like].light;
+        fade(&made.sums, FIRST_SAMPLES);
+    }
+    cells->count += c->key == 0;
+    *c = made;
+    return slot;
+}
+
+static uint32_t ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point)
 {
     uint32_t slot = find(cells, key_at(cells, point, point->level));
     if (slot == HG_IRRADIANCE_NONE)
@@ -165,29 +219,42 @@ uint32_t hg_irradiance_ask(
     return slot;
 }
 
-void hg_irradiance_add(struct hg_irradiance_cells *cells, uint32_t cell, const float gathered[3],
-    const float without[3])
+bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point,
+    struct hg_irradiance_place *out)
 {
-    struct hg_irradiance_sums *s = &cells->cells[cell].sums;
-    fade(s, MOST_SAMPLES - 1);
-    for (int c = 0; c < 3; c++) {
-        s->gathered[c] += gathered[c];
-        s->without[c] += without[c];
+    struct hg_irradiance_point larger = *point;
+    larger.level += LARGER;
+    out->cell = ask(cells, point);
+    out->larger = larger.level < HG_IRRADIANCE_LEVELS ? ask(cells, &larger) : HG_IRRADIANCE_NONE;
+    return out->cell != HG_IRRADIANCE_NONE;
+}
+
+void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
+    const float gathered[3], const float without[3])
+{
+    const uint32_t both[2] = {place->cell, place->larger};
+    for (int i = 0; i < 2; i++) {
+        if (both[i] == HG_IRRADIANCE_NONE)
+            continue;
+        struct hg_irradiance_sums *s = &cells->cells[both[i]].sums;
+        fade(s, MOST_SAMPLES - 1);
+        for (int c = 0; c < 3; c++) {
+            s->gathered[c] += gathered[c];
+            s->without[c] += without[c];
+        }
+        s->samples += 1;
     }
-    s->samples += 1;
 }
 
 // --- lookup --------------------------------------------------------------------------------------
 
-static void add_cell(const struct hg_irradiance_cells *cells, uint64_t key, float weight,
+// As at most so many samples.
+static void add_sums(const struct hg_irradiance_cells *cells, uint32_t slot, const float weight[2],
     struct hg_irradiance_sums *out)
 {
-    const uint32_t slot = find(cells, key);
-    if (slot == HG_IRRADIANCE_NONE)
-        return;
     const struct hg_irradiance_cell *c = &cells->cells[slot];
-    const bool old = c->light != cells->light && c->sums.samples > OLD_SAMPLES;
-    const float w = old ? weight * OLD_SAMPLES / c->sums.samples : weight;
+    const float most = c->light != cells->light ? fminf(weight[1], OLD_SAMPLES) : weight[1];
+    const float w = c->sums.samples > most ? weight[0] * most / c->sums.samples : weight[0];
     for (int k = 0; k < 3; k++) {
         out->gathered[k] += w * c->sums.gathered[k];
         out->without[k] += w * c->sums.without[k];
@@ -195,11 +262,28 @@ static void add_cell(const struct hg_irradiance_cells *cells, uint64_t key, floa
     out->samples += w * c->sums.samples;
 }
 
+// The cube at `at`, and while it is young what is around it.
+static void add_cell(const struct hg_irradiance_cells *cells,
+    const struct hg_irradiance_point *point, const int32_t at[3], float weight,
+    struct hg_irradiance_sums *out)
+{
+    const int level = point->level + LARGER;
+    uint32_t slot = find(cells, key_of_cube(cells, point, at, point->level));
+    const float known = slot != HG_IRRADIANCE_NONE ? cells->cells[slot].sums.samples : 0;
+    if (slot != HG_IRRADIANCE_NONE)
+        add_sums(cells, slot, (const float[2]){weight, MOST_SAMPLES}, out);
+    if (known >= YOUNG || level >= HG_IRRADIANCE_LEVELS)
+        return;
+    const int32_t around[3] = {at[0] >> LARGER, at[1] >> LARGER, at[2] >> LARGER};
+    slot = find(cells, key_of_cube(cells, point, around, level));
+    if (slot != HG_IRRADIANCE_NONE)
+        add_sums(cells, slot, (const float[2]){weight, STANDS_IN * (1 - known * (1 / YOUNG))}, out);
+}
+
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
     const struct hg_irradiance_point *point, struct hg_irradiance_sums *out)
 {
     const float scale = 1 / side_of(cells, point->level);
-    const uint32_t axis = axis_of(point->normal);
     int32_t low[3];
     float f[3];
     *out = (struct hg_irradiance_sums){0};
@@ -213,6 +297,6 @@ void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
         const float w =
             (i & 1 ? f[0] : 1 - f[0]) * (i & 2 ? f[1] : 1 - f[1]) * (i & 4 ? f[2] : 1 - f[2]);
         if (w > 0.01f)
-            add_cell(cells, key_of(at, point->level, axis), w, out);
+            add_cell(cells, point, at, w, out);
     }
 }

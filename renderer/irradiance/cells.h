@@ -3,9 +3,12 @@
 // thread.
 //
 // A cell is a cube of a grid, for surfaces that face along one of six axes. Cubes are larger by
-// powers of two the farther from the eye they were asked for (level). A new cell begins with what
-// the cell twice as large, or half as large, has at that point. Where the table is full the cell
-// that was not asked for longest makes room.
+// powers of two the farther from the eye they were asked for (level). What surfaces scatter evenly
+// is the same from all sides; what rough ones mirror has cells of its own, by where the eye is. A
+// new cell begins with what the cell twice as large, or half as large, has at that point, or with
+// what was seen there from another side. What comes is kept by a cell four times as large, too: it
+// stands in for what smaller ones do not know yet. Where the table is full the cell that was not
+// asked for longest makes room.
 // Sources: Ward et al. 1988, "A Ray Tracing Solution for Diffuse Interreflection" (irradiance
 // caching); Binder et al. 2019, "Massively Parallel Path Space Filtering" (cells by hashing).
 #ifndef HG_RENDERER_IRRADIANCE_CELLS_H
@@ -20,8 +23,9 @@
 #define HG_IRRADIANCE_LEVELS 32
 #define HG_IRRADIANCE_NONE   UINT32_MAX
 
-// Sums over samples: what rays gathered (irradiance over pi), what was there without them, their
-// number.
+// Sums over samples and their number. Of diffuse light: what rays gathered (irradiance over pi),
+// what was there without them. Of a rough lobe: radiance of surfaces times weight; weight, and that
+// of rays that met nothing.
 struct hg_irradiance_sums {
     float gathered[3], without[3], samples;
 };
@@ -49,17 +53,21 @@ void hg_irradiance_cells_clear(struct hg_irradiance_cells *cells);
 // Where a point of a surface is: position relative to the geometry's origin, unit normal.
 struct hg_irradiance_point {
     float position[3], normal[3];
-    int level; // 0 .. HG_IRRADIANCE_LEVELS - 1
+    int level;        // 0 .. HG_IRRADIANCE_LEVELS - 1
+    const float *eye; // where a rough lobe is seen from; NULL: diffuse light
 };
 // The level whose cubes have about this side.
 int hg_irradiance_level(const struct hg_irradiance_cells *cells, float metres);
 
-// The cell of a point, which is made if there is none; HG_IRRADIANCE_NONE: there is no room. Its
-// samples of another light than `light` count as few from then on.
-uint32_t hg_irradiance_ask(
-    struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point);
-void hg_irradiance_add(struct hg_irradiance_cells *cells, uint32_t cell, const float gathered[3],
-    const float without[3]);
+struct hg_irradiance_place {
+    uint32_t cell, larger; // HG_IRRADIANCE_NONE: there is no room
+};
+// The cells of a point, which are made if there are none. Their samples of another light than
+// `light` count as few from then on. False: there is no room.
+bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point,
+    struct hg_irradiance_place *out);
+void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
+    const float gathered[3], const float without[3]);
 // Sums of the eight cells around a point, interpolated. All zero: nothing is known.
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
     const struct hg_irradiance_point *point, struct hg_irradiance_sums *out);

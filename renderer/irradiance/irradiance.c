@@ -5,34 +5,36 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "base/hash.h"
 #include "renderer/gi/environment.h"
 #include "renderer/gi/patches.h"
 #include "renderer/gi/surfaces.h"
 #include "renderer/gi/words.h"
 #include "renderer/irradiance/cells.h"
+#include "renderer/irradiance/directions.h"
 #include "renderer/math/sequence.h"
 
-#define MOST_RAYS  6144u
-#define MOST_EACH  2u                    // rays of a texel in one picture
+#define MOST_RAYS  8192u
+#define MOST_EACH  4u                    // rays of a texel in one picture
 #define TURN_BITS  3                     // of places along a side that have turns of their own
 #define MOST_TURNS (1u << 2 * TURN_BITS) // pictures in which each texel sends once, at most
 #define ACROSS     20.0f                 // cells that the height of a picture is, at any distance
 #define FINEST     0.005f                // metres of the smallest cells
-#define BELIEVED   6.0f                  // samples that count as much as that probe light is right
+#define BELIEVED   2.0f                  // samples that count as much as that probe light is right
 #define ENOUGH     128.0f                // samples of a cell from which on it is asked less often,
 #define SELDOM     8u                    // in one of so many turns
 #define GREY       0.02f // of the brightest channel, that a dark one is taken to have
 #define MOST_RATIO 16.0f
+#define FAR        1e6f  // metres to where orthographic cameras see lobes from
 #define LIFT       2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
 
 struct sample {
-    uint32_t cell;
-    float normal[3], facet[3]; // interpolated; of the triangle
-    float direction[3], position[3];
-    float without[3];  // probe light
-    float gathered[3]; // irradiance over pi
-    float peak[3];     // the same of a peak of the environment, if nothing is in the way
+    struct hg_irradiance_place diffuse, lobe; // lobe.cell HG_IRRADIANCE_NONE: mirrors otherwise
+    struct hg_irradiance_direction direction;
+    float position[3];
+    float without[3]; // probe light
+    float brought[3]; // radiance
+    float peak[3];    // irradiance over pi of a peak of the environment, if nothing is in the way
+    bool lost, open;  // behind the triangle; met nothing
 };
 
 struct hg_irradiance {
@@ -56,6 +58,7 @@ struct work {
     const struct hg_irradiance_picture *p;
     uint32_t *words;
     uint32_t columns, rows;
+    float eye[3]; // far away where the camera is orthographic
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -142,29 +145,10 @@ static bool find_point(
     hg_gi_texel_place(&w->p->texels, at, *depth, out->position, view);
     hg_gi_texel_normal(light[2], out->normal);
     const float pixel = c->orthographic ? c->pixel_size : c->pixel_angle * *depth;
+    out->eye = NULL;
     out->level =
         hg_irradiance_level(&w->r->cells, pixel * (float)w->p->texels.height * (1 / ACROSS));
     return true;
-}
-
-// Over the cosine. Each cell has a sequence of its own: Halton points, turned (Cranley and
-// Patterson 1976).
-static void choose_direction(struct hg_irradiance_cell *cell, struct sample *s, float xi[3])
-{
-    const uint64_t bits = hg_hash_mix(0x6972u, cell->key);
-    const uint32_t number = cell->rays++;
-    float t[3], b[3];
-    for (int a = 0; a < 3; a++) {
-        static const uint32_t bases[3] = {2, 3, 5};
-        xi[a] = hg_radical_inverse(number + 1, bases[a]) +
-                (float)(bits >> (20 * a) & 0xfffff) * (1.0f / 0x100000);
-        xi[a] -= floorf(xi[a]);
-    }
-    const float radius = sqrtf(xi[0]), angle = 2 * (float)HG_PI * xi[1];
-    const float x = radius * cosf(angle), y = radius * sinf(angle), z = sqrtf(fmaxf(1 - xi[0], 0));
-    hg_basis3(s->normal, t, b);
-    for (int a = 0; a < 3; a++)
-        s->direction[a] = x * t[a] + y * b[a] + z * s->normal[a];
 }
 
 static struct hg_gpu_ray ray_of(const struct sample *s, const float direction[3])
@@ -175,20 +159,14 @@ static struct hg_gpu_ray ray_of(const struct sample *s, const float direction[3]
         .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
 }
 
-// Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it
-// is in path mode.
-static bool is_lost(const struct sample *s)
-{
-    return hg_dot3(s->direction, s->facet) < 0;
-}
-
-// A ray to a peak of the environment, beside each that samples the cosine.
-static void choose_peak(const struct work *w, uint32_t i, const float xi[3])
+// A ray to a peak of the environment, beside each other one.
+static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradiance_surface *on)
 {
     struct sample *s = &w->r->samples[i];
     float direction[3] = {0, 1, 0}, light[3];
-    hg_gi_environment_peak(w->p->world.environment, w->p->sources, xi, direction, light);
-    const float cosine = hg_dot3(direction, s->facet) > 0 ? hg_dot3(direction, s->normal) : 0;
+    hg_gi_environment_peak(
+        w->p->world.environment, w->p->sources, s->direction.xi, direction, light);
+    const float cosine = hg_dot3(direction, on->facet) > 0 ? hg_dot3(direction, on->normal) : 0;
     for (int c = 0; c < 3; c++)
         s->peak[c] = cosine > 0 ? light[c] * cosine * (1 / (float)HG_PI) : 0;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->peaks.mapped + i;
@@ -196,26 +174,40 @@ static void choose_peak(const struct work *w, uint32_t i, const float xi[3])
     ray->t_max = cosine > 0 ? FLT_MAX : -1;
 }
 
-static void send(const struct work *w, const uint32_t at[2], uint32_t cell,
-    const struct hg_irradiance_point *point, float depth)
+static void surface_at(
+    const struct work *w, const uint32_t at[2], struct hg_irradiance_surface *out)
+{
+    const size_t texel = (size_t)at[1] * w->columns + at[0];
+    hg_irradiance_surface_at(
+        &w->p->texels, at, w->p->looked_up + 4 * texel, w->p->mirrors + 2 * texel, out);
+    out->rough &= w->p->lobes;
+}
+
+// Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it
+// is in path mode.
+static void send(const struct work *w, const uint32_t at[2],
+    const struct hg_irradiance_place *place, const struct hg_irradiance_point *point, float depth)
 {
     struct hg_irradiance *r = w->r;
     const size_t texel = (size_t)at[1] * w->columns + at[0];
     struct sample *s = &r->samples[r->count];
-    float xi[3];
-    *s = (struct sample){.cell = cell};
-    hg_copy3(point->normal, s->normal);
-    struct hg_gi_texel_mirror m;
-    hg_gi_texel_mirror(w->p->mirrors + 2 * texel, &m);
-    hg_copy3(m.facet, s->facet);
-    hg_mad3(point->position, m.facet, LIFT * depth, s->position);
+    struct hg_irradiance_surface on;
+    struct hg_irradiance_point seen = *point;
+    surface_at(w, at, &on);
+    seen.eye = w->eye;
+    *s = (struct sample){.diffuse = *place, .lobe = {HG_IRRADIANCE_NONE, HG_IRRADIANCE_NONE}};
+    if (on.rough)
+        (void)hg_irradiance_ask(&r->cells, &seen, &s->lobe);
+    hg_mad3(point->position, on.facet, LIFT * depth, s->position);
     hg_gi_rgb9e5_read(w->p->looked_up[4 * texel], s->without);
-    choose_direction(&r->cells.cells[cell], s, xi);
-    ((struct hg_gpu_ray *)r->rays.mapped)[r->count] = ray_of(s, s->direction);
-    if (is_lost(s))
-        ((struct hg_gpu_ray *)r->rays.mapped)[r->count].t_max = -1;
+    hg_irradiance_choose(&r->cells.cells[place->cell], &on, &s->direction);
+    s->lost = hg_dot3(s->direction.way, on.facet) < 0;
+    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)r->rays.mapped + r->count;
+    *ray = ray_of(s, s->direction.way);
+    if (s->lost)
+        ray->t_max = -1;
     if (w->p->world.environment->has_peaks)
-        choose_peak(w, r->count, xi);
+        choose_peak(w, r->count, &on);
     r->count++;
 }
 
@@ -228,12 +220,12 @@ static void choose_texel(const struct work *w, const uint32_t at[2], uint32_t tu
     float depth;
     if (rank % turns != r->cells.picture % turns || !find_point(w, at, &point, &depth))
         return;
-    const uint32_t cell = hg_irradiance_ask(&r->cells, &point);
-    if (cell == HG_IRRADIANCE_NONE)
+    struct hg_irradiance_place place;
+    if (!hg_irradiance_ask(&r->cells, &point, &place))
         return;
-    const bool enough = r->cells.cells[cell].sums.samples >= ENOUGH;
+    const bool enough = r->cells.cells[place.cell].sums.samples >= ENOUGH;
     if (!enough || (rank / turns + r->cells.picture / turns) % SELDOM == 0)
-        send(w, at, cell, &point, depth);
+        send(w, at, &place, &point, depth);
 }
 
 // In the order of texels: what cells count does not depend on threads.
@@ -242,7 +234,8 @@ static void choose(const struct work *w)
     struct hg_irradiance *r = w->r;
     const float most = (w->p->share > 0 ? w->p->share : 1) * MOST_RAYS;
     const float texels = (float)w->columns * (float)w->rows;
-    const uint32_t each = 2 * texels <= most ? MOST_EACH : 1;
+    const float room = hg_clampf(most / fmaxf(texels, 1), 1, MOST_EACH);
+    const uint32_t each = (uint32_t)room;
     uint32_t turns = 1;
     while (turns < MOST_TURNS && texels > most * (float)turns)
         turns *= 2;
@@ -264,23 +257,47 @@ static void meet(const struct work *w)
     for (uint32_t i = 0; i < r->count; i++) {
         struct sample *s = &r->samples[i];
         struct hg_gi_surface surface;
-        if (is_lost(s))
+        if (s->lost)
             continue;
         if (hits[i].draw == HG_HIT_NONE) {
             hg_gi_environment_even(
-                w->p->world.environment, w->p->sources, s->direction, s->gathered);
+                w->p->world.environment, w->p->sources, s->direction.way, s->brought);
+            s->open = true;
             r->stats.misses++;
             continue;
         }
-        hg_gi_surface_at(w->p->world.surfaces, &hits[i], s->direction, &surface);
+        hg_gi_surface_at(w->p->world.surfaces, &hits[i], s->direction.way, &surface);
         struct hg_gi_patch *patch = &r->patches.points[r->patches.count];
         r->met[r->patches.count++] = i;
-        hg_mad3(s->position, s->direction, hits[i].t, patch->position);
+        hg_mad3(s->position, s->direction.way, hits[i].t, patch->position);
         hg_copy3(surface.normal, patch->normal);
         hg_copy3(surface.material->albedo, patch->albedo);
         for (int c = 0; c < 3; c++) // what has one side shines to that side
             patch->emission[c] = surface.back ? 0 : surface.material->emission[c];
     }
+}
+
+static void add_diffuse(const struct work *w, const struct sample *s, bool peak)
+{
+    float gathered[3], without[3];
+    const float most = fmaxf(s->without[0], fmaxf(s->without[1], s->without[2]));
+    for (int c = 0; c < 3; c++) {
+        gathered[c] = s->direction.diffuse * s->brought[c] + (peak ? s->peak[c] : 0);
+        without[c] = s->direction.diffuse * (s->without[c] + GREY * most);
+    }
+    if (most > 0 && gathered[0] + gathered[1] + gathered[2] < FLT_MAX)
+        hg_irradiance_add(&w->r->cells, &s->diffuse, gathered, without);
+}
+
+// The environment is multiplied by the share of it that is seen.
+static void add_lobe(const struct work *w, const struct sample *s)
+{
+    const float weight = s->direction.mirrored, open = s->open ? weight : 0;
+    float light[3];
+    for (int c = 0; c < 3; c++)
+        light[c] = (weight - open) * s->brought[c];
+    if (weight > 0 && light[0] + light[1] + light[2] < FLT_MAX)
+        hg_irradiance_add(&w->r->cells, &s->lobe, light, (const float[3]){weight, open, 0});
 }
 
 static void add(const struct work *w)
@@ -289,18 +306,11 @@ static void add(const struct work *w)
     const uint32_t *hidden = r->hidden.mapped;
     const bool peaks = w->p->world.environment->has_peaks;
     for (uint32_t k = 0; k < r->patches.count; k++)
-        hg_copy3(r->patches.radiance[k], r->samples[r->met[k]].gathered);
+        hg_copy3(r->patches.radiance[k], r->samples[r->met[k]].brought);
     for (uint32_t i = 0; i < r->count; i++) {
-        struct sample *s = &r->samples[i];
-        float without[3];
-        const float most = fmaxf(s->without[0], fmaxf(s->without[1], s->without[2]));
-        for (int c = 0; c < 3; c++) {
-            s->gathered[c] += peaks && !hidden[i] ? s->peak[c] : 0;
-            without[c] = s->without[c] + GREY * most;
-        }
-        const float sum = s->gathered[0] + s->gathered[1] + s->gathered[2];
-        if (most > 0 && sum < FLT_MAX)
-            hg_irradiance_add(&r->cells, s->cell, s->gathered, without);
+        add_diffuse(w, &r->samples[i], peaks && !hidden[i]);
+        if (r->samples[i].lobe.cell != HG_IRRADIANCE_NONE)
+            add_lobe(w, &r->samples[i]);
     }
 }
 
@@ -326,15 +336,12 @@ static enum hg_status gather(const struct work *w, struct hg_error *err)
 
 // --- what they change ----------------------------------------------------------------------------
 
-static void apply_texel(const struct work *w, const uint32_t at[2])
+static void apply_diffuse(
+    const struct work *w, const struct hg_irradiance_point *point, uint32_t *word)
 {
-    struct hg_irradiance_point point;
     struct hg_irradiance_sums sums;
-    float depth, light[3];
-    if (!find_point(w, at, &point, &depth))
-        return;
-    hg_irradiance_look_up(&w->r->cells, &point, &sums);
-    uint32_t *word = w->words + 4 * ((size_t)at[1] * w->columns + at[0]);
+    float light[3];
+    hg_irradiance_look_up(&w->r->cells, point, &sums);
     if (!(sums.samples > 0))
         return;
     hg_gi_rgb9e5_read(*word, light);
@@ -347,11 +354,44 @@ static void apply_texel(const struct work *w, const uint32_t at[2])
     *word = hg_gi_rgb9e5(light[0], light[1], light[2]);
 }
 
+// What a rough surface mirrors: light of surfaces, and the share of the environment in the upper
+// bits of the next word.
+static void apply_lobe(
+    const struct work *w, const struct hg_irradiance_point *point, uint32_t words[2])
+{
+    struct hg_irradiance_point seen = *point;
+    struct hg_irradiance_sums sums;
+    float light[3];
+    seen.eye = w->eye;
+    hg_irradiance_look_up(&w->r->cells, &seen, &sums);
+    if (!(sums.without[0] > 0))
+        return;
+    const float known = sums.samples / (sums.samples + BELIEVED), scale = known / sums.without[0];
+    hg_gi_rgb9e5_read(words[0], light);
+    for (int c = 0; c < 3; c++)
+        light[c] = light[c] * (1 - known) + sums.gathered[c] * scale;
+    const float open = (float)(words[1] >> 24) * (1 - known) + 255 * sums.without[1] * scale;
+    words[0] = hg_gi_rgb9e5(light[0], light[1], light[2]);
+    words[1] = (words[1] & 0xffffff) | (uint32_t)(hg_clampf(open, 0, 255) + 0.5f) << 24;
+}
+
 static void apply_row(void *user, size_t y)
 {
     const struct work *w = user;
-    for (uint32_t x = 0; x < w->columns; x++)
-        apply_texel(w, (const uint32_t[2]){x, (uint32_t)y});
+    for (uint32_t x = 0; x < w->columns; x++) {
+        const uint32_t at[2] = {x, (uint32_t)y};
+        uint32_t *words = w->words + 4 * (y * w->columns + x);
+        struct hg_irradiance_point point;
+        struct hg_irradiance_surface on;
+        float depth;
+        if (!find_point(w, at, &point, &depth))
+            continue;
+        surface_at(w, at, &on);
+        if (w->p->diffuse)
+            apply_diffuse(w, &point, words);
+        if (on.rough)
+            apply_lobe(w, &point, words + 1);
+    }
 }
 
 // --- the picture ---------------------------------------------------------------------------------
@@ -378,6 +418,11 @@ enum hg_status hg_irradiance_run(struct hg_irradiance *r,
         .words = words,
         .columns = (picture->texels.width + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX,
         .rows = (picture->texels.height + HG_PROBE_LIGHT_PX - 1) / HG_PROBE_LIGHT_PX};
+    const struct hg_gpu_camera *c = picture->texels.camera;
+    const float away = c->orthographic ? FAR : 0;
+    const float eye[3] = {c->eye_ws.x, c->eye_ws.y, c->eye_ws.z};
+    const float ahead[3] = {c->forward_ws.x, c->forward_ws.y, c->forward_ws.z};
+    hg_mad3(eye, ahead, -away, w.eye);
     r->stats = (struct hg_irradiance_stats){0};
     sync(r, picture);
     choose(&w);

@@ -32,10 +32,11 @@ struct hg_irradiance_picture {
     const uint32_t *mirrors;   // [rows][columns][2] shaders/shared/reflect.h
     const struct hg_lighting_sources *sources;
     struct hg_gi_world world;
-    float share; // of the rays of full quality, 0 .. 1; 0 = 1
+    float share;         // of the rays of full quality, 0 .. 1; 0 = 1
+    bool diffuse, lobes; // what of it the picture takes
 };
-// Changes the irradiance of probe light in `words`, [rows][columns][4]. No batch is open. Device
-// errors.
+// Changes probe light in `words`, [rows][columns][4]: its irradiance, and what rough surfaces
+// mirror. No batch is open. Device errors.
 enum hg_status hg_irradiance_run(struct hg_irradiance *irradiance,
     const struct hg_irradiance_picture *picture, uint32_t *words,
     struct hg_error *err) HG_MUST_CHECK;

@@ -1,16 +1,16 @@
 // filter.c - see filter.h.
 #include "renderer/reflect/filter.h"
 
+#include "shaders/shared/gi.h"
+
 #define NEAR_PX      10.0f // of roughness: how wide neighbours count fully,
 #define FAR_PX       70.0f // and not at all
 #define FAR_METRES   10.0f // of roughness: difference between the lengths of rays
 #define CALM_FROM    0.2f  // roughness from which single bright rays are held back
-#define CALM_REACH    2     // texels around that tell,
-#define ROUGH_REACH   4     // and blocks, few of which send,
+#define CALM_REACH   2     // texels around that tell,
 #define CALM_LEAST   3     // if there are so many rays among them,
 #define CALM_MOST    2.0f  // how much brighter than their mean a ray may be
 #define MOST_HISTORY 0.92f
-#define ROUGH_HISTORY 0.97f // where few texels send a ray in a picture
 #define SMOOTH       0.1f // roughness below which history counts less: there is little noise
 #define CLIP         1.5f // standard deviations of neighbours that history may be off
 #define MOST_BENT    4.0f // of a mirror image's size, near the pole of the lens
@@ -25,12 +25,12 @@ struct spatial {
 };
 
 // wide: what distance on the screen leaves of it.
-static float weight_of(const struct hg_reflect_image *image, const struct hg_reflect_texel *p,
-    const struct hg_reflect_texel *q, float wide)
+static float weight_of(
+    const struct hg_reflect_texel *p, const struct hg_reflect_texel *q, float wide)
 {
     const float same = q->mirrors ? hg_reflect_same(p, q->position, q->normal, q->roughness) : 0;
-    if (same <= 0 || image->rough)
-        return same * wide;
+    if (same <= 0)
+        return 0;
     const float far = FAR_METRES * p->roughness + 1e-3f, off = fabsf(p->length - q->length);
     return same * wide * (0.1f + 0.9f * hg_reflect_fall(0, far, off));
 }
@@ -42,7 +42,7 @@ static void filter_texel(const struct spatial *s, int x, int y)
     const size_t i = (size_t)y * s->image->columns + (size_t)x;
     const struct hg_reflect_texel *p = &s->image->texels[i];
     s->to[i] = s->from[i];
-    const float nearest_px = (float)(s->step * (int)s->image->px);
+    const float nearest_px = (float)(s->step * HG_PROBE_LIGHT_PX);
     if (!p->mirrors || nearest_px >= FAR_PX * p->roughness)
         return;
     const float near = NEAR_PX * p->roughness, far = FAR_PX * p->roughness;
@@ -56,8 +56,7 @@ static void filter_texel(const struct spatial *s, int x, int y)
             if ((dx == 0 && dy == 0) || qx < 0 || qy < 0 || qx >= columns || qy >= rows)
                 continue;
             const size_t k = (size_t)qy * s->image->columns + (size_t)qx;
-            const float w =
-                weight_of(s->image, p, &s->image->texels[k], wide[(dx != 0) + (dy != 0)]);
+            const float w = weight_of(p, &s->image->texels[k], wide[(dx != 0) + (dy != 0)]);
             sum += s->from[k] * w;
             total += w;
         }
@@ -66,7 +65,7 @@ static void filter_texel(const struct spatial *s, int x, int y)
 
 static bool is_empty(const struct hg_reflect_image *image, size_t y)
 {
-    return image->counts && image->counts[y] == 0;
+    return image->counts[y] == 0;
 }
 
 static void filter_row(void *user, size_t y)
@@ -93,14 +92,13 @@ static void calm_texel(const struct spatial *s, int x, int y)
     const size_t i = (size_t)y * s->image->columns + (size_t)x;
     const struct hg_reflect_texel *p = &s->image->texels[i];
     const float own = light_of(&s->from[i]), weight = s->from[i][HG_REFLECT_WEIGHT];
-    const int reach = s->image->rough ? ROUGH_REACH : CALM_REACH;
     hg_reflect_sums sum = {0};
     int count = 0;
     s->to[i] = s->from[i];
     if (!p->mirrors || !(weight > 0) || p->roughness < CALM_FROM)
         return;
-    for (int qy = y - reach; qy <= y + reach; qy++)
-        for (int qx = x - reach; qx <= x + reach; qx++) {
+    for (int qy = y - CALM_REACH; qy <= y + CALM_REACH; qy++)
+        for (int qx = x - CALM_REACH; qx <= x + CALM_REACH; qx++) {
             if (qx < 0 || qy < 0 || qx >= columns || qy >= rows || (qx == x && qy == y))
                 continue;
             const size_t k = (size_t)qy * s->image->columns + (size_t)qx;
@@ -200,8 +198,7 @@ static float curvature_at(const struct hg_reflect_image *image, uint32_t x, uint
 }
 
 // Texel of the picture before where a point was; false: it was not in it.
-static bool find_before(
-    const struct hg_reflect_history *h, uint32_t texel_px, const float p[3], float out[2])
+static bool find_before(const struct hg_reflect_history *h, const float p[3], float out[2])
 {
     const struct hg_gpu_camera *c = &h->camera;
     const float *m = c->view_proj.m, *last = c->proj.m + 12;
@@ -214,7 +211,8 @@ static bool find_before(
     const float size[2] = {(float)h->width, (float)h->height};
     for (int a = 0; a < 2; a++) {
         const float px = (clip[a] / clip[3] * 0.5f + 0.5f) * size[a];
-        out[a] = (px - 0.5f) / (float)texel_px - 0.5f; // a texel is of the pixel in its middle
+        out[a] = (px - 0.5f) * (1.0f / HG_PROBE_LIGHT_PX) -
+                 0.5f; // a texel is of the pixel in its middle
     }
     return out[0] > -1 && out[1] > -1 && out[0] < (float)h->columns && out[1] < (float)h->rows;
 }
@@ -287,10 +285,8 @@ static void blend_texel(const struct temporal *t, uint32_t x, uint32_t y)
     t->to[i] = t->from[i];
     if (!p->mirrors)
         return;
-    hg_copy3(p->position, image);
-    if (!t->image->rough)
-        hg_reflect_image_position(p, curvature_at(t->image, x, y), image);
-    if (!find_before(t->before, t->image->px, image, at))
+    hg_reflect_image_position(p, curvature_at(t->image, x, y), image);
+    if (!find_before(t->before, image, at))
         return;
     float share = read_before(t->before, p, at, &history);
     if (!(share > 0))
@@ -300,8 +296,7 @@ static void blend_texel(const struct temporal *t, uint32_t x, uint32_t y)
         return;
     }
     clip_to_neighbours(t, x, y, &history);
-    share *= t->image->rough ? ROUGH_HISTORY
-                             : MOST_HISTORY * (1 - hg_reflect_fall(0, SMOOTH, p->roughness));
+    share *= MOST_HISTORY * (1 - hg_reflect_fall(0, SMOOTH, p->roughness));
     t->to[i] = t->from[i] + history * share; // rays of all pictures count alike at first
 }
 

@@ -12,10 +12,8 @@
 
 struct hg_reflect_image {
     uint32_t columns, rows;
-    uint32_t px; // of the picture along a side of a texel
-    bool rough;  // all that mirrors is: rays say little about where the mirror image is
     const struct hg_reflect_texel *texels; // [rows][columns]
-    const uint32_t *counts; // [rows] texels that mirror; sums of others are not kept. NULL: any
+    const uint32_t *counts;                // [rows] texels that mirror; sums of others are not kept
     struct hg_jobs *jobs;
 };
 

@@ -9,11 +9,10 @@
 
 static void add(const struct hg_reflect *r, size_t i, const float radiance[3], float open)
 {
-    const struct hg_reflect_level *l = &r->levels[i >= r->levels[HG_REFLECT_BLOCKS].first];
     const float w = r->samples[i].weight;
     if (!(radiance[0] + radiance[1] + radiance[2] < FLT_MAX))
         return; // filters would spread what is not a number
-    l->sums[i - l->first] +=
+    r->sums[i] +=
         (hg_reflect_sums){w * radiance[0], w * radiance[1], w * radiance[2], w * open, w, 0, 0, 0};
 }
 
@@ -21,7 +20,7 @@ static void add(const struct hg_reflect *r, size_t i, const float radiance[3], f
 
 static void surface_of_hit(const struct hg_reflect_work *w, size_t i, struct hg_gi_patch *out)
 {
-    const struct hg_reflect_texel *t = hg_reflect_texel_at(w->r, i);
+    const struct hg_reflect_texel *t = &w->r->texels[i];
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->r->hits.mapped + i;
     const float *d = w->r->samples[i].direction;
     struct hg_gi_surface surface;
@@ -36,7 +35,7 @@ static void surface_of_hit(const struct hg_reflect_work *w, size_t i, struct hg_
 static void look_up(const struct hg_reflect_work *w, size_t i, bool filled)
 {
     struct hg_reflect *r = w->r;
-    const struct hg_reflect_texel *t = hg_reflect_texel_at(r, i);
+    const struct hg_reflect_texel *t = &r->texels[i];
     struct hg_cache_query q = {
         .roughness = t->roughness, .length = t->length, .sample = r->samples[i], .filled = filled};
     struct hg_gi_patch surface;

@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "renderer/reflect/hits.h"
 #include "renderer/reflect/rays.h"
-#include "renderer/reflect/spread.h"
+#include "renderer/gi/words.h"
 
 #define SEQUENCE 1024 // pictures until directions repeat
 
@@ -30,36 +30,31 @@ enum hg_status hg_reflect_create(
 
 static void forget(struct hg_reflect *r)
 {
-    for (int k = 0; k < HG_REFLECT_LEVELS; k++) {
-        hg_free(r->levels[k].before.texels);
-        hg_free(r->levels[k].before.sums);
-        r->levels[k].before = (struct hg_reflect_history){0};
-    }
+    hg_free(r->before.texels);
+    hg_free(r->before.sums);
+    r->before = (struct hg_reflect_history){0};
 }
 
 static void free_texels(struct hg_reflect *r)
 {
     forget(r);
-    for (int k = 0; k < HG_REFLECT_LEVELS; k++) {
-        hg_free(r->levels[k].texels);
-        hg_free(r->levels[k].sums);
-        hg_free(r->levels[k].spare);
-        r->levels[k] = (struct hg_reflect_level){0};
-    }
+    hg_free(r->texels);
+    hg_free(r->sums);
+    hg_free(r->spare);
     hg_free(r->samples);
     hg_free(r->sources);
     hg_free(r->answers);
-    hg_free(r->chosen);
     hg_free(r->waiting);
     hg_free(r->places);
     hg_free(r->smooth);
     hg_free(r->row_counts);
-    hg_free(r->planes);
+    r->texels = NULL;
+    r->sums = r->spare = NULL;
     r->samples = NULL;
     r->sources = r->answers = NULL;
-    r->chosen = r->waiting = r->smooth = r->row_counts = NULL;
+    r->waiting = r->smooth = r->row_counts = NULL;
     r->places = NULL;
-    r->planes = NULL;
+    r->image = (struct hg_reflect_image){0};
     r->count = 0;
 }
 
@@ -78,14 +73,13 @@ void hg_reflect_destroy(struct hg_reflect *r)
 
 static enum hg_status make_buffers(struct hg_reflect *r, struct hg_error *err)
 {
-    const struct hg_reflect_image *blocks = &r->levels[HG_REFLECT_BLOCKS].image;
     const struct {
         struct hg_gpu_buffer *buffer;
         uint64_t bytes;
         const char *name;
     } rows[] = {{&r->rays, r->count * sizeof(struct hg_gpu_ray), "reflection rays"},
         {&r->hits, r->count * sizeof(struct hg_gpu_hit), "reflection hits"},
-        {&r->list, 5ull * blocks->columns * blocks->rows * sizeof(uint32_t), "reflection list"}};
+        {&r->list, r->count * sizeof(uint32_t), "reflection list"}};
     enum hg_status status = HG_OK;
     for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
         status = hg_gpu_buffer_reserve(
@@ -93,47 +87,31 @@ static enum hg_status make_buffers(struct hg_reflect *r, struct hg_error *err)
     return status;
 }
 
-static bool make_level(struct hg_reflect *r, int level, uint32_t columns, uint32_t rows)
-{
-    struct hg_reflect_level *l = &r->levels[level];
-    const size_t count = (size_t)columns * rows;
-    l->texels = hg_calloc(count, sizeof *l->texels);
-    l->sums = hg_calloc(count, sizeof *l->sums);
-    l->spare = hg_calloc(count, sizeof *l->spare);
-    l->first = r->count;
-    l->image = (struct hg_reflect_image){columns, rows,
-        level == HG_REFLECT_BLOCKS ? 2 * HG_PROBE_LIGHT_PX : HG_PROBE_LIGHT_PX,
-        level == HG_REFLECT_BLOCKS, l->texels, NULL, r->jobs};
-    r->count += (uint32_t)count;
-    return l->texels && l->sums && l->spare;
-}
-
 static bool make_texels(struct hg_reflect *r, uint32_t columns, uint32_t rows)
 {
-    const uint32_t across = (columns + 1) / 2, down = (rows + 1) / 2;
-    if (!make_level(r, HG_REFLECT_TEXELS, columns, rows) ||
-        !make_level(r, HG_REFLECT_BLOCKS, across, down))
-        return false;
-    r->samples = hg_calloc(r->count, sizeof *r->samples);
-    r->sources = hg_calloc(r->count, sizeof *r->sources);
-    r->answers = hg_calloc(r->count, sizeof *r->answers);
-    r->chosen = hg_calloc((size_t)across * down, sizeof *r->chosen);
-    r->waiting = hg_calloc(r->count, sizeof *r->waiting);
-    r->places = hg_calloc(r->count, sizeof *r->places);
-    r->row_counts = hg_calloc(down, sizeof *r->row_counts);
+    const size_t count = (size_t)columns * rows;
+    r->count = (uint32_t)count;
+    r->texels = hg_calloc(count, sizeof *r->texels);
+    r->sums = hg_calloc(count, sizeof *r->sums);
+    r->spare = hg_calloc(count, sizeof *r->spare);
+    r->samples = hg_calloc(count, sizeof *r->samples);
+    r->sources = hg_calloc(count, sizeof *r->sources);
+    r->answers = hg_calloc(count, sizeof *r->answers);
+    r->waiting = hg_calloc(count, sizeof *r->waiting);
+    r->places = hg_calloc(count, sizeof *r->places);
+    r->row_counts = hg_calloc(rows, sizeof *r->row_counts);
     r->smooth = hg_calloc(rows, sizeof *r->smooth);
-    r->levels[HG_REFLECT_TEXELS].image.counts = r->smooth;
-    r->planes = hg_calloc((size_t)HG_REFLECT_PLANES * (across + 2) * (down + 2), sizeof *r->planes);
+    r->image = (struct hg_reflect_image){columns, rows, r->texels, r->smooth, r->jobs};
     if (!r->asks)
         r->asks = hg_calloc(HG_REFLECT_MOST_LIT, sizeof *r->asks);
-    return r->samples && r->sources && r->answers && r->chosen && r->waiting && r->places &&
-           r->smooth && r->row_counts && r->planes && r->asks;
+    return r->texels && r->sums && r->spare && r->samples && r->sources && r->answers &&
+           r->waiting && r->places && r->smooth && r->row_counts && r->asks;
 }
 
 static enum hg_status resize(
     struct hg_reflect *r, uint32_t columns, uint32_t rows, struct hg_error *err)
 {
-    const struct hg_reflect_image *image = &r->levels[HG_REFLECT_TEXELS].image;
+    const struct hg_reflect_image *image = &r->image;
     if (image->columns == columns && image->rows == rows)
         return HG_OK;
     free_texels(r);
@@ -149,17 +127,11 @@ static enum hg_status resize(
 
 // --- the picture ---------------------------------------------------------------------------------
 
-// Where a texel of a block sent a ray for all of them the mask says what became of it.
 static void count_sources(struct hg_reflect *r)
 {
-    const struct hg_reflect_level *blocks = &r->levels[HG_REFLECT_BLOCKS];
-    const size_t count = (size_t)blocks->image.columns * blocks->image.rows;
-    for (size_t i = 0; i < count; i++)
-        if (blocks->texels[i].sends)
-            r->sources[r->chosen[i]] = r->sources[blocks->first + i];
-    for (size_t i = 0; i < blocks->first; i++)
+    for (size_t i = 0; i < r->count; i++)
         r->stats.counts[r->sources[i]]++;
-    r->stats.texels = blocks->first;
+    r->stats.texels = r->count;
 }
 
 static uint64_t bytes_of(const struct hg_reflect *r)
@@ -176,25 +148,24 @@ static uint64_t bytes_of(const struct hg_reflect *r)
 
 // The picture is the history of the next one, whose texels take the place of those of the one
 // before.
-static bool keep(struct hg_reflect_level *l, const struct hg_reflect_picture *p)
+static bool keep(struct hg_reflect *r, const struct hg_reflect_picture *p)
 {
-    const size_t count = (size_t)l->image.columns * l->image.rows;
-    struct hg_reflect_history *h = &l->before;
+    struct hg_reflect_history *h = &r->before;
     if (!h->texels)
-        h->texels = hg_calloc(count, sizeof *h->texels);
+        h->texels = hg_calloc(r->count, sizeof *h->texels);
     if (!h->sums)
-        h->sums = hg_calloc(count, sizeof *h->sums);
+        h->sums = hg_calloc(r->count, sizeof *h->sums);
     if (!h->texels || !h->sums)
         return false;
     struct hg_reflect_texel *texels = h->texels;
     hg_reflect_sums *sums = h->sums;
-    h->texels = l->texels;
-    h->sums = l->sums;
-    l->texels = texels;
-    l->sums = sums;
-    l->image.texels = texels;
-    h->columns = l->image.columns;
-    h->rows = l->image.rows;
+    h->texels = r->texels;
+    h->sums = r->sums;
+    r->texels = texels;
+    r->sums = sums;
+    r->image.texels = texels;
+    h->columns = r->image.columns;
+    h->rows = r->image.rows;
     h->width = p->width;
     h->height = p->height;
     h->camera = *p->camera;
@@ -207,10 +178,7 @@ static enum hg_status sample(struct hg_reflect_work *w, struct hg_error *err)
     const uint32_t samples = w->p->samples > 0 ? w->p->samples : 1;
     const uint64_t begin = hg_clock_now_ns();
     enum hg_status status = HG_OK;
-    for (int k = 0; k < HG_REFLECT_LEVELS; k++) {
-        const struct hg_reflect_level *l = &w->r->levels[k];
-        memset(l->sums, 0, (size_t)l->image.columns * l->image.rows * sizeof *l->sums);
-    }
+    memset(w->r->sums, 0, w->r->count * sizeof *w->r->sums);
     for (w->sample = 0; w->sample < samples && status == HG_OK; w->sample++) {
         status = hg_reflect_cast(w, err);
         if (status == HG_OK)
@@ -220,26 +188,40 @@ static enum hg_status sample(struct hg_reflect_work *w, struct hg_error *err)
     return status;
 }
 
+// What each texel mirrors takes the place of what the field says.
+static void write_row(void *user, size_t y)
+{
+    const struct hg_reflect_work *w = user;
+    const struct hg_reflect *r = w->r;
+    const size_t first = y * r->image.columns;
+    memcpy(w->out + 4 * first, w->p->light + 4 * first, (size_t)16 * r->image.columns);
+    for (size_t i = first; i < first + r->image.columns; i++) {
+        const hg_reflect_sums *s = &r->sums[i];
+        const float weight = (*s)[HG_REFLECT_WEIGHT], scale = 1 / weight;
+        if (!r->texels[i].mirrors || !(weight > 1e-6f))
+            continue;
+        const float open = hg_clampf((*s)[HG_REFLECT_OPEN] * scale, 0, 1);
+        uint32_t *out = w->out + 4 * i;
+        out[1] = hg_gi_rgb9e5((*s)[HG_REFLECT_RED] * scale, (*s)[HG_REFLECT_GREEN] * scale,
+            (*s)[HG_REFLECT_BLUE] * scale);
+        out[2] = (out[2] & 0xffffff) | (uint32_t)(open * 255 + 0.5f) << 24;
+    }
+}
+
 static enum hg_status reflect(struct hg_reflect_work *w, struct hg_error *err)
 {
     struct hg_reflect *r = w->r;
-    bool kept = true;
     const enum hg_status status = sample(w, err);
     if (status != HG_OK)
         return status;
     if (!w->p->continues || memcmp(r->origin, w->p->origin, sizeof r->origin) != 0)
         forget(r);
     memcpy(r->origin, w->p->origin, sizeof r->origin);
-    for (int k = 0; k < HG_REFLECT_LEVELS; k++) {
-        struct hg_reflect_level *l = &r->levels[k];
-        hg_reflect_filter_spatial(&l->image, &l->sums, &l->spare);
-        hg_reflect_filter_temporal(&l->image, &l->before, &l->sums, &l->spare);
-    }
-    hg_reflect_spread(w);
+    hg_reflect_filter_spatial(&r->image, &r->sums, &r->spare);
+    hg_reflect_filter_temporal(&r->image, &r->before, &r->sums, &r->spare);
+    hg_jobs_for(r->jobs, r->image.rows, write_row, w);
     count_sources(r);
-    for (int k = 0; k < HG_REFLECT_LEVELS; k++)
-        kept &= keep(&r->levels[k], w->p);
-    return kept ? HG_OK : no_memory(err);
+    return keep(r, w->p) ? HG_OK : no_memory(err);
 }
 
 enum hg_status hg_reflect_run(struct hg_reflect *r, const struct hg_reflect_picture *picture,

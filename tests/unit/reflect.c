@@ -284,7 +284,10 @@ static void test_spatial(void **state)
     static hg_reflect_sums planes[2][SIDE * SIDE];
     hg_reflect_sums *sums = planes[0], *spare = planes[1];
     struct hg_jobs *jobs = hg_jobs_create(1);
-    const struct hg_reflect_image image = {SIDE, SIDE, 4, false, texels, NULL, jobs};
+    static uint32_t counts[SIDE];
+    const struct hg_reflect_image image = {SIDE, SIDE, texels, counts, jobs};
+    for (int y = 0; y < SIDE; y++)
+        counts[y] = SIDE;
     for (int edge = 0; edge < 2; edge++) {
         double before = 0, after = 0;
         make_texels(texels, edge == 1);
@@ -316,7 +319,10 @@ static void test_single_rays(void **state)
     static struct hg_reflect_texel texels[SIDE * SIDE];
     static hg_reflect_sums planes[2][SIDE * SIDE];
     struct hg_jobs *jobs = hg_jobs_create(1);
-    const struct hg_reflect_image image = {SIDE, SIDE, 4, false, texels, NULL, jobs};
+    static uint32_t counts[SIDE];
+    const struct hg_reflect_image image = {SIDE, SIDE, texels, counts, jobs};
+    for (int y = 0; y < SIDE; y++)
+        counts[y] = SIDE;
     const int middle = SIDE / 2 * SIDE + SIDE / 2;
     for (int half = 0; half < 2; half++) { // of the rays see it
         hg_reflect_sums *sums = planes[0], *spare = planes[1];

@@ -1,14 +1,15 @@
 // lobe.h - the specular lobe of a rough surface, sampled for reflections.
-// Floor 2 (reflect). Pure, inline; any thread.
+// Floor 2, for renderer/reflect and renderer/irradiance. Pure, inline; any thread.
 //
 // GGX with height-correlated Smith shadowing, alpha = roughness^2, one reflectance at normal
 // incidence for all colours: reflections are ratios, so that only what differs within the lobe
 // counts.
-#ifndef HG_RENDERER_REFLECT_LOBE_H
-#define HG_RENDERER_REFLECT_LOBE_H
+#ifndef HG_RENDERER_GI_LOBE_H
+#define HG_RENDERER_GI_LOBE_H
 
 #include "renderer/math/vec.h"
 
+#define HG_LOBE_ROUGH       0.45f // roughness from which what is mirrored is gathered in cells
 #define HG_LOBE_LEAST_ALPHA 0.02f // of densities: mirrors would never find a texel fine enough
 
 // Smith's Lambda from the cosine to the normal.
@@ -84,6 +85,25 @@ static inline struct hg_lobe_sample hg_lobe_take(
     const float lv = hg_lobe_lambda(alpha, local[2]), ll = hg_lobe_lambda(alpha, out);
     s.weight = fresnel * (1 + lv) / (1 + lv + ll);
     return s;
+}
+
+// BRDF times cosine of a direction that was chosen otherwise, and in *density that with which
+// hg_lobe_take chooses it. 0: below the horizon.
+static inline float hg_lobe_value(float roughness, float f0, const float normal[3],
+    const float view[3], const float direction[3], float *density)
+{
+    const float alpha = roughness * roughness;
+    const float in = hg_dot3(normal, view), out = hg_dot3(normal, direction);
+    float h[3];
+    for (int i = 0; i < 3; i++)
+        h[i] = direction[i] + view[i];
+    hg_normalize3(h);
+    const float lv = hg_lobe_lambda(alpha, in), ll = hg_lobe_lambda(alpha, out);
+    const float d = hg_lobe_density(alpha, hg_dot3(h, normal)) / (4 * fmaxf(in, 1e-4f));
+    const float m = 1 - hg_clampf(hg_dot3(h, view), 0, 1), m2 = m * m;
+    const float fresnel = f0 + (1 - f0) * m2 * m2 * m;
+    *density = d / (1 + lv);
+    return out > 0 ? fresnel * d / (1 + lv + ll) : 0;
 }
 
 // How likely another sample of the same lobe would fall on the same texel of a cube map: side

@@ -1,0 +1,35 @@
+// directions.h - which way the ray of a texel goes, and what it counts for.
+// Floor 2, private to renderer/irradiance. Pure; any thread.
+//
+// Smooth surfaces send over the cosine. Rough ones mirror what is around them as well, so theirs go
+// by the cosine or, one in three, by the specular lobe, and count for both by the density of
+// the two together (one-sample model: Veach and Guibas 1995, "Optimally Combining Sampling
+// Techniques for Monte Carlo Rendering").
+#ifndef HG_RENDERER_IRRADIANCE_DIRECTIONS_H
+#define HG_RENDERER_IRRADIANCE_DIRECTIONS_H
+
+#include <stdbool.h>
+
+#include "renderer/gi/texels.h"
+#include "renderer/irradiance/cells.h"
+
+struct hg_irradiance_surface { // of a texel
+    float normal[3], facet[3]; // interpolated; of the triangle
+    float mirror[3];           // that it mirrors about
+    float view[3];             // to the eye, unit
+    float roughness, f0;
+    bool rough; // mirrors as a rough lobe; else reflections have rays of their own
+};
+void hg_irradiance_surface_at(const struct hg_gi_texels *texels, const uint32_t at[2],
+    const uint32_t light[4], const uint32_t mirror[2], struct hg_irradiance_surface *out);
+
+struct hg_irradiance_direction {
+    float way[3];            // unit
+    float diffuse, mirrored; // weights of what comes from there
+    float xi[3];             // in [0, 1), that it was chosen by
+};
+// The next one of a cell's sequence.
+void hg_irradiance_choose(struct hg_irradiance_cell *cell, const struct hg_irradiance_surface *s,
+    struct hg_irradiance_direction *out);
+
+#endif
