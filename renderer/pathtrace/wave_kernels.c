@@ -188,6 +188,14 @@ static enum hg_status make_ahead(struct hg_path *p, struct hg_pass *pass, struct
     return hg_path_make(pass, list, count, err);
 }
 
+// What the film will add up begins at 0: a kernel would write these words one by one.
+static void clear_out(const struct hg_path *p, struct hg_gpu_cmd *cmd)
+{
+    for (uint64_t k = HG_PATH_OUT; k < HG_PATH_OUT + p->film.sampled_channels - 1; k++)
+        vkCmdFillBuffer(hg_gpu_cmd_handle(cmd), p->wave.buffers.state.handle,
+            k * HG_PATH_WAVE_PX * 4, (uint64_t)p->wave.slots * 4, 0);
+}
+
 static enum hg_status record(
     struct hg_path *p, const struct hg_path_run *r, struct hg_pass *pass, struct hg_error *err)
 {
@@ -219,6 +227,8 @@ enum hg_status hg_path_wave_run(struct hg_path *p, const struct hg_path_run *r,
     struct hg_pass pass = p->host.begin(p->host.user, cmd, streams);
     if (streams)
         hg_page_cache_begin(pages, cmd);
+    if (r->kernel == HG_PATH_BEGIN && p->wave.branch == 0)
+        clear_out(p, cmd);
     status = record(p, r, &pass, err);
     if (status != HG_OK) {
         hg_gpu_discard(gpu, cmd);

@@ -85,9 +85,9 @@ float hg_emitter_warp_pdf(vec3 direction_ws)
     for (uint level = levels; level-- > 1u;)
         quad = quad * 4u + ((cell.x >> level) & 1u) + ((cell.y >> level) & 1u) * 2u;
     float weight = quad == 0u ? root.x : root.y;
-    if (levels > 0u) {
-        vec4 q = HG_EMITTERS.environment.v[hg_emitter_quads_at(levels) + quad];
-        weight = q[(cell.x & 1u) + (cell.y & 1u) * 2u];
+    if (levels > 0u) { // one word of the quad
+        uint at = 4u * (hg_emitter_quads_at(levels) + quad) + (cell.x & 1u) + (cell.y & 1u) * 2u;
+        weight = hg_emitter_cells(HG_EMITTERS.environment).v[at];
     }
     return weight / ((root.x + root.y) * hg_emitter_cell_angle(cell.y, levels));
 }

@@ -91,8 +91,6 @@ void main()
     hg_path.rays.v[slot] = ray;
     hg_path.status.v[slot] = inside ? HG_PATH_LIVE : HG_PATH_DONE;
 
-    // The rest of the state is known to HG_PATH_FIRST.
+    // The rest of the state is known to HG_PATH_FIRST; the host has cleared what the film adds up.
     hg_path_set(HG_PATH_CONE, slot, hg_path_pack_cone(width * hg_path.footprint, spread * hg_path.footprint));
-    for (uint k = 0u; push.branch == 0u && k < hg_path.channels - 1u; k++) // squares are not among them
-        hg_path_set(HG_PATH_OUT + k, slot, 0.0);
 }

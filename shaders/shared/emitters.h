@@ -81,6 +81,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer hg_
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer hg_emitter_quads {
     vec4 v[];
 };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer hg_emitter_cells { // their words
+    float v[];
+};
 #endif
 
 // Embedded by value in the uniform block of passes that sample lights.

@@ -6,6 +6,7 @@
 #include "renderer/math/vec.h"
 
 #define EVERYWHERE 0.01 // of the mean luminance, added to all cells
+#define LEFT_OUT   0.01 // relative variance that coarser cells may add to what a sample stands for
 
 struct warping {
     const struct hg_image *image;
@@ -118,6 +119,35 @@ static void fill_coarser(struct hg_env_warp *out)
     }
 }
 
+// Levels without which the weights of samples would vary hardly more: of a sky without its sun few
+// are enough, and a descent through fewer of them takes less time and fewer words. Coarser cells
+// are drawn evenly, so the relative variance of a sample that stands for a cell within one of them
+// is the sum of squares of the fine cells, times their number, over the square of their sum.
+static uint32_t enough_levels(const struct hg_env_warp *warp, double *squares)
+{
+    const uint32_t cells = 2u << (2 * warp->levels);
+    const float *finest = quad_floats(warp, quads_at(warp->levels)), *root = quad_floats(warp, 0);
+    const double all = (double)root[0] + (double)root[1];
+    uint32_t enough = warp->levels;
+    double share = 1; // cells of the finest grid in one of the level's
+    for (uint32_t i = 0; i < cells; i++)
+        squares[i] = (double)finest[i] * (double)finest[i];
+    for (uint32_t level = warp->levels - 1; level > 0; level--) {
+        const float *sums = quad_floats(warp, quads_at(level));
+        double moment = 0;
+        share *= 4;
+        for (uint32_t i = 0; i < 2u << (2 * level); i++) {
+            squares[i] =
+                (squares[4 * i] + squares[4 * i + 1]) + (squares[4 * i + 2] + squares[4 * i + 3]);
+            moment += squares[i] * share / (double)sums[i];
+        }
+        if (!(moment / all - 1 <= LEFT_OUT))
+            break;
+        enough = level;
+    }
+    return enough;
+}
+
 enum hg_status hg_env_warp_make(
     const struct hg_image *image, struct hg_jobs *jobs, struct hg_env_warp *out)
 {
@@ -131,13 +161,18 @@ enum hg_status hg_env_warp_make(
     w.cells = hg_calloc((size_t)w.rows * w.rows, 2 * sizeof *w.cells);
     w.row_sums = hg_calloc(w.rows, sizeof *w.row_sums);
     out->quads = hg_calloc(out->quad_count, sizeof *out->quads);
-    const bool made = w.luminance && w.sums && w.cells && w.row_sums && out->quads;
+    double *squares = hg_calloc((size_t)w.rows * w.rows, 2 * sizeof *squares);
+    const bool made = w.luminance && w.sums && w.cells && w.row_sums && out->quads && squares;
     if (made) {
         hg_jobs_for(jobs, image->height, luminance_row, &w);
         hg_jobs_for(jobs, w.rows, weigh_row, &w);
         fill_finest(&w, out);
         fill_coarser(out);
+        if (out->mean > 0)
+            out->levels = enough_levels(out, squares);
+        out->quad_count = quads_at(out->levels) + (2u << (2 * (out->levels - 1)));
     }
+    hg_free(squares);
     hg_free(w.luminance);
     hg_free(w.sums);
     hg_free(w.cells);

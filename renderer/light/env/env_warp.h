@@ -5,7 +5,8 @@
 // The finest grid has (2 << levels) x (1 << levels) cells of the equirectangular square; a cell's
 // weight is the integral over its solid angle of the luminance that a bilinear lookup in the image
 // shows, and a little more everywhere, so that no light is left out where the texels
-// that are seen are finer than the image. Coarser grids hold sums of 2 x 2.
+// that are seen are finer than the image. Coarser grids hold sums of 2 x 2. The grid is no finer
+// than the light is uneven: a sky without its sun has far fewer cells than its image has texels.
 //
 // Layout: quads (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1). Quad 0 holds the two cells of the
 // coarsest grid, west and east; then, level by level, one quad for every cell of the grid above, in
