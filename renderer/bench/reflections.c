@@ -39,6 +39,7 @@ enum { FULL = 1 };
 struct result {
     double cpu_ms, frame_cpu_ms, flip;
     struct hg_reflect_stats stats; // of the last picture
+    uint32_t gathered;             // its rays for what rough surfaces mirror
 };
 
 struct run {
@@ -166,6 +167,7 @@ static enum hg_status draw_all(
         struct hg_irradiance_stats rough = {0}; // what rough surfaces mirror
         if (view->state.motion.reflections.gathers)
             hg_irradiance_stats(view->state.scene_gpu->irradiance, &rough);
+        out->gathered = rough.rays;
         if (i < PICTURES - MEASURED || status != HG_OK)
             continue;
         if (hg_bench_times_add(&frames, hg_clock_cpu_ns() - cpu) != HG_OK ||
@@ -240,11 +242,11 @@ static void put_result(struct hg_writer *w, const char *name, const struct resul
     if (s->texels > 0)
         hg_json_put(w,
             ",\"cpu_ms\":%.3f,\"ratio\":%.3f,\"texels\":%u,\"sky\":%u,\"cached\":%u,\"shaded\":%u,"
-            "\"late\":%u",
+            "\"late\":%u,\"gathered\":%u",
             r->cpu_ms, r->cpu_ms > 0 ? full / r->cpu_ms : 0,
             s->texels - s->counts[HG_REFLECT_NOTHING] - s->counts[HG_REFLECT_ROUGH],
             s->counts[HG_REFLECT_SKY], s->counts[HG_REFLECT_CACHED], s->counts[HG_REFLECT_SHADED],
-            s->counts[HG_REFLECT_LATE]);
+            s->counts[HG_REFLECT_LATE], r->gathered);
     hg_json_put(w, "}");
 }
 
