@@ -4,9 +4,9 @@
 // The broker's loop does little at a time and others wait for it; workers and encoders compute. The
 // kernel (EEVDF, since Linux 6.12) runs the thread with the earliest deadline, which is a slice
 // from when it may run: one that asks for short slices interrupts others when it wakes, instead of
-// waiting for the end of theirs (0.7 to 2.8 ms, by the number of cores). Its part of the processors stays the same, and no right is
-// needed. Source: Stoica and Abdel-Wahab 1995, "Earliest Eligible Virtual Deadline First";
-// Linux, Documentation/scheduler/sched-eevdf.rst.
+// waiting for the end of theirs (0.7 to 2.8 ms, by the number of cores). Its part of the processors
+// stays the same, and no right is needed. Source: Stoica and Abdel-Wahab 1995, "Earliest Eligible
+// Virtual Deadline First"; Linux, Documentation/scheduler/sched-eevdf.rst.
 #ifndef HG_BASE_SLICE_H
 #define HG_BASE_SLICE_H
 
