@@ -30,19 +30,24 @@
 enum hg_status hg_irradiance_cells_init(struct hg_irradiance_cells *cells, float finest)
 {
     *cells = (struct hg_irradiance_cells){.finest = finest};
+    for (int level = 0; level < HG_IRRADIANCE_LEVELS; level++)
+        cells->sides[level] = ldexpf(finest, level);
     cells->cells = hg_calloc(HG_IRRADIANCE_CELLS, sizeof *cells->cells);
-    return cells->cells ? HG_OK : HG_E_NOMEM;
+    cells->keys = hg_calloc_aligned(SLOTS * sizeof *cells->keys, HG_IRRADIANCE_KEY_BYTES);
+    return cells->cells && cells->keys ? HG_OK : HG_E_NOMEM;
 }
 
 void hg_irradiance_cells_finish(struct hg_irradiance_cells *cells)
 {
     hg_free(cells->cells);
+    hg_free(cells->keys);
     *cells = (struct hg_irradiance_cells){0};
 }
 
 void hg_irradiance_cells_clear(struct hg_irradiance_cells *cells)
 {
     memset(cells->cells, 0, HG_IRRADIANCE_CELLS * sizeof *cells->cells);
+    memset(cells->keys, 0, HG_IRRADIANCE_KEY_BYTES);
     cells->count = 0;
 }
 
@@ -62,17 +67,12 @@ static uint32_t axis_of(const float n[3])
     return 2 * axis + (n[axis] < 0);
 }
 
-static float side_of(const struct hg_irradiance_cells *cells, int level)
-{
-    return ldexpf(cells->finest, level);
-}
-
 // From the middle of a cube to the eye: 1 .. VIEWS, four to each of six axes; 0: diffuse light. It
 // is the same all over a cube, so that lookups between cubes blend from one to the next.
 static uint32_t view_of(
     const struct hg_irradiance_cells *cells, const int32_t at[3], int level, const float *eye)
 {
-    const float side = side_of(cells, level);
+    const float side = cells->sides[level];
     float to[3];
     if (!eye)
         return 0;
@@ -107,7 +107,7 @@ static uint64_t key_of_cube(const struct hg_irradiance_cells *cells,
 static uint64_t key_at(
     const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p, int level)
 {
-    const float scale = 1 / side_of(cells, level);
+    const float scale = 1 / cells->sides[level];
     int32_t at[3];
     for (int a = 0; a < 3; a++)
         at[a] = cube_of(p->position[a] * scale);
@@ -124,7 +124,7 @@ static uint32_t find(const struct hg_irradiance_cells *cells, uint64_t key)
 {
     const uint32_t first = first_slot(key);
     for (uint32_t i = first; i < first + SLOTS; i++)
-        if (cells->cells[i].key == key)
+        if (cells->keys[i] == key)
             return i;
     return HG_IRRADIANCE_NONE;
 }
@@ -147,7 +147,7 @@ static uint32_t make_room(const struct hg_irradiance_cells *cells, uint64_t key)
     const uint32_t first = first_slot(key);
     uint32_t oldest = first;
     for (uint32_t i = first; i < first + SLOTS; i++) {
-        if (cells->cells[i].key == 0)
+        if (cells->keys[i] == 0)
             return i;
         if (cells->picture - cells->cells[i].used > cells->picture - cells->cells[oldest].used)
             oldest = i;
@@ -201,6 +201,7 @@ static uint32_t make(struct hg_irradiance_cells *cells, const struct hg_irradian
     }
     cells->count += c->key == 0;
     *c = made;
+    cells->keys[slot] = key;
     return slot;
 }
 
@@ -262,28 +263,50 @@ static void add_sums(const struct hg_irradiance_cells *cells, uint32_t slot, con
     out->samples += w * c->sums.samples;
 }
 
-// The cube at `at`, and while it is young what is around it.
-static void add_cell(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, const int32_t at[3], float weight,
-    struct hg_irradiance_sums *out)
+static uint32_t find_cube(const struct hg_irradiance_cells *cells,
+    const struct hg_irradiance_point *point, const int32_t at[3], int level)
+{
+    return find(cells, key_of_cube(cells, point, at, level));
+}
+
+static void find_corners(const struct hg_irradiance_cells *cells,
+    const struct hg_irradiance_point *point, const int32_t low[3], struct hg_irradiance_corners *c)
 {
     const int level = point->level + LARGER;
-    uint32_t slot = find(cells, key_of_cube(cells, point, at, point->level));
-    const float known = slot != HG_IRRADIANCE_NONE ? cells->cells[slot].sums.samples : 0;
-    if (slot != HG_IRRADIANCE_NONE)
-        add_sums(cells, slot, (const float[2]){weight, MOST_SAMPLES}, out);
-    if (known >= YOUNG || level >= HG_IRRADIANCE_LEVELS)
+    const uint32_t axis = axis_of(point->normal);
+    if (c->are_known && memcmp(low, c->low, sizeof c->low) == 0 && c->level == point->level &&
+        c->axis == axis)
         return;
-    const int32_t around[3] = {at[0] >> LARGER, at[1] >> LARGER, at[2] >> LARGER};
-    slot = find(cells, key_of_cube(cells, point, around, level));
-    if (slot != HG_IRRADIANCE_NONE)
-        add_sums(cells, slot, (const float[2]){weight, STANDS_IN * (1 - known * (1 / YOUNG))}, out);
+    *c = (struct hg_irradiance_corners){
+        .low = {low[0], low[1], low[2]}, .level = point->level, .axis = axis, .are_known = true};
+    for (int i = 0; i < 8; i++) {
+        const int32_t at[3] = {low[0] + (i & 1), low[1] + (i >> 1 & 1), low[2] + (i >> 2)};
+        const int32_t around[3] = {at[0] >> LARGER, at[1] >> LARGER, at[2] >> LARGER};
+        c->cells[i] = find_cube(cells, point, at, point->level);
+        c->larger[i] = level < HG_IRRADIANCE_LEVELS ? find_cube(cells, point, around, level)
+                                                    : HG_IRRADIANCE_NONE;
+    }
+}
+
+// A cell, and while it is young what is around it.
+static void add_corner(const struct hg_irradiance_cells *cells, const uint32_t slots[2],
+    float weight, struct hg_irradiance_sums *out)
+{
+    float known = 0;
+    if (slots[0] != HG_IRRADIANCE_NONE) {
+        add_sums(cells, slots[0], (const float[2]){weight, MOST_SAMPLES}, out);
+        known = cells->cells[slots[0]].sums.samples;
+    }
+    const float most = STANDS_IN * (1 - known * (1 / YOUNG));
+    if (known < YOUNG && slots[1] != HG_IRRADIANCE_NONE)
+        add_sums(cells, slots[1], (const float[2]){weight, most}, out);
 }
 
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, struct hg_irradiance_sums *out)
+    const struct hg_irradiance_point *point, struct hg_irradiance_corners *corners,
+    struct hg_irradiance_sums *out)
 {
-    const float scale = 1 / side_of(cells, point->level);
+    const float scale = 1 / cells->sides[point->level];
     int32_t low[3];
     float f[3];
     *out = (struct hg_irradiance_sums){0};
@@ -292,11 +315,12 @@ void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
         low[a] = cube_of(at);
         f[a] = hg_clampf(at - (float)low[a], 0, 1);
     }
+    find_corners(cells, point, low, corners);
     for (int i = 0; i < 8; i++) {
-        const int32_t at[3] = {low[0] + (i & 1), low[1] + (i >> 1 & 1), low[2] + (i >> 2)};
         const float w =
             (i & 1 ? f[0] : 1 - f[0]) * (i & 2 ? f[1] : 1 - f[1]) * (i & 4 ? f[2] : 1 - f[2]);
+        const uint32_t slots[2] = {corners->cells[i], corners->larger[i]};
         if (w > 0.01f)
-            add_cell(cells, point, at, w, out);
+            add_corner(cells, slots, w, out);
     }
 }

@@ -20,6 +20,7 @@
 #include "base/status.h"
 
 #define HG_IRRADIANCE_CELLS  (1u << 17)
+#define HG_IRRADIANCE_KEY_BYTES (sizeof(uint64_t) * HG_IRRADIANCE_CELLS)
 #define HG_IRRADIANCE_LEVELS 32
 #define HG_IRRADIANCE_NONE   UINT32_MAX
 
@@ -40,7 +41,9 @@ struct hg_irradiance_cell {
 
 struct hg_irradiance_cells {          // zeroed: none
     struct hg_irradiance_cell *cells; // [HG_IRRADIANCE_CELLS]
+    uint64_t *keys;                   // theirs, so that a search reads one line of cache
     float finest;                     // metres of a cube of level 0; > 0
+    float sides[HG_IRRADIANCE_LEVELS];
     uint32_t picture, light;
     uint32_t count;
 };
@@ -68,8 +71,18 @@ bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradi
     struct hg_irradiance_place *out);
 void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
     const float gathered[3], const float without[3]);
+// What a lookup found, for the next one, whose point may lie between the same cells. Zeroed:
+// nothing. Of one set of cells, to which nothing is added meanwhile, and one eye.
+struct hg_irradiance_corners {
+    int32_t low[3];
+    int level;
+    uint32_t axis;
+    bool are_known;
+    uint32_t cells[8], larger[8];
+};
 // Sums of the eight cells around a point, interpolated. All zero: nothing is known.
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, struct hg_irradiance_sums *out);
+    const struct hg_irradiance_point *point, struct hg_irradiance_corners *corners,
+    struct hg_irradiance_sums *out);
 
 #endif

@@ -87,7 +87,8 @@ uint64_t hg_irradiance_bytes(void)
                            HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     const uint64_t ray = 2 * sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
                          sizeof(struct sample) + 2 * sizeof(uint32_t);
-    return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + MOST_RAYS * (patch + ray);
+    return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + HG_IRRADIANCE_KEY_BYTES +
+           MOST_RAYS * (patch + ray);
 }
 
 enum hg_status hg_irradiance_create(
@@ -336,12 +337,12 @@ static enum hg_status gather(const struct work *w, struct hg_error *err)
 
 // --- what they change ----------------------------------------------------------------------------
 
-static void apply_diffuse(
-    const struct work *w, const struct hg_irradiance_point *point, uint32_t *word)
+static void apply_diffuse(const struct work *w, const struct hg_irradiance_point *point,
+    struct hg_irradiance_corners *corners, uint32_t *word)
 {
     struct hg_irradiance_sums sums;
     float light[3];
-    hg_irradiance_look_up(&w->r->cells, point, &sums);
+    hg_irradiance_look_up(&w->r->cells, point, corners, &sums);
     if (!(sums.samples > 0))
         return;
     hg_gi_rgb9e5_read(*word, light);
@@ -356,14 +357,14 @@ static void apply_diffuse(
 
 // What a rough surface mirrors: light of surfaces, and the share of the environment in the upper
 // bits of the next word.
-static void apply_lobe(
-    const struct work *w, const struct hg_irradiance_point *point, uint32_t words[2])
+static void apply_lobe(const struct work *w, const struct hg_irradiance_point *point,
+    struct hg_irradiance_corners *corners, uint32_t words[2])
 {
     struct hg_irradiance_point seen = *point;
     struct hg_irradiance_sums sums;
     float light[3];
     seen.eye = w->eye;
-    hg_irradiance_look_up(&w->r->cells, &seen, &sums);
+    hg_irradiance_look_up(&w->r->cells, &seen, corners, &sums);
     if (!(sums.without[0] > 0))
         return;
     const float known = sums.samples / (sums.samples + BELIEVED), scale = known / sums.without[0];
@@ -378,6 +379,7 @@ static void apply_lobe(
 static void apply_row(void *user, size_t y)
 {
     const struct work *w = user;
+    struct hg_irradiance_corners diffuse = {0}, lobes = {0};
     for (uint32_t x = 0; x < w->columns; x++) {
         const uint32_t at[2] = {x, (uint32_t)y};
         uint32_t *words = w->words + 4 * (y * w->columns + x);
@@ -388,9 +390,9 @@ static void apply_row(void *user, size_t y)
             continue;
         surface_at(w, at, &on);
         if (w->p->diffuse)
-            apply_diffuse(w, &point, words);
+            apply_diffuse(w, &point, &diffuse, words);
         if (on.rough)
-            apply_lobe(w, &point, words + 1);
+            apply_lobe(w, &point, &lobes, words + 1);
     }
 }
 

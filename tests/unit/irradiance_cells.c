@@ -54,8 +54,9 @@ static void fill(const struct hg_irradiance_point *point, float light, int sampl
 
 static struct hg_irradiance_sums look(const struct hg_irradiance_point *point)
 {
+    struct hg_irradiance_corners corners = {0};
     struct hg_irradiance_sums sums;
-    hg_irradiance_look_up(&cells, point, &sums);
+    hg_irradiance_look_up(&cells, point, &corners, &sums);
     return sums;
 }
 
@@ -107,6 +108,15 @@ static void test_between(void **state)
         assert_float_equal(s.without[1], 100 * (1 + 2 * f), 1e-2);
     }
     assert_true(look(&nothing).samples == 0);
+    // One after the other along a line, with what the one before has found.
+    struct hg_irradiance_corners corners = {0};
+    for (int i = 0; i <= 60; i++) {
+        const struct hg_irradiance_point p = at(-1 + 0.1f * (float)i, 0.5f, 0.4f, 2);
+        const struct hg_irradiance_sums alone = look(&p);
+        struct hg_irradiance_sums next;
+        hg_irradiance_look_up(&cells, &p, &corners, &next);
+        assert_memory_equal(&next, &alone, sizeof next);
+    }
     hg_irradiance_cells_clear(&cells);
 }
 
