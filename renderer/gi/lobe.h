@@ -26,6 +26,13 @@ static inline float hg_lobe_density(float alpha, float cosine)
     return a2 / fmaxf((float)HG_PI * d * d, 1e-12f);
 }
 
+// Schlick 1994, from the cosine of the half vector to the view.
+static inline float hg_lobe_fresnel(float f0, float cosine)
+{
+    const float m = 1 - hg_clampf(cosine, 0, 1), m2 = m * m;
+    return f0 + (1 - f0) * m2 * m2 * m;
+}
+
 // A visible normal by two numbers in [0, 1); view and out: the normal is +z.
 // Source: Heitz 2018, "Sampling the GGX Distribution of Visible Normals", listing 1.
 static inline void hg_lobe_visible_normal(
@@ -80,10 +87,8 @@ static inline struct hg_lobe_sample hg_lobe_take(
     const float out = hg_dot3(s.direction, normal);
     if (!(out > 0))
         return s;
-    const float m = 1 - hg_clampf(s.half_view, 0, 1), m2 = m * m;
-    const float fresnel = f0 + (1 - f0) * m2 * m2 * m;
     const float lv = hg_lobe_lambda(alpha, local[2]), ll = hg_lobe_lambda(alpha, out);
-    s.weight = fresnel * (1 + lv) / (1 + lv + ll);
+    s.weight = hg_lobe_fresnel(f0, s.half_view) * (1 + lv) / (1 + lv + ll);
     return s;
 }
 
@@ -100,10 +105,8 @@ static inline float hg_lobe_value(float roughness, float f0, const float normal[
     hg_normalize3(h);
     const float lv = hg_lobe_lambda(alpha, in), ll = hg_lobe_lambda(alpha, out);
     const float d = hg_lobe_density(alpha, hg_dot3(h, normal)) / (4 * fmaxf(in, 1e-4f));
-    const float m = 1 - hg_clampf(hg_dot3(h, view), 0, 1), m2 = m * m;
-    const float fresnel = f0 + (1 - f0) * m2 * m2 * m;
     *density = d / (1 + lv);
-    return out > 0 ? fresnel * d / (1 + lv + ll) : 0;
+    return out > 0 ? hg_lobe_fresnel(f0, hg_dot3(h, view)) * d / (1 + lv + ll) : 0;
 }
 
 // How likely another sample of the same lobe would fall on the same texel of a cube map: side

@@ -11,14 +11,14 @@
 #define SLOTS         8      // that a key may be in
 #define MOST_SAMPLES  256.0f // older ones fade
 #define OLD_SAMPLES   4.0f   // that those of another light count as
-#define FIRST_SAMPLES 16.0f  // that those of a cell of another level count as
+#define FIRST_SAMPLES 16.0f  // that those of another cell count as in a new one
 #define LARGER        2      // levels from a cell to that which stands in for it,
 #define YOUNG         64.0f  // until it has so many samples,
 #define STANDS_IN     16.0f  // as many as this at first
 #define UNUSED        64     // pictures after which a cell may make room
 
-#define AXIS_BITS  3
-#define LEVEL_BITS 5
+#define AXIS_BITS   3
+#define LEVEL_BITS  5
 #define VIEW_BITS   5
 #define VIEWS       24u
 #define PLACE_BITS  17 // of each coordinate; farther away they repeat

@@ -2,7 +2,6 @@
 #include "renderer/irradiance/directions.h"
 
 #include "base/hash.h"
-#include "renderer/gi/lobe.h"
 #include "renderer/math/sequence.h"
 
 #define LOBES (1 / 3.0f) // share of a rough surface's rays that go by its lobe
@@ -20,7 +19,7 @@ void hg_irradiance_surface_at(const struct hg_gi_texels *texels, const uint32_t 
     hg_copy3(m.facet, out->facet);
     out->roughness = m.roughness;
     out->f0 = m.f0;
-    out->rough = m.roughness >= HG_LOBE_ROUGH && m.f0 > 0;
+    out->rough = hg_irradiance_is_rough(mirror);
 }
 
 // Halton points, turned (Cranley and Patterson 1976).

@@ -383,15 +383,14 @@ static void apply_row(void *user, size_t y)
     for (uint32_t x = 0; x < w->columns; x++) {
         const uint32_t at[2] = {x, (uint32_t)y};
         uint32_t *words = w->words + 4 * (y * w->columns + x);
+        const uint32_t *mirror = w->p->mirrors + 2 * (y * w->columns + x);
         struct hg_irradiance_point point;
-        struct hg_irradiance_surface on;
         float depth;
         if (!find_point(w, at, &point, &depth))
             continue;
-        surface_at(w, at, &on);
         if (w->p->diffuse)
             apply_diffuse(w, &point, &diffuse, words);
-        if (on.rough)
+        if (w->p->lobes && hg_irradiance_is_rough(mirror))
             apply_lobe(w, &point, &lobes, words + 1);
     }
 }

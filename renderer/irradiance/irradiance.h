@@ -1,13 +1,14 @@
-// irradiance.h - diffuse light of pictures in motion, gathered by rays from what the camera sees.
-// Floor 2. Thread: the render thread; rays are shaded on jobs.
+// irradiance.h - diffuse light of pictures in motion, and what rough surfaces mirror, gathered by
+// rays from what the camera sees. Floor 2. Thread: the render thread; rays are shaded on jobs.
 //
 // The field of probes is interpolated over metres; what stands nearer to a surface than probes do,
-// and sunlight that ends between them, it gets wrong. So a few thousand texels of probe light
-// (shaders/shared/gi.h) of each picture send a ray over the cosine. What that meets is lit by
-// shadow rays and the field, far from the texel in the mean, where the field is right. Cells on
-// surfaces (cells.h) keep what came, over pictures and for all cameras of a scene, beside what
-// probe light had there; the quotient of both sums is what probe light is multiplied by (ratio
-// estimator), the nearer to 1 the fewer samples there are.
+// and sunlight that ends between them, it gets wrong. So some thousand rays of each picture go from
+// texels of probe light (shaders/shared/gi.h), over the cosine or the specular lobe (directions.h).
+// What they meet is lit by shadow rays and the field, far from the texel in the mean, where the
+// field is right. Cells on surfaces (cells.h) keep what came, over pictures and for all cameras of
+// a scene: diffuse light beside what probe light had there, whose quotient probe light is
+// multiplied by (ratio estimator), and what rough surfaces mirror by where the eye is. The fewer
+// samples there are, the more is left as it was.
 // docs/internals/gi.md, "Gathered in motion".
 #ifndef HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 #define HG_RENDERER_IRRADIANCE_IRRADIANCE_H

@@ -588,7 +588,9 @@ static const char environment_text[] =
     "default on CPU devices. |\n"
     "| `HELIO_DARK=on`, `off` | Tiles that no light reaches are shaded without lights everywhere, "
     "nowhere; default where it pays. |\n"
-    "| `HELIO_IRRADIANCE_RAYS=off` | Pictures in motion have the light of probes as it is. |\n";
+    "| `HELIO_IRRADIANCE_RAYS=off` | Pictures in motion have the light of probes as it is, and "
+    "rough "
+    "surfaces mirror what these see. |\n";
 
 void hg_options_print_markdown(FILE *file)
 {

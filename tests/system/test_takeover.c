@@ -313,8 +313,6 @@ static bool has_loader_cpu(pid_t pid, int seconds)
     return memmem(text, size, wanted, (size_t)length + 1) != NULL;
 }
 
-// Those that start afterwards are as confined as those before, by the process that started these,
-// and have the options of now.
 // How long a process may run at a time; 0: the kernel does not say. struct sched_attr, version 0.
 static uint64_t slice_ns(pid_t pid)
 {
@@ -332,6 +330,8 @@ static void expect_slices(struct daemon *d, pid_t worker)
     assert_int_equal(slice_ns(worker), usual_ns);
 }
 
+// Those that start afterwards are as confined as those before, by the process that started these,
+// and have the options of now.
 static void workers_start_as_before(void **state)
 {
     (void)state;
