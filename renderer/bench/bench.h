@@ -9,6 +9,19 @@ struct hg_bench_pose {
     float eye[3], target[3]; // metres
 };
 
+// How pictures of gi are made: without light from surfaces; with probes that follow the camera;
+// with those of a view that has been at rest; both again with all that is on by default; at rest.
+enum hg_bench_way {
+    HG_BENCH_NONE,
+    HG_BENCH_PROBES,
+    HG_BENCH_RESTED,
+    HG_BENCH_SHOWN,
+    HG_BENCH_SHOWN_RESTED,
+    HG_BENCH_SETTLED,
+    HG_BENCH_WAYS,
+};
+extern const char *const hg_bench_way_names[HG_BENCH_WAYS];
+
 struct hg_bench_settings {  // zero of each field = default
     uint32_t width, height; // px; 1280 x 720
     float vfov_rad;         // 45 degrees
@@ -31,6 +44,7 @@ struct hg_bench_settings {  // zero of each field = default
     } truth;                // of gi: path-traced pictures, or settled ones of parameter gi RAYS
     const char *references; // folder of cached reference pictures; NULL: rendered each time
     bool no_walk, no_night, no_rooms; // of gi: parts that are left out
+    uint32_t ways;                    // of gi: bits of enum hg_bench_way that are walked; 0: all
     float sun_rad[2];     // of gi by day: a sky with its sun at this azimuth (from +z towards +x)
                           // and elevation; 0: the scene's light
     float exposure_ev;    // of gi by day; 0: metered from the pose in the middle

@@ -20,12 +20,6 @@
 #define SUN_TURBIDITY   2.0f        // as views of the protocol have it
 #define LAMP_ID         0x6c616d70u // of the first
 
-// Ways of making pictures: without light from surfaces; with probes that follow the camera; with
-// those of a view that has been at rest; both again with all that is on by default; at rest.
-enum { NONE, PROBES, RESTED, SHOWN, SHOWN_RESTED, SETTLED, MODES };
-static const char *const mode_names[MODES] = {
-    "none", "probes", "rested", "shown", "shown_rested", "settled"};
-
 // What one way of making pictures came to, summed over those that are compared.
 struct result {
     double flip, region, worst_region, change, cpu_ms;
@@ -35,11 +29,14 @@ struct result {
 struct light {
     const char *name;
     struct hg_refbuf **truth; // [path_count] of the poses that are compared, and those before
-    struct result results[MODES];
+    struct result results[HG_BENCH_WAYS];
     struct hg_bench_references references;
     double truth_change;
     float exposure_ev; // of all its pictures
 };
+
+const char *const hg_bench_way_names[HG_BENCH_WAYS] = {
+    "none", "probes", "rested", "shown", "shown_rested", "settled"};
 
 struct run {
     struct hg_renderer *renderer;
@@ -51,10 +48,15 @@ struct run {
     uint32_t compared, done;
 };
 
+static bool is_walked(const struct run *run, int way)
+{
+    return run->bench->ways == 0 || (run->bench->ways >> way & 1) != 0;
+}
+
 static enum hg_status tell(struct run *run, struct hg_error *err)
 {
     const uint32_t lights = run->bench->no_night ? 1 : LIGHTS;
-    const uint32_t total = lights * (MODES + 1) * run->walk.path_count;
+    const uint32_t total = lights * (HG_BENCH_WAYS + 1) * run->walk.path_count;
     run->done++;
     return run->bench->progress == NULL || run->bench->progress(run->bench->progress_user,
                                                run->done < total ? run->done : total, total)
@@ -207,13 +209,13 @@ static enum hg_status find_motion(struct run *run, struct hg_error *err)
     return status;
 }
 
-static struct hg_view_params params_of_mode(
-    const struct run *run, const struct light *light, int mode)
+static struct hg_view_params params_of_way(
+    const struct run *run, const struct light *light, int way)
 {
     struct hg_view_params params = params_of(run, light);
-    const bool shown = mode >= SHOWN;
-    params.samples = mode == SETTLED ? SETTLED_SAMPLES : 2;
-    params.gi = mode == NONE ? HG_GI_NONE : shown ? HG_GI_AUTO : HG_GI_PROBES;
+    const bool shown = way >= HG_BENCH_SHOWN;
+    params.samples = way == HG_BENCH_SETTLED ? SETTLED_SAMPLES : 2;
+    params.gi = way == HG_BENCH_NONE ? HG_GI_NONE : shown ? HG_GI_AUTO : HG_GI_PROBES;
     params.reflections =
         shown ? HG_REFLECTIONS_AUTO : (enum hg_view_reflections)run->bench->reflections;
     params.temporal = shown ? HG_TEMPORAL_AUTO : (enum hg_view_temporal)run->bench->temporal;
@@ -221,14 +223,14 @@ static struct hg_view_params params_of_mode(
 }
 
 // pictures: of the pose before and of this one, which becomes the one before.
-static enum hg_status end_pose(struct run *run, struct light *light, int mode, uint32_t pose,
+static enum hg_status end_pose(struct run *run, struct light *light, int way, uint32_t pose,
     struct hg_refbuf *pictures[2], struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     if (hg_bench_walk_is_compared(pose))
-        status = compare(run, light, pose, pictures, &light->results[mode], err);
+        status = compare(run, light, pose, pictures, &light->results[way], err);
     if (status == HG_OK && hg_bench_walk_is_compared(pose))
-        status = write_picture(run, light, mode_names[mode], pose, pictures[1], err);
+        status = write_picture(run, light, hg_bench_way_names[way], pose, pictures[1], err);
     hg_refbuf_unref(pictures[0]);
     pictures[0] = pictures[1];
     pictures[1] = NULL;
@@ -238,8 +240,8 @@ static enum hg_status end_pose(struct run *run, struct light *light, int mode, u
 // Pictures at rest of the poses that are compared.
 static enum hg_status settle(struct run *run, struct light *light, struct hg_error *err)
 {
-    const struct hg_view_params params = params_of_mode(run, light, SETTLED);
-    struct result *result = &light->results[SETTLED];
+    const struct hg_view_params params = params_of_way(run, light, HG_BENCH_SETTLED);
+    struct result *result = &light->results[HG_BENCH_SETTLED];
     struct hg_refbuf *pictures[2] = {NULL, NULL};
     struct hg_view *view = NULL;
     enum hg_status status = open_view(run, &params, &view, err);
@@ -251,7 +253,7 @@ static enum hg_status settle(struct run *run, struct light *light, struct hg_err
             status = hg_bench_walk_settle(&run->walk, view, i, &pictures[1], err);
         result->cpu_ms += (double)(hg_clock_cpu_ns() - cpu) * 1e-6;
         if (status == HG_OK)
-            status = end_pose(run, light, SETTLED, i, pictures, err);
+            status = end_pose(run, light, HG_BENCH_SETTLED, i, pictures, err);
     }
     hg_refbuf_unref(pictures[0]);
     hg_refbuf_unref(pictures[1]);
@@ -259,24 +261,24 @@ static enum hg_status settle(struct run *run, struct light *light, struct hg_err
     return status;
 }
 
-static enum hg_status walk(struct run *run, struct light *light, int mode, struct hg_error *err)
+static enum hg_status walk(struct run *run, struct light *light, int way, struct hg_error *err)
 {
-    const struct hg_view_params params = params_of_mode(run, light, mode);
+    const struct hg_view_params params = params_of_way(run, light, way);
     struct hg_refbuf *pictures[2] = {NULL, NULL}; // the one before, and this one
     struct hg_view *view = NULL;
-    struct result *result = &light->results[mode];
+    struct result *result = &light->results[way];
     enum hg_status status = open_view(run, &params, &view, err);
     if (status == HG_OK)
         status = hg_bench_walk_warm_up(&run->walk, view, err);
     // Nothing is baked any more, which would change the field.
-    if (status == HG_OK && (mode == RESTED || mode == SHOWN_RESTED))
+    if (status == HG_OK && (way == HG_BENCH_RESTED || way == HG_BENCH_SHOWN_RESTED))
         status = rest(run, light, err);
     for (uint32_t i = 0; i < run->walk.path_count && status == HG_OK; i++) {
         const uint64_t cpu = hg_clock_cpu_ns();
         status = hg_bench_walk_draw(&run->walk, view, i, &pictures[1], err);
         result->cpu_ms += (double)(hg_clock_cpu_ns() - cpu) * 1e-6;
         if (status == HG_OK)
-            status = end_pose(run, light, mode, i, pictures, err);
+            status = end_pose(run, light, way, i, pictures, err);
     }
     hg_refbuf_unref(pictures[0]);
     hg_refbuf_unref(pictures[1]);
@@ -380,9 +382,10 @@ static enum hg_status walk_under(struct run *run, struct light *light, struct hg
         status = find_truth(run, light, err);
     if (status == HG_OK && light == run->lights)
         status = find_motion(run, err);
-    for (int mode = 0; mode < SETTLED && status == HG_OK; mode++)
-        status = walk(run, light, mode, err);
-    if (status == HG_OK)
+    for (int way = 0; way < HG_BENCH_SETTLED && status == HG_OK; way++)
+        if (is_walked(run, way))
+            status = walk(run, light, way, err);
+    if (status == HG_OK && is_walked(run, HG_BENCH_SETTLED))
         status = settle(run, light, err);
     if (status == HG_OK)
         change_of_truth(run, light);
@@ -396,12 +399,14 @@ static void put_light(struct hg_writer *w, const struct run *run, const struct l
     const double count = run->compared > 0 ? run->compared : 1;
     hg_json_put(w, ",\"%s\":{\"exposure_ev\":%.3f,\"references_found\":%u,\"references_made\":%u",
         light->name, (double)light->exposure_ev, light->references.found, light->references.made);
-    for (int m = 0; m < MODES; m++) {
+    for (int m = 0; m < HG_BENCH_WAYS; m++) {
+        if (!is_walked(run, m))
+            continue;
         const struct result *r = &light->results[m];
         hg_json_put(w,
             ",\"%s\":{\"flip\":%.5f,\"region_error\":%.5f,\"worst_region_error\":%.5f,"
             "\"flicker\":%.4f,\"cpu_ms\":%.3f}",
-            mode_names[m], r->flip / count, r->region / count, r->worst_region / count,
+            hg_bench_way_names[m], r->flip / count, r->region / count, r->worst_region / count,
             light->truth_change > 0 ? r->change / light->truth_change : 0,
             r->cpu_ms / (double)run->walk.path_count);
     }

@@ -72,6 +72,26 @@ static enum hg_status read_folder(
     return folder ? hg_roots_resolve(&r->host->roots, folder, out, err) : HG_OK;
 }
 
+// 0: all of them.
+static enum hg_status read_ways(const json_t *names, uint32_t *ways, struct hg_error *err)
+{
+    size_t i;
+    json_t *item;
+    json_array_foreach(names, i, item)
+    {
+        const char *name = json_string_value(item);
+        uint32_t way = 0;
+        while (way < HG_BENCH_WAYS && (!name || strcmp(hg_bench_way_names[way], name) != 0))
+            way++;
+        if (way == HG_BENCH_WAYS)
+            return hg_error_set(
+                err, HG_E_INVAL, "bench", "ways", "no way is called \"%s\"", name ? name : "");
+        *ways |= 1u << way;
+    }
+    return !names || i > 0 ? HG_OK
+                           : hg_error_set(err, HG_E_INVAL, "bench", "ways", "not a list of names");
+}
+
 static enum hg_status read_gi(struct run *r, const json_t *options, struct hg_error *err)
 {
     const json_t *only = json_object_get(options, "only");
@@ -88,7 +108,8 @@ static enum hg_status read_gi(struct run *r, const json_t *options, struct hg_er
         r->settings.sun_rad[i] = (float)(json_number_value(json_array_get(sun, i)) * M_PI / 180);
     if (sun && (json_array_size(sun) != 2 || !(r->settings.sun_rad[1] > 0)))
         return hg_error_set(err, HG_E_INVAL, "bench", "sun", "not [azimuth, elevation above 0]");
-    const enum hg_status st = read_folder(r, options, "references", &r->references, err);
+    enum hg_status st = read_ways(json_object_get(options, "ways"), &r->settings.ways, err);
+    st = st ? st : read_folder(r, options, "references", &r->references, err);
     r->settings.references = r->references;
     return st ? st : read_folder(r, options, "pictures", &r->pictures, err);
 }
