@@ -6,11 +6,6 @@
 #define FACES      6
 #define PEAK_LIMIT 4.0f // of the mean luminance, from which on light is part of a peak
 
-static float luminance(const float c[3])
-{
-    return 0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2];
-}
-
 // --- texels --------------------------------------------------------------------------------------
 
 // Face and place after the Vulkan specification, "Cube Map Face Selection".
@@ -61,7 +56,7 @@ static float solid_angle(uint32_t texel, uint32_t side)
 // The share of a texel's light that is even.
 static float even_share(const struct hg_gi_environment *e, const float texel[3])
 {
-    const float l = luminance(texel);
+    const float l = hg_luminance(texel);
     return l > e->limit ? e->limit / l : 1;
 }
 
@@ -72,7 +67,7 @@ static float mean_luminance(const struct hg_lighting_sources *from, uint32_t cou
     double sum = 0, whole = 0;
     for (uint32_t i = 0; i < count; i++) {
         const float w = solid_angle(i, from->env_side);
-        sum += (double)(w * luminance(from->env_faces + (size_t)i * 3));
+        sum += (double)(w * hg_luminance(from->env_faces + (size_t)i * 3));
         whole += (double)w;
     }
     return (float)(sum / whole);
@@ -98,7 +93,7 @@ enum hg_status hg_gi_environment_sync(
     double sum = 0;
     for (uint32_t i = 0; i < count; i++) {
         const float *texel = from->env_faces + (size_t)i * 3;
-        sum += (double)(luminance(texel) * (1 - even_share(e, texel)) *
+        sum += (double)(hg_luminance(texel) * (1 - even_share(e, texel)) *
                         solid_angle(i, from->env_side));
         e->sums[i] = (float)sum;
     }

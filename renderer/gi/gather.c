@@ -96,9 +96,9 @@ static void set_light(struct hg_gi_gather *w, int kind, size_t at)
             differs[c] = (half[c] / first - (all[c] - half[c]) / second) / mean;
         worth = fmaxf(worth, albedo[c] / (ENOUGH_ALBEDO * (float)in->samples));
     }
-    const float d = hg_gi_gather_luminance(differs);
+    const float d = hg_luminance(differs);
     if (kind == SCATTERED)
-        w->from[kind][SKY][at] = hg_gi_gather_luminance(sky);
+        w->from[kind][SKY][at] = hg_luminance(sky);
     w->from[kind][WORTH][at] = fminf(worth, 1);
     w->from[kind][VARIANCE][at] = 0.25f * d * d;
 }
@@ -121,7 +121,7 @@ static float variance_beside(const struct hg_gi_gather *w, int kind, size_t x, s
         if (q == at || cosine < ALIKE_COSINE ||
             fabsf(g[DEPTH][q] - g[DEPTH][at]) > ALIKE_DEPTH * g[DEPTH][at])
             continue;
-        const float d = hg_gi_gather_luminance(c) - hg_gi_gather_luminance(own);
+        const float d = hg_luminance(c) - hg_luminance(own);
         sum += d * d;
         count += 1;
     }

@@ -4,6 +4,7 @@
 #define HG_RENDERER_GI_GATHER_FILM_H
 
 #include "renderer/gi/gather.h"
+#include "renderer/math/vec.h"
 
 #define ALIKE_DEPTH 0.05f // as a share of the depth
 
@@ -33,11 +34,6 @@ struct hg_gi_gather {
 static inline size_t hg_gi_gather_pixels(const struct hg_gi_gather *w)
 {
     return (size_t)w->in.width * w->in.height;
-}
-
-static inline float hg_gi_gather_luminance(const float c[3])
-{
-    return 0.2126f * c[0] + 0.7152f * c[1] + 0.0722f * c[2];
 }
 
 // The words of all pixels, out of `from`; uses `to`. By jobs for rows of a picture.

@@ -26,7 +26,7 @@ static float despeckle(const struct hg_gi_gather *w, int kind, size_t at)
         for (size_t u = x - 1; u <= x + 1; u++) {
             const size_t q = v * width + u;
             const float c[3] = {light[RED][q], light[GREEN][q], light[BLUE][q]};
-            float l = q == at ? 0 : hg_gi_gather_luminance(c);
+            float l = q == at ? 0 : hg_luminance(c);
             for (int i = 0; i < 3; i++)
                 if (l > most[i]) {
                     const float less = most[i];
@@ -35,7 +35,7 @@ static float despeckle(const struct hg_gi_gather *w, int kind, size_t at)
                 }
         }
     const float own[3] = {light[RED][at], light[GREEN][at], light[BLUE][at]};
-    const float l = hg_gi_gather_luminance(own);
+    const float l = hg_luminance(own);
     return l > most[2] ? most[2] / l : 1;
 }
 
@@ -78,8 +78,7 @@ void hg_gi_gather_part_row(void *user, size_t y)
     float *const *s = w->from[SCATTERED];
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         const float open[3] = {s[OPEN_RED][at], s[OPEN_GREEN][at], s[OPEN_BLUE][at]};
-        const float all = hg_gi_gather_luminance(open),
-                    share = all > 0 ? fminf(s[SKY][at] / all, 1) : 0;
+        const float all = hg_luminance(open), share = all > 0 ? fminf(s[SKY][at] / all, 1) : 0;
         for (int c = 0; c < 3; c++)
             s[RED + c][at] = fmaxf(s[RED + c][at] - share * open[c], 0);
         s[SKY][at] = share;

@@ -290,15 +290,18 @@ static void add_diffuse(const struct work *w, const struct sample *s, bool peak)
         hg_irradiance_add(&w->r->cells, &s->diffuse, gathered, without);
 }
 
-// The environment is multiplied by the share of it that is seen.
+// The prefiltered environment is multiplied by the share of its light that is seen: of a sky that
+// is bright at the horizon and seen at the zenith alone that is less than the share of directions.
 static void add_lobe(const struct work *w, const struct sample *s)
 {
-    const float weight = s->direction.mirrored, open = s->open ? weight : 0;
-    float light[3];
+    const float weight = s->direction.mirrored;
+    float sky[3], light[3];
+    hg_gi_environment_even(w->p->world.environment, w->p->sources, s->direction.way, sky);
     for (int c = 0; c < 3; c++)
-        light[c] = (weight - open) * s->brought[c];
-    if (weight > 0 && light[0] + light[1] + light[2] < FLT_MAX)
-        hg_irradiance_add(&w->r->cells, &s->lobe, light, (const float[3]){weight, open, 0});
+        light[c] = s->open ? 0 : weight * s->brought[c];
+    const float all = weight * hg_luminance(sky), seen = s->open ? all : 0;
+    if (weight > 0 && light[0] + light[1] + light[2] + all < FLT_MAX)
+        hg_irradiance_add(&w->r->cells, &s->lobe, light, (const float[3]){weight, seen, all});
 }
 
 static void add(const struct work *w)
@@ -371,7 +374,8 @@ static void apply_lobe(const struct work *w, const struct hg_irradiance_point *p
     hg_gi_rgb9e5_read(words[0], light);
     for (int c = 0; c < 3; c++)
         light[c] = light[c] * (1 - known) + sums.gathered[c] * scale;
-    const float open = (float)(words[1] >> 24) * (1 - known) + 255 * sums.without[1] * scale;
+    const float sky = 255 * sums.without[1] / fmaxf(sums.without[2], FLT_MIN);
+    const float open = (float)(words[1] >> 24) * (1 - known) + known * sky;
     words[0] = hg_gi_rgb9e5(light[0], light[1], light[2]);
     words[1] = (words[1] & 0xffffff) | (uint32_t)(hg_clampf(open, 0, 255) + 0.5f) << 24;
 }

@@ -117,4 +117,10 @@ static inline float hg_half_to_float(uint16_t h)
     return h & 0x8000 ? -v : v;
 }
 
+// Of linear BT.709 colour.
+static inline float hg_luminance(const float rgb[3])
+{
+    return 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];
+}
+
 #endif
