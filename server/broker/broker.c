@@ -612,6 +612,7 @@ static void stop(struct hg_broker *b)
     while (b->conns.first)
         hg_conn_kill(b->conns.first, "the daemon ends");
     bury(b);
+    hgp_chunk_pool_finish(&b->conns.chunks);
     while (b->sessions.first) // those that waited for their last edits
         hg_session_destroy(b->sessions.first);
     while (b->sessions.scenes.first) // those that were kept
