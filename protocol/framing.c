@@ -12,11 +12,11 @@
 #endif
 
 // A chunk from the pool holds what an earlier stream, perhaps another tenant's, has received. No
-// stream gets to see that: whatever is read of a chunk (hgp_framer_take, begin_message, the copy in
-// hgp_framer_next, and hg_packet_save_input of the broker) lies between start and end, these begin
-// at 0 with each chunk, and end moves only by what the transport has written there
-// (hgp_framer_fill). So a chunk need not be cleared; tests/wire/test_framing.c gives streams chunks
-// that are full of another one's messages.
+// stream gets to see that: whatever is read of a chunk (hgp_framer_take, begin_message,
+// hgp_framer_peek, the copy in hgp_framer_next, and hg_packet_save_input of the broker) lies
+// between start and end, these begin at 0 with each chunk, and end moves only by what the transport
+// has written there (hgp_framer_fill). So a chunk need not be cleared; tests/wire/test_framing.c
+// gives streams chunks that are full of another one's messages.
 static uint8_t *take_chunk(struct hgp_chunk_pool *pool)
 {
     if (!pool || !pool->count)
@@ -103,6 +103,7 @@ static enum hg_status begin_message(struct hgp_framer *f, uint32_t limit)
     if (!f->partial)
         return HG_E_NOMEM;
     f->start += HGP_HEADER_BYTES;
+    f->type = header.type;
     f->length = header.length;
     f->filled = 0;
     return HG_OK;
@@ -125,6 +126,18 @@ enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **mess
     *message = f->partial;
     f->partial = NULL;
     return HG_OK;
+}
+
+bool hgp_framer_peek(const struct hgp_framer *f, uint16_t *type)
+{
+    struct hgp_header header;
+    *type = f->type;
+    if (f->partial)
+        return true;
+    if (!f->chunk || hgp_header_decode(f->chunk + f->start, f->end - f->start, UINT32_MAX, &header))
+        return false;
+    *type = header.type;
+    return true;
 }
 
 bool hgp_framer_is_empty(const struct hgp_framer *f)

@@ -55,6 +55,7 @@ struct hgp_framer {
     uint8_t *chunk; // [HGP_FRAMER_CHUNK_BYTES], taken with the first read
     size_t start, end;
     void *partial; // a message whose payload is still arriving; NULL = none
+    uint16_t type; // of `partial`
     size_t length, filled;
     uint64_t total_bytes; // received so far
 };
@@ -71,6 +72,8 @@ const uint8_t *hgp_framer_take(struct hgp_framer *f, size_t size);
 // HG_E_LIMIT (a payload of more than `limit` bytes), HG_E_FORMAT (flags), HG_E_NOMEM: the stream is
 // unusable. *message is NULL unless HG_OK.
 enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **message) HG_MUST_CHECK;
+// Of the message that hgp_framer_next gives next, once its header has come; else false.
+bool hgp_framer_peek(const struct hgp_framer *f, uint16_t *type);
 // The stream stands between two messages: an end here cuts none.
 bool hgp_framer_is_empty(const struct hgp_framer *f);
 // Gives the memory of a stream back that stands between two messages; it is taken again when more

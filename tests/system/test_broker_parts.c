@@ -363,6 +363,23 @@ static struct hg_upload_owner *owner_of(struct hg_upload_store *store, uint8_t n
     return owner;
 }
 
+static void settle(struct hg_upload_store *store)
+{
+    hg_disk_queue_wait(hg_upload_store_queue(store));
+}
+
+static enum hg_status append(
+    struct hg_upload *upload, const void *data, size_t size, struct hg_error *err)
+{
+    return hg_upload_append(upload, &(struct hg_upload_piece){.data = data, .size = size}, err);
+}
+
+static void note_end(void *user, struct hg_upload *upload, const struct hg_error *err)
+{
+    (void)upload;
+    *(enum hg_status *)user = err->status;
+}
+
 static void put(struct hg_upload_store *store, struct hg_upload_owner *owner, uint32_t fill,
     size_t size, uint8_t hash[32])
 {
@@ -375,10 +392,15 @@ static void put(struct hg_upload_store *store, struct hg_upload_owner *owner, ui
     const uint8_t *bytes = (const uint8_t *)data;
     assert_int_equal(hg_sha256(data, size, hash), HG_OK);
     assert_int_equal(hg_upload_begin(store, owner, hash, size, &upload, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, bytes, size / 2, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, bytes + size / 2, size - size / 2, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, bytes, 1, &err), HG_E_LIMIT);
-    assert_int_equal(hg_upload_commit(upload, &err), HG_OK);
+    assert_int_equal(append(upload, bytes, size / 2, &err), HG_OK);
+    assert_int_equal(append(upload, bytes + size / 2, size - size / 2, &err), HG_OK);
+    assert_int_equal(append(upload, bytes, 1, &err), HG_E_LIMIT);
+    enum hg_status ended = HG_E_STATE;
+    hg_upload_store_listen(store, &(struct hg_upload_news){.user = &ended, .ended = note_end});
+    assert_int_equal(hg_upload_commit(upload, 0, false, &err), HG_OK);
+    assert_true(hg_upload_is_committed(upload));
+    settle(store);
+    assert_int_equal(ended, HG_OK);
 }
 
 static void store_evicts_what_nobody_uses(void **state)
@@ -404,8 +426,9 @@ static void store_evicts_what_nobody_uses(void **state)
     // An announcement takes a block; what does not fit beside what is in use is refused.
     assert_int_equal(hg_upload_begin(store, owner, b, 2 * BLOCK, &upload, &err), HG_OK);
     assert_int_equal(hg_upload_store_bytes(store), 6 * BLOCK);
-    assert_int_equal(hg_upload_append(upload, data, 1, &err), HG_E_LIMIT);
+    assert_int_equal(append(upload, data, 1, &err), HG_E_LIMIT);
     hg_upload_abort(upload);
+    settle(store);
     assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     hg_upload_store_unpin(store, a);
     put(store, owner, 4, 500, d);
@@ -416,6 +439,7 @@ static void store_evicts_what_nobody_uses(void **state)
     assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK, &upload, &err), HG_OK);
     assert_true(hg_upload_store_has(store, NULL, c) && hg_upload_store_has(store, NULL, d));
     hg_upload_abort(upload);
+    settle(store);
     assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
     assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK + 1, &upload, &err), HG_E_LIMIT);
     hg_upload_store_destroy(store);
