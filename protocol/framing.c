@@ -4,6 +4,54 @@
 
 #include "base/alloc.h"
 
+#if defined(__SANITIZE_ADDRESS__) // a chunk in a pool is nobody's
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_POISON_MEMORY_REGION(addr, size)   ((void)(addr))
+#define ASAN_UNPOISON_MEMORY_REGION(addr, size) ((void)(addr))
+#endif
+
+// A chunk from the pool holds what an earlier stream, perhaps another tenant's, has received. No
+// stream gets to see that: whatever is read of a chunk (hgp_framer_take, begin_message,
+// hgp_framer_peek, the copy in hgp_framer_next, and hg_packet_save_input of the broker) lies
+// between start and end, these begin at 0 with each chunk, and end moves only by what the transport
+// has written there (hgp_framer_fill). So a chunk need not be cleared; tests/wire/test_framing.c
+// gives streams chunks that are full of another one's messages.
+static uint8_t *take_chunk(struct hgp_chunk_pool *pool)
+{
+    if (!pool || !pool->count)
+        return hg_pages_calloc(HGP_FRAMER_CHUNK_BYTES);
+    uint8_t *chunk = pool->chunks[--pool->count];
+    if (pool->unused > pool->count)
+        pool->unused = pool->count;
+    ASAN_UNPOISON_MEMORY_REGION(chunk, HGP_FRAMER_CHUNK_BYTES);
+    return chunk;
+}
+
+static void give_chunk(struct hgp_chunk_pool *pool, uint8_t *chunk)
+{
+    if (!chunk || !pool || pool->count == HGP_FRAMER_POOL_CHUNKS) {
+        hg_pages_free(chunk, HGP_FRAMER_CHUNK_BYTES);
+        return;
+    }
+    ASAN_POISON_MEMORY_REGION(chunk, HGP_FRAMER_CHUNK_BYTES);
+    pool->chunks[pool->count++] = chunk;
+}
+
+void hgp_chunk_pool_trim(struct hgp_chunk_pool *pool)
+{
+    if (pool->unused)
+        hg_pages_free(pool->chunks[--pool->count], HGP_FRAMER_CHUNK_BYTES);
+    pool->unused = pool->count;
+}
+
+void hgp_chunk_pool_finish(struct hgp_chunk_pool *pool)
+{
+    while (pool->count)
+        hg_pages_free(pool->chunks[--pool->count], HGP_FRAMER_CHUNK_BYTES);
+    pool->unused = 0;
+}
+
 uint8_t *hgp_framer_space(struct hgp_framer *f, size_t *size)
 {
     *size = 0;
@@ -12,7 +60,7 @@ uint8_t *hgp_framer_space(struct hgp_framer *f, size_t *size)
         *size = missing < HGP_FRAMER_READ_BYTES ? missing : HGP_FRAMER_READ_BYTES;
         return f->frames->payload(f->partial) + f->filled;
     }
-    if (!f->chunk && !(f->chunk = hg_pages_calloc(HGP_FRAMER_CHUNK_BYTES)))
+    if (!f->chunk && !(f->chunk = take_chunk(f->pool)))
         return NULL;
     if (f->start) { // what is left is a part of a header, unless messages wait to be taken
         memmove(f->chunk, f->chunk + f->start, f->end - f->start);
@@ -55,6 +103,7 @@ static enum hg_status begin_message(struct hgp_framer *f, uint32_t limit)
     if (!f->partial)
         return HG_E_NOMEM;
     f->start += HGP_HEADER_BYTES;
+    f->type = header.type;
     f->length = header.length;
     f->filled = 0;
     return HG_OK;
@@ -79,6 +128,18 @@ enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **mess
     return HG_OK;
 }
 
+bool hgp_framer_peek(const struct hgp_framer *f, uint16_t *type)
+{
+    struct hgp_header header;
+    *type = f->type;
+    if (f->partial)
+        return true;
+    if (!f->chunk || hgp_header_decode(f->chunk + f->start, f->end - f->start, UINT32_MAX, &header))
+        return false;
+    *type = header.type;
+    return true;
+}
+
 bool hgp_framer_is_empty(const struct hgp_framer *f)
 {
     return !f->partial && f->start == f->end;
@@ -88,7 +149,7 @@ bool hgp_framer_rest(struct hgp_framer *f)
 {
     if (!f->chunk || !hgp_framer_is_empty(f))
         return false;
-    hg_pages_free(f->chunk, HGP_FRAMER_CHUNK_BYTES);
+    give_chunk(f->pool, f->chunk);
     f->chunk = NULL;
     f->start = f->end = 0;
     return true;
@@ -96,8 +157,8 @@ bool hgp_framer_rest(struct hgp_framer *f)
 
 void hgp_framer_finish(struct hgp_framer *f)
 {
-    hg_pages_free(f->chunk, HGP_FRAMER_CHUNK_BYTES);
+    give_chunk(f->pool, f->chunk);
     if (f->partial)
         f->frames->destroy(f->partial);
-    *f = (struct hgp_framer){.frames = f->frames};
+    *f = (struct hgp_framer){.frames = f->frames, .pool = f->pool};
 }

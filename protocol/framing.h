@@ -20,7 +20,24 @@ enum {
     HGP_FRAMER_DIRECT_BYTES =
         32 * 1024,                   // payloads that lack more are read in place, without a copy
     HGP_FRAMER_READ_BYTES = 1 << 20, // most that one read may bring
+    HGP_FRAMER_POOL_CHUNKS = 16,     // that a pool keeps at most
 };
+
+// Chunks for reuse by the streams of one owner: a stream that ends gives its chunk back here, so
+// that a flood of short connections maps and unmaps no memory. Zero-initialised; same thread as its
+// framers. Chunks are not cleared: they hold bytes of earlier streams (framing.c says why no stream
+// is shown them).
+struct hgp_chunk_pool {
+    uint8_t *chunks[HGP_FRAMER_POOL_CHUNKS];
+    uint32_t count;
+    uint32_t unused; // the fewest there were since the last trim
+};
+
+// Gives one back to the system if there was one all the time since the last call. Called now and
+// then, an idle pool is empty after HGP_FRAMER_POOL_CHUNKS + 1 calls, and one that is used in
+// bursts keeps what they need.
+void hgp_chunk_pool_trim(struct hgp_chunk_pool *pool);
+void hgp_chunk_pool_finish(struct hgp_chunk_pool *pool);
 
 // What a message is made of on the side that receives it.
 struct hgp_frame_class {
@@ -34,9 +51,11 @@ struct hgp_frame_class {
 // {.frames = ...}, the rest zero = the start of a stream.
 struct hgp_framer {
     const struct hgp_frame_class *frames;
+    struct hgp_chunk_pool *pool; // where its chunk comes from; NULL: from the system
     uint8_t *chunk; // [HGP_FRAMER_CHUNK_BYTES], taken with the first read
     size_t start, end;
     void *partial; // a message whose payload is still arriving; NULL = none
+    uint16_t type; // of `partial`
     size_t length, filled;
     uint64_t total_bytes; // received so far
 };
@@ -53,6 +72,8 @@ const uint8_t *hgp_framer_take(struct hgp_framer *f, size_t size);
 // HG_E_LIMIT (a payload of more than `limit` bytes), HG_E_FORMAT (flags), HG_E_NOMEM: the stream is
 // unusable. *message is NULL unless HG_OK.
 enum hg_status hgp_framer_next(struct hgp_framer *f, uint32_t limit, void **message) HG_MUST_CHECK;
+// Of the message that hgp_framer_next gives next, once its header has come; else false.
+bool hgp_framer_peek(const struct hgp_framer *f, uint16_t *type);
 // The stream stands between two messages: an end here cuts none.
 bool hgp_framer_is_empty(const struct hgp_framer *f);
 // Gives the memory of a stream back that stands between two messages; it is taken again when more

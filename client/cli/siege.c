@@ -15,8 +15,9 @@ enum { WAIT_NS = 10000000, HONEST_SIDE = 64, FIRST_ROUNDS = 3, TURNS_MAX = 100 }
 #define PINGS_NS  500000u   // between pings of the honest client
 static const char tokens[] = "honest-token-1 edit honest\nother-token-1 edit other\n";
 
-// Of the honest client beside others that behave, those of even and of odd turns, or attack.
-enum beside { BEHAVED, BEHAVED_TOO, ATTACKED, BESIDE };
+// Of the honest client beside others that behave, those of even and of odd turns, or attack; of a
+// class with equal rates also as often as they can.
+enum beside { BEHAVED, BEHAVED_TOO, ATTACKED, UNPACED, BESIDE };
 
 struct siege {
     struct hg_cli *cli;
@@ -26,11 +27,28 @@ struct siege {
     struct hg_bench_daemon daemon;
     struct hg_siege_client client[HG_SIEGE_CLIENTS + 2];
     struct hg_siege_times frames[BESIDE], pings[BESIDE];
-    uint64_t rounds[BESIDE]; // of the others
+    uint64_t rounds[BESIDE];   // of the others
+    uint64_t watched_ns;       // the newest phase
+    double seconds_of[BESIDE]; // in which those rounds were made
     json_t *report;
 };
 
 // ---- phases -------------------------------------------------------------------------------------
+
+static enum hg_status start_daemon(struct siege *s, struct hg_error *err)
+{
+    const char *more[] = {"--isolation", s->isolation, "--max-sessions-per-token", "128", NULL};
+    return hg_bench_daemon_start(
+        &s->daemon, tokens, "honest-token-1", s->cli->options->cache_dir, more, err);
+}
+
+// A daemon makes logins wait that come from where tokens were guessed: who behaves after an attack
+// with wrong tokens would be measured with that.
+static enum hg_status restart_daemon(struct siege *s, struct hg_error *err)
+{
+    hg_bench_daemon_stop(&s->daemon);
+    return start_daemon(s, err);
+}
 
 static struct hg_siege_client *add_client(struct siege *s, uint32_t *count, const char *token)
 {
@@ -61,11 +79,12 @@ static void await_rounds(const struct siege *s, uint32_t count)
             hg_clock_sleep_ns(WAIT_NS);
 }
 
-static void watch(const struct siege *s)
+static void watch(struct siege *s)
 {
-    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)(s->seconds * 1e9);
-    while (hg_clock_now_ns() < until_ns && !hg_cli_is_stopped())
+    const uint64_t begin_ns = hg_clock_now_ns(), end_ns = begin_ns + (uint64_t)(s->seconds * 1e9);
+    while (hg_clock_now_ns() < end_ns && !hg_cli_is_stopped())
         hg_clock_sleep_ns(WAIT_NS);
+    s->watched_ns = hg_clock_now_ns() - begin_ns;
 }
 
 static enum hg_status run_phase(struct siege *s, uint32_t count, struct hg_error *err)
@@ -91,12 +110,40 @@ static enum hg_status run_phase(struct siege *s, uint32_t count, struct hg_error
     return HG_OK;
 }
 
+static double rounds_per_s(const struct siege *s, enum beside beside)
+{
+    return s->seconds_of[beside] > 0 ? (double)s->rounds[beside] / s->seconds_of[beside] : 0;
+}
+
+// As often as those that behave have come so far, all clients together.
+static uint64_t equal_interval_ns(const struct siege *s)
+{
+    const double seconds = s->seconds_of[BEHAVED] + s->seconds_of[BEHAVED_TOO];
+    const double rounds = (double)(s->rounds[BEHAVED] + s->rounds[BEHAVED_TOO]);
+    return rounds > 0 ? (uint64_t)(seconds * s->clients / rounds * 1e9) : 0;
+}
+
+static void add_others(
+    struct siege *s, uint32_t *count, enum beside beside, const struct hg_siege_class *class)
+{
+    for (uint32_t i = 0; i < s->clients; i++) {
+        struct hg_siege_client *c = add_client(s, count, "other-token-1");
+        c->round = beside == ATTACKED || beside == UNPACED ? class->attack : class->behave;
+        c->views = 8;
+        c->side = s->side;
+        c->rate = s->rate;
+        c->interval_ns = beside == ATTACKED && class->equal_rate ? equal_interval_ns(s) : 0;
+    }
+}
+
 // The honest client beside clients of one class.
-static enum hg_status measure(struct siege *s, enum beside beside,
-    enum hg_status (*round)(struct hg_siege_client *client, struct hg_error *err),
-    struct hg_error *err)
+static enum hg_status measure(
+    struct siege *s, enum beside beside, const struct hg_siege_class *class, struct hg_error *err)
 {
     uint32_t count = 0;
+    enum hg_status status = class->equal_rate ? restart_daemon(s, err) : HG_OK;
+    if (status)
+        return status;
     struct hg_siege_client *frames = add_client(s, &count, "honest-token-1");
     frames->round = hg_siege_frame;
     frames->pause_ns = FRAMES_NS;
@@ -105,14 +152,8 @@ static enum hg_status measure(struct siege *s, enum beside beside,
     pings->round = hg_siege_ping;
     pings->pause_ns = PINGS_NS;
     pings->times = &s->pings[beside];
-    for (uint32_t i = 0; i < s->clients; i++) {
-        struct hg_siege_client *c = add_client(s, &count, "other-token-1");
-        c->round = round;
-        c->views = 8;
-        c->side = s->side;
-        c->rate = s->rate;
-    }
-    enum hg_status status = run_phase(s, count, err);
+    add_others(s, &count, beside, class);
+    status = run_phase(s, count, err);
     if (status)
         return status;
     if (frames->failures || pings->failures)
@@ -121,23 +162,25 @@ static enum hg_status measure(struct siege *s, enum beside beside,
             frames->failures ? frames->err.reason : pings->err.reason);
     for (uint32_t i = 2; i < count; i++)
         s->rounds[beside] += atomic_load(&s->client[i].rounds);
+    s->seconds_of[beside] += (double)s->watched_ns * 1e-9;
     return HG_OK;
 }
 
-// Turn about, so that what the machine does meanwhile is in both.
+// Turn about, so that what the machine does meanwhile is in all of them. The first turn begins with
+// those that behave, whose rate is known from then on.
 static enum hg_status measure_turns(
     struct siege *s, const struct hg_siege_class *class, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    for (int i = 0; i < BESIDE; i++)
+    for (int i = 0; i < BESIDE; i++) {
         s->rounds[i] = s->frames[i].count = s->pings[i].count = 0;
+        s->seconds_of[i] = 0;
+    }
     for (uint32_t i = 0; i < s->turns && !status; i++) {
-        const enum beside behaved = i % 2 ? BEHAVED_TOO : BEHAVED;
-        status = i % 2 ? measure(s, ATTACKED, class->attack, err)
-                       : measure(s, behaved, class->behave, err);
-        if (!status)
-            status = i % 2 ? measure(s, behaved, class->behave, err)
-                           : measure(s, ATTACKED, class->attack, err);
+        const enum beside order[] = {i % 2 ? BEHAVED_TOO : BEHAVED, ATTACKED, UNPACED};
+        const uint32_t count = class->equal_rate ? 3 : 2;
+        for (uint32_t k = 0; k < count && !status; k++)
+            status = measure(s, order[i % 2 ? count - 1 - k : k], class, err);
     }
     return status;
 }
@@ -191,19 +234,19 @@ static json_t *times_json(const struct hg_siege_times *t)
         percentile_ms(t, 99), "max", percentile_ms(t, 100), "count", (int)t->count);
 }
 
-static json_t *beside_json(const struct siege *s, enum beside beside, uint64_t rounds)
+static json_t *beside_json(const struct siege *s, enum beside beside)
 {
-    return json_pack("{s:o, s:o, s:I}", "frame_ms", times_json(&s->frames[beside]), "ping_ms",
-        times_json(&s->pings[beside]), "rounds", (json_int_t)rounds);
+    return json_pack("{s:o, s:o, s:I, s:f}", "frame_ms", times_json(&s->frames[beside]), "ping_ms",
+        times_json(&s->pings[beside]), "rounds", (json_int_t)s->rounds[beside], "rounds_per_s",
+        rounds_per_s(s, beside));
 }
 
-static json_t *ratio_json(const struct siege *s)
+static json_t *ratio_json(const struct siege *s, enum beside beside)
 {
     const struct hg_siege_times *f = s->frames, *p = s->pings;
-    return json_pack("{s:f, s:f, s:f, s:f}", "frame_p50", ratio_of(&f[ATTACKED], &f[BEHAVED], 50),
-        "frame_p99", ratio_of(&f[ATTACKED], &f[BEHAVED], 99), "ping_p50",
-        ratio_of(&p[ATTACKED], &p[BEHAVED], 50), "ping_p99",
-        ratio_of(&p[ATTACKED], &p[BEHAVED], 99));
+    return json_pack("{s:f, s:f, s:f, s:f}", "frame_p50", ratio_of(&f[beside], &f[BEHAVED], 50),
+        "frame_p99", ratio_of(&f[beside], &f[BEHAVED], 99), "ping_p50",
+        ratio_of(&p[beside], &p[BEHAVED], 50), "ping_p99", ratio_of(&p[beside], &p[BEHAVED], 99));
 }
 
 static enum hg_status measure_class(
@@ -220,10 +263,16 @@ static enum hg_status measure_class(
         json_pack("{s:f, s:f}", "frame_p99", noise_of(s->frames), "ping_p99", noise_of(s->pings));
     join_turns(s->frames);
     join_turns(s->pings);
-    json_array_append_new(json_object_get(s->report, "classes"),
-        json_pack("{s:s, s:o, s:o, s:o, s:o}", "name", class->name, "behaved",
-            beside_json(s, BEHAVED, s->rounds[BEHAVED] + s->rounds[BEHAVED_TOO]), "attacked",
-            beside_json(s, ATTACKED, s->rounds[ATTACKED]), "ratio", ratio_json(s), "noise", noise));
+    s->rounds[BEHAVED] += s->rounds[BEHAVED_TOO];
+    s->seconds_of[BEHAVED] += s->seconds_of[BEHAVED_TOO];
+    json_t *report = json_pack("{s:s, s:o, s:o, s:o, s:o}", "name", class->name, "behaved",
+        beside_json(s, BEHAVED), "attacked", beside_json(s, ATTACKED), "ratio",
+        ratio_json(s, ATTACKED), "noise", noise);
+    if (class->equal_rate) {
+        json_object_set_new(report, "unpaced", beside_json(s, UNPACED));
+        json_object_set_new(report, "unpaced_ratio", ratio_json(s, UNPACED));
+    }
+    json_array_append_new(json_object_get(s->report, "classes"), report);
     return HG_OK;
 }
 
@@ -277,14 +326,11 @@ static enum hg_status read_options(struct siege *s, const json_t *options, struc
 
 static enum hg_status begin(struct siege *s, struct hg_error *err)
 {
-    const char *more[] = {"--isolation", s->isolation, "--max-sessions-per-token", "128", NULL};
     s->report = json_pack("{s:f, s:i, s:i, s:i, s:i, s:s, s:[]}", "seconds", s->seconds, "turns",
         (int)s->turns, "clients", (int)s->clients, "side", (int)s->side, "rate", (int)s->rate,
         "isolation", s->isolation, "classes");
-    if (!s->report)
-        return hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
-    return hg_bench_daemon_start(
-        &s->daemon, tokens, "honest-token-1", s->cli->options->cache_dir, more, err);
+    return s->report ? start_daemon(s, err)
+                     : hg_error_set(err, HG_E_NOMEM, "bench siege", NULL, "no memory");
 }
 
 static enum hg_status run(struct siege *s, struct hg_error *err)

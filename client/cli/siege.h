@@ -26,6 +26,9 @@ struct hg_siege_class {
     // One round. A failure ends the connection; the client opens another.
     enum hg_status (*attack)(struct hg_siege_client *client, struct hg_error *err);
     enum hg_status (*behave)(struct hg_siege_client *client, struct hg_error *err);
+    // Attackers make as many rounds a second as those that behave make in the same run; apart from
+    // that, as many as they can. Each phase has a daemon of its own.
+    bool equal_rate;
 };
 
 extern const struct hg_siege_class hg_siege_classes[];
@@ -36,6 +39,7 @@ struct hg_siege_client {
     char token[32];
     uint32_t views, side; // side: of each, px
     uint64_t pause_ns;    // between rounds
+    uint64_t interval_ns; // from the begin of one round to that of the next; 0 = none is kept
     uint64_t rate, sent;  // of an attack: messages a second at most; and all
     enum hg_status (*round)(struct hg_siege_client *client, struct hg_error *err);
     struct hg_siege_times *times; // of its rounds; NULL: they are counted only

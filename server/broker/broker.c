@@ -151,7 +151,7 @@ static enum hg_status wire_up(struct hg_broker *b, struct hg_error *err)
         .scenes = {.pool = &b->pool, .store = b->store}};
     if (hg_worker_pool_init(&b->pool, &like, b->store, &b->machine, b->takeover.inherited_links))
         return hg_error_set(err, HG_E_NOMEM, "worker", NULL, "no memory");
-    return HG_OK;
+    return hg_session_upload_watch(&b->sessions, &b->loop, err);
 }
 
 static enum hg_status open_audit(struct hg_broker *b, struct hg_error *err)
@@ -176,8 +176,8 @@ static void state_ready(struct hg_source *source, uint32_t events)
 
 static enum hg_status open_state(struct hg_broker *b, struct hg_error *err)
 {
-    bool is_known = b->takeover.inherited_fd >= 0;
-    enum hg_status status = hg_state_open(&b->sessions, is_known, &b->state, err);
+    enum hg_status status =
+        hg_state_open(&b->sessions, b->takeover.inherited_fd >= 0, &b->state, err);
     if (status || !b->state)
         return status;
     b->conns.reached = hg_state_log_reached(b->state);
@@ -347,7 +347,7 @@ static void begin_drain(struct hg_broker *b)
 static bool has_work(const struct hg_conn *conn)
 {
     const struct hg_session *s = conn->session;
-    return conn->out.head || (s && (s->load.count || hg_session_sync_waits(s->table, s)));
+    return conn->out.head || (s && (s->load.count || hg_session_upload_is_due(s)));
 }
 
 static void drain_step(struct hg_broker *b)
@@ -612,10 +612,12 @@ static void stop(struct hg_broker *b)
     while (b->conns.first)
         hg_conn_kill(b->conns.first, "the daemon ends");
     bury(b);
+    hgp_chunk_pool_finish(&b->conns.chunks);
     while (b->sessions.first) // those that waited for their last edits
         hg_session_destroy(b->sessions.first);
     while (b->sessions.scenes.first) // those that were kept
         hg_shared_scene_drop(&b->sessions.scenes, b->sessions.scenes.first);
+    hg_session_upload_unwatch(&b->sessions, &b->loop);
     hg_loop_remove(&b->loop, &b->state_news);
     hg_state_log_close(b->state);
     hg_session_sync_finish(&b->sessions);
@@ -691,8 +693,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         char text[700];
         hg_error_format(&err, text, sizeof text);
         hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, status, 0, "cannot start: %s", text);
-        if (err.status == HG_E_INVAL)
-            exit_code = EXIT_CONFIG;
+        exit_code = err.status == HG_E_INVAL ? EXIT_CONFIG : exit_code;
     }
     stop(b);
     return exit_code;

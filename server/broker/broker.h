@@ -7,17 +7,19 @@
 // Layers, lowest first:
 //   json counters latency folder_lock
 //   web_files                                    what HTTP serves
-//   loop options audit auth notify list peer_log upload_store    the system's side; contents
+//   loop options audit auth notify list peer_log disk_queue upload_folder    the system's side
 //   cache_folder                                 which one the daemon uses
 //   proxy_header                                 the PROXY protocol
 //   address_list                                 addresses in options
-//   transport state_file upload                  bytes of a peer; of the state log; of a content
+//   upload_store                                 contents
+//   transport state_file                         bytes of a peer; of the state log
 //   tls                                          TLS
 //   http_answer ws_transport                     HTTP: requests to answers; WebSocket
 //   http_transport                               streams of HTTP
 //   detect                                       HGP or HTTP
 //   proxied                                      behind a proxy; all that an entry is
 //   packet listener peer_table state_folder      whole messages; where clients come in, and from
+//   upload                                       a content that arrives
 //   state_log                                    what survives the daemon, synced in groups
 //   state_record
 //   quarantine                                   files that ended workers

@@ -14,6 +14,7 @@
 #include "server/broker/session_park.h"
 #include "server/broker/session_request.h"
 #include "server/broker/session_ticket.h"
+#include "server/broker/session_upload.h"
 #include "server/broker/session_view.h"
 
 enum { RETRY_SESSION_MS = 5000 };
@@ -509,12 +510,13 @@ static void take_message(struct hg_conn *conn, struct hg_packet *packet)
 
 // ---- the connection's events --------------------------------------------------------------------
 
-// Back-pressure of the session, and of the worker that its scene is in where much of what waits for
-// that is the session's.
+// Back-pressure of the session, of the worker that its scene is in where much of what waits for
+// that is the session's, and of the disk for what needs it.
 static bool must_wait(const struct hg_conn *conn)
 {
     const struct hg_session *s = conn->session;
     return hg_session_request_is_full(s) || hg_session_request_is_crowded(s) ||
+           hg_session_upload_must_wait(s, &conn->in) ||
            (s->scene && hg_state_log_is_behind(s->table->scenes.log));
 }
 

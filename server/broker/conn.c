@@ -520,7 +520,7 @@ static struct hg_conn *add_conn(struct hg_conn_table *table, struct hg_transport
         .table = table,
         .source = {.fd = transport->fd, .events = EPOLLIN, .ready = ready, .owner = conn},
         .transport = *transport,
-        .in = {.frames = &hg_packet_frames},
+        .in = {.frames = &hg_packet_frames, .pool = &table->chunks},
         .out = {.reached = table->reached},
         .turn = {.turns = &table->turns, .owner = conn},
         .deadline_ns = table->loop->now_ns + table->options->handshake_timeout_ns,

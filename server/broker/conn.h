@@ -97,6 +97,7 @@ struct hg_conn_table {
     const struct hg_tls *tls; // of the tls listeners
     const uint64_t *reached;  // of the state log, for hg_outq_hold; NULL without one
     struct hg_conn *first, *dead;
+    struct hgp_chunk_pool chunks; // to read into
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed
     uint64_t trimmed_ns;      // when that was
     uint64_t accept_pause_ns; // nothing is accepted until then; 0 = no pause

@@ -75,6 +75,7 @@ void hg_conn_check_times(struct hg_conn_table *table)
         next = it->next;
         check_time(it, now_ns);
     }
+    hgp_chunk_pool_trim(&table->chunks);
     // The heap keeps what was freed in its middle.
     if (table->rested >= RESTED_BEFORE_TRIM ||
         (table->rested > 0 && now_ns - table->trimmed_ns >= trim_after_ns)) {

@@ -17,7 +17,6 @@
 #include "server/broker/session_view.h"
 #include "server/broker/state.h"
 #include "server/broker/state_file.h"
-#include "server/broker/upload.h"
 
 // Kinds of records, beside those of enum hg_state_kind.
 enum { LINK = 0x100, SCENE, SESSION, VIEW, CONN, LISTENER };
@@ -43,7 +42,7 @@ static bool is_link_quiet(const struct hg_link *link)
 bool hg_handover_is_quiet(const struct hg_handover *h)
 {
     const struct hg_session_table *table = h->sessions;
-    if (hg_session_sync_waits(table, NULL))
+    if (hg_session_sync_waits(table, NULL) || !hg_session_upload_is_quiet(table))
         return false;
     for (const struct hg_session *it = table->first; it; it = it->next)
         if (it->load.count || has_uploads(it) || it->bytes.verified ||
@@ -88,15 +87,7 @@ static void hurry_session(struct hg_session *s)
         hg_session_request_drop(s, it);
     }
     hg_session_upload_verified(s, NULL);
-    for (size_t i = 0; i < HG_SESSION_UPLOADS; i++) {
-        if (!s->uploads[i])
-            continue;
-        hg_session_upload_failed(s, hg_upload_hash(s->uploads[i]), &err);
-        if (s->conn)
-            hg_conn_fail(s->conn, 0, &err);
-        hg_upload_abort(s->uploads[i]);
-        s->uploads[i] = NULL;
-    }
+    hg_session_upload_fail_all(s, &err);
 }
 
 void hg_handover_hurry(const struct hg_handover *h)

@@ -340,7 +340,7 @@ void hg_session_message(struct hg_session *s, struct hg_packet *packet, const un
         hg_session_upload_query(s, request, &m->upload_query);
         return;
     case HGP_T_upload:
-        hg_session_upload(s, request, &m->upload);
+        hg_session_upload(s, packet, &m->upload);
         return;
     case HGP_T_sessions_query:
         hg_session_audit(s, "sessions_query", HG_OK, NULL);

@@ -185,6 +185,12 @@ struct hg_session_syncs {
     struct hg_session_sync *first, **last;
 };
 
+// What the thread of the upload store has to say (session_upload.h).
+struct hg_session_store_watch {
+    struct hg_source source;
+    uint64_t unwritten; // bytes of all uploads that wait for the disk
+};
+
 struct hg_session_table {
     const struct hg_loop *loop;
     const struct hg_options *options;
@@ -207,6 +213,7 @@ struct hg_session_table {
     bool draining; // nothing new is begun
     bool records_all; // the log is for an exec: sessions without a ticket belong into it, too
     struct hg_session_syncs syncs;
+    struct hg_session_store_watch store_watch;
 };
 
 // The session of a number; NULL: there is none.

@@ -15,28 +15,23 @@ struct hg_session_sync {
 };
 
 enum hg_status hg_session_sync_begin(
-    struct hg_session *s, uint32_t request, const uint8_t hash[32], int fd, struct hg_error *err)
+    struct hg_session_table *table, const struct hg_session_synced *content, struct hg_error *err)
 {
-    struct hg_session_table *table = s->table;
-    const int folder = fd < 0 ? -1 : hg_upload_store_open_folder(table->store);
-    struct hg_session_sync *it = folder < 0 ? NULL : hg_calloc(1, sizeof *it);
+    struct hg_session_sync *it = hg_calloc(1, sizeof *it);
     if (!it) {
-        if (fd >= 0)
-            close(fd);
-        if (folder < 0)
-            return hg_error_set(err, HG_E_LIMIT, "upload", NULL, "no descriptor to sync it with");
-        close(folder);
+        close(content->content_fd);
+        close(content->folder_fd);
         return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory to sync it");
     }
-    it->session = s->number;
-    it->request = request;
-    memcpy(it->hash, hash, sizeof it->hash);
+    it->session = content->session;
+    it->request = content->request;
+    memcpy(it->hash, content->hash, sizeof it->hash);
     if (!table->syncs.first)
         table->syncs.last = &table->syncs.first;
     *table->syncs.last = it;
     table->syncs.last = &it->next;
-    hg_state_log_sync_file(table->scenes.log, fd, &it->files);
-    hg_state_log_sync_file(table->scenes.log, folder, &it->files);
+    hg_state_log_sync_file(table->scenes.log, content->content_fd, &it->files);
+    hg_state_log_sync_file(table->scenes.log, content->folder_fd, &it->files);
     return HG_OK;
 }
 

@@ -5,11 +5,17 @@
 
 #include "server/broker/session_state.h"
 
-// The content of `fd` (taken over) was committed: it and the folder of contents are synced, and
-// then `request` (0: none) is answered; where that fails, with the reason, and the content is not
-// kept. HG_E_NOMEM, HG_E_LIMIT (no descriptor): nothing waits.
-enum hg_status hg_session_sync_begin(struct hg_session *session, uint32_t request,
-    const uint8_t hash[32], int fd, struct hg_error *err) HG_MUST_CHECK;
+// A content that was committed, and whose answer waits.
+struct hg_session_synced {
+    uint32_t session, request; // session 0: its connection is gone; request 0: it wants no answer
+    const uint8_t *hash;
+    int content_fd, folder_fd; // taken over
+};
+
+// The content and its folder are synced, and then the request is answered; where that fails, with
+// the reason, and the content is not kept. HG_E_NOMEM: nothing waits.
+enum hg_status hg_session_sync_begin(struct hg_session_table *table,
+    const struct hg_session_synced *content, struct hg_error *err) HG_MUST_CHECK;
 // The state log has news: answers those that are done.
 void hg_session_sync_end(struct hg_session_table *table);
 // The session's connection is gone: its requests are answered no more.

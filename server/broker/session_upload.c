@@ -1,22 +1,29 @@
 #include "server/broker/session_upload.h"
 
-#include "server/broker/upload.h"
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
+#include <sys/epoll.h>
 
 #include "base/alloc.h"
 #include "base/sha256.h"
 #include "server/broker/session_audit.h"
 #include "server/broker/session_sync.h"
+#include "server/broker/upload.h"
 
 // Until others of the session may be done.
 enum { RETRY_UPLOAD_MS = 1000, RETRY_VERIFIED_MS = 10000 };
+// That wait for the disk: of a session, and of all. Above that uploads are not taken.
+enum { UNWRITTEN_BYTES = 8 << 20, ALL_UNWRITTEN_BYTES = 64 << 20 };
+
+static bool is_arriving(const struct hg_upload *upload)
+{
+    return upload && !hg_upload_is_committed(upload);
+}
 
 static struct hg_upload **find_slot(struct hg_session *s, const uint8_t hash[32])
 {
     for (size_t i = 0; i < HG_SESSION_UPLOADS; i++)
-        if (s->uploads[i] && memcmp(hg_upload_hash(s->uploads[i]), hash, 32) == 0)
+        if (is_arriving(s->uploads[i]) && memcmp(hg_upload_hash(s->uploads[i]), hash, 32) == 0)
             return &s->uploads[i];
     return NULL;
 }
@@ -99,49 +106,42 @@ static enum hg_status begin(struct hg_session *s, const struct hgp_upload *m,
             "%d contents of this session are under way already", HG_SESSION_UPLOADS);
         return hg_error_limit(err, "uploads-per-session", RETRY_UPLOAD_MS);
     }
-    return hg_upload_begin(s->table->store, owner, m->hash, m->total, *slot, err);
-}
-
-// With a state log the content is on the disk before its answer is sent: edits name it.
-static enum hg_status commit(struct hg_session *s, uint32_t request, const struct hgp_upload *m,
-    struct hg_upload *upload, struct hg_error *err)
-{
-    struct hg_session_table *table = s->table;
-    int fd = table->scenes.log ? hg_upload_dup(upload) : -1;
-    enum hg_status status = hg_upload_commit(upload, err);
-    if (!table->scenes.log)
-        return status;
-    if (status && fd >= 0)
-        close(fd);
-    if (!status && (status = hg_session_sync_begin(s, request, m->hash, fd, err)) != HG_OK)
-        hg_upload_store_forget(table->store, m->hash);
+    enum hg_status status = hg_upload_begin(s->table->store, owner, m->hash, m->total, *slot, err);
+    if (!status)
+        hg_upload_set_session(**slot, s->number);
     return status;
 }
 
-// *done: it is complete; with a state log its answer waits (session_sync.h).
-static enum hg_status take_piece(struct hg_session *s, uint32_t request, const struct hgp_upload *m,
-    bool *done, struct hg_error *err)
+// Gives it up, unless it is complete; then `ended` answers.
+static enum hg_status take_piece(struct hg_session *s, struct hg_packet *packet,
+    const struct hgp_upload *m, struct hg_error *err)
 {
     struct hg_upload **slot = find_slot(s, m->hash);
     enum hg_status status = slot ? HG_OK : begin(s, m, &slot, err);
     if (status)
         return status;
-    if (m->offset != hg_upload_offset(*slot) || m->total != hg_upload_total(*slot))
+    struct hg_upload *upload = *slot;
+    if (m->offset != hg_upload_offset(upload) || m->total != hg_upload_total(upload))
         status = hg_error_set(err, HG_E_STATE, "upload", "offset",
             "the next piece of this content starts at %llu of %llu",
-            (unsigned long long)hg_upload_offset(*slot),
-            (unsigned long long)hg_upload_total(*slot));
+            (unsigned long long)hg_upload_offset(upload),
+            (unsigned long long)hg_upload_total(upload));
     else
-        status = hg_upload_append(*slot, m->data.data, m->data.size, err);
-    s->bytes.uploaded += status ? 0 : m->data.size;
-    struct hg_upload *upload = *slot;
-    *done = !status && hg_upload_offset(upload) == hg_upload_total(upload);
-    if (*done || status)
+        status = hg_upload_append(upload,
+            &(struct hg_upload_piece){packet, m->data.data, m->data.size, packet->header.request},
+            err);
+    if (status) {
         *slot = NULL;
-    if (*done)
-        status = commit(s, request, m, upload, err);
-    else if (status)
         hg_upload_abort(upload);
+        return status;
+    }
+    s->bytes.uploaded += m->data.size;
+    s->table->store_watch.unwritten += m->data.size;
+    if (hg_upload_offset(upload) < hg_upload_total(upload))
+        return HG_OK;
+    status = hg_upload_commit(upload, packet->header.request, s->table->scenes.log != NULL, err);
+    if (status)
+        *slot = NULL;
     return status;
 }
 
@@ -161,27 +161,35 @@ void hg_session_upload_failed(
 }
 
 static void refuse(
-    struct hg_session *s, uint32_t request, const struct hgp_upload *m, const struct hg_error *err)
+    struct hg_session *s, uint32_t request, const uint8_t hash[32], const struct hg_error *err)
 {
-    hg_session_upload_failed(s, m->hash, err);
-    hg_conn_fail(s->conn, request, err);
+    hg_session_upload_failed(s, hash, err);
+    if (s->conn)
+        hg_conn_fail(s->conn, request, err);
 }
 
 static void tell_audit(
-    const struct hg_session *s, const struct hgp_upload *m, enum hg_status status)
+    const struct hg_session *s, const uint8_t hash[32], uint64_t total, enum hg_status status)
 {
     char hex[HG_SHA256_HEX], detail[120];
-    hg_sha256_hex(m->hash, hex);
-    snprintf(detail, sizeof detail, "sha256:%s, %llu bytes", hex, (unsigned long long)m->total);
+    hg_sha256_hex(hash, hex);
+    snprintf(detail, sizeof detail, "sha256:%s, %llu bytes", hex, (unsigned long long)total);
     hg_session_audit(s, "upload", status, detail);
 }
 
-void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_upload *m)
+static void answer(struct hg_session *s, uint32_t request)
+{
+    if (!s->conn || !request)
+        return;
+    hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
+    hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+}
+
+void hg_session_upload(struct hg_session *s, struct hg_packet *packet, const struct hgp_upload *m)
 {
     struct hg_error err = {0};
-    bool done = false;
-    enum hg_status status = HG_OK;
-    bool running = find_slot(s, m->hash) != NULL, waits = false;
+    const uint32_t request = packet->header.request;
+    const bool running = find_slot(s, m->hash) != NULL;
     if (!running && follows_failure(s, m)) {
         if (request)
             hg_conn_fail(s->conn, request, &s->failed->err);
@@ -189,19 +197,143 @@ void hg_session_upload(struct hg_session *s, uint32_t request, const struct hgp_
     }
     // Another session has sent it meanwhile: nothing is stored twice.
     if (!running && hg_session_upload_has(s, m->hash)) {
-        done = m->offset + m->data.size >= m->total;
-    } else {
-        status = take_piece(s, request, m, &done, &err);
-        waits = s->table->scenes.log != NULL;
+        if (m->offset + m->data.size < m->total)
+            return;
+        tell_audit(s, m->hash, m->total, HG_OK);
+        answer(s, request);
+    } else if (take_piece(s, packet, m, &err)) {
+        tell_audit(s, m->hash, m->total, err.status);
+        refuse(s, request, m->hash, &err);
     }
-    if (status || done)
-        tell_audit(s, m, status);
-    if (status)
-        refuse(s, request, m, &err);
-    else if (done && request && !waits) {
-        hg_outq_hold(&s->conn->out, hg_state_log_position(s->table->scenes.log));
-        hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+}
+
+// ---- what the disk says -------------------------------------------------------------------------
+
+// The session of an upload, which is not one of those under way any more. NULL: nobody asks.
+static struct hg_session *leave_slot(struct hg_session_table *table, struct hg_upload *upload)
+{
+    const uint32_t number = hg_upload_session(upload);
+    struct hg_session *s = number ? hg_session_find(table, number) : NULL;
+    for (size_t i = 0; s && i < HG_SESSION_UPLOADS; i++)
+        if (s->uploads[i] == upload)
+            s->uploads[i] = NULL;
+    return s;
+}
+
+static void written(void *user, size_t bytes)
+{
+    struct hg_session_table *table = user;
+    table->store_watch.unwritten -= bytes;
+}
+
+static void failed(
+    void *user, struct hg_upload *upload, uint32_t request, const struct hg_error *err)
+{
+    struct hg_session *s = leave_slot(user, upload);
+    if (s) {
+        tell_audit(s, hg_upload_hash(upload), hg_upload_total(upload), err->status);
+        refuse(s, request, hg_upload_hash(upload), err);
     }
+    hg_upload_abort(upload);
+}
+
+// With a state log the content is synced before its answer is sent: edits name it.
+static void ended(void *user, struct hg_upload *upload, const struct hg_error *why)
+{
+    struct hg_session_table *table = user;
+    struct hg_session *s = leave_slot(table, upload);
+    struct hg_error err = *why;
+    const bool synced = table->scenes.log != NULL;
+    if (!err.status && synced) {
+        struct hg_session_synced content = {.session = s ? s->number : 0,
+            .request = hg_upload_request(upload),
+            .hash = hg_upload_hash(upload)};
+        hg_upload_take_files(upload, &content.content_fd, &content.folder_fd);
+        if (hg_session_sync_begin(table, &content, &err))
+            hg_upload_store_forget(table->store, hg_upload_hash(upload));
+    }
+    if (!s)
+        return;
+    tell_audit(s, hg_upload_hash(upload), hg_upload_total(upload), err.status);
+    if (err.status)
+        refuse(s, hg_upload_request(upload), hg_upload_hash(upload), &err);
+    else if (!synced)
+        answer(s, hg_upload_request(upload));
+}
+
+static void store_ready(struct hg_source *source, uint32_t events)
+{
+    const struct hg_session_table *table = source->owner;
+    (void)events;
+    hg_disk_queue_poll(hg_upload_store_queue(table->store));
+}
+
+enum hg_status hg_session_upload_watch(
+    struct hg_session_table *table, struct hg_loop *loop, struct hg_error *err)
+{
+    hg_upload_store_listen(table->store, &(struct hg_upload_news){table, written, failed, ended});
+    table->store_watch.source =
+        (struct hg_source){.fd = hg_disk_queue_fd(hg_upload_store_queue(table->store)),
+            .events = EPOLLIN,
+            .ready = store_ready,
+            .owner = table};
+    return hg_loop_add(loop, &table->store_watch.source)
+               ? hg_error_set(err, HG_E_LIMIT, "uploads", NULL, "cannot watch the disk")
+               : HG_OK;
+}
+
+void hg_session_upload_unwatch(struct hg_session_table *table, struct hg_loop *loop)
+{
+    if (!table->store_watch.source.owner)
+        return;
+    hg_disk_queue_wait(hg_upload_store_queue(table->store));
+    hg_loop_remove(loop, &table->store_watch.source);
+    hg_upload_store_listen(table->store, &(struct hg_upload_news){0});
+}
+
+// ---- what waits ---------------------------------------------------------------------------------
+
+struct waiting {
+    uint64_t bytes;
+    uint32_t slots, committed;
+};
+
+static struct waiting count_waiting(const struct hg_session *s)
+{
+    struct waiting w = {0};
+    for (size_t i = 0; i < HG_SESSION_UPLOADS; i++)
+        if (s->uploads[i]) {
+            w.slots++;
+            w.bytes += hg_upload_unwritten(s->uploads[i]);
+            w.committed += hg_upload_is_committed(s->uploads[i]);
+        }
+    return w;
+}
+
+bool hg_session_upload_must_wait(const struct hg_session *s, const struct hgp_framer *in)
+{
+    uint16_t type;
+    if (hg_session_upload_is_quiet(s->table) || !hgp_framer_peek(in, &type))
+        return false;
+    if (type == HGP_T_upload) {
+        const struct waiting w = count_waiting(s);
+        return w.bytes >= UNWRITTEN_BYTES ||
+               s->table->store_watch.unwritten >= ALL_UNWRITTEN_BYTES ||
+               (w.committed && w.slots == HG_SESSION_UPLOADS);
+    }
+    return (type == HGP_T_upload_query || type == HGP_T_asset_load ||
+               type == HGP_T_environment_set) &&
+           count_waiting(s).committed;
+}
+
+bool hg_session_upload_is_due(const struct hg_session *s)
+{
+    return count_waiting(s).committed || hg_session_sync_waits(s->table, s);
+}
+
+bool hg_session_upload_is_quiet(const struct hg_session_table *table)
+{
+    return hg_disk_queue_is_idle(hg_upload_store_queue(table->store));
 }
 
 void hg_session_upload_query(
@@ -221,7 +353,9 @@ void hg_session_upload_check_times(struct hg_session *s, uint64_t now_ns)
     for (size_t i = 0; i < HG_SESSION_UPLOADS && s->conn; i++) {
         struct hg_upload *upload = s->uploads[i];
         struct hg_error err = {0};
-        if (!upload || now_ns < hg_upload_progress_ns(upload) + timeout_ns)
+        // What waits for the disk is not late by fault of its client.
+        if (!is_arriving(upload) || hg_upload_unwritten(upload) ||
+            now_ns < hg_upload_progress_ns(upload) + timeout_ns)
             continue;
         hg_error_set(&err, HG_E_TIMEOUT, "upload", NULL,
             "no piece of this content came for %.0f s (upload-timeout); it was given up at %llu of "
@@ -239,7 +373,22 @@ void hg_session_upload_abort_all(struct hg_session *s)
 {
     hg_session_sync_unask(s);
     for (size_t i = 0; i < HG_SESSION_UPLOADS; i++) {
-        hg_upload_abort(s->uploads[i]);
+        if (s->uploads[i] && !is_arriving(s->uploads[i]))
+            hg_upload_set_session(s->uploads[i], 0);
+        else
+            hg_upload_abort(s->uploads[i]);
+        s->uploads[i] = NULL;
+    }
+}
+
+void hg_session_upload_fail_all(struct hg_session *s, const struct hg_error *err)
+{
+    for (size_t i = 0; i < HG_SESSION_UPLOADS; i++) {
+        struct hg_upload *upload = s->uploads[i];
+        if (!is_arriving(upload))
+            continue;
+        refuse(s, 0, hg_upload_hash(upload), err);
+        hg_upload_abort(upload);
         s->uploads[i] = NULL;
     }
 }

@@ -13,14 +13,11 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "base/sha256.h"
 #include "server/broker/folder_lock.h"
 
 enum {
     BUCKETS = 65536,
     BLOCK_BYTES = 4096,
-    KEY_DIGITS = 32,
-    LINK_BYTES = PATH_MAX + HG_SHA256_HEX,
     RETRY_MS = 10000 // until others may have ended
 };
 
@@ -32,25 +29,35 @@ struct content {
     uint8_t hash[32];
     uint64_t size, used_ns; // used_ns 0: by an earlier run
     uint32_t pins;
+    uint32_t drops; // how often it was dropped while it was pinned
     bool present;
 };
 
 struct hg_upload_owner {
     struct hg_upload_owner *next;
-    uint8_t key[32];
-    char *moved; // where its folder is; NULL = in that of the store
+    struct hg_upload_place place;
     struct hg_upload_usage usage, quota;
     uint64_t pinned; // of usage.bytes, contents in use
     bool tried;      // to make room from it
 };
 
 struct hg_upload_store {
-    char *folder;
+    struct hg_upload_folder folder;
+    struct hg_disk_queue *queue; // does all that is done in the folder once the store is there
+    struct hg_upload_news news;
     uint64_t limit_bytes, bytes; // with what came of uploads under way
     struct content *buckets[BUCKETS];
     struct content *oldest, *newest;
     struct hg_upload_owner *owners;
     uint32_t next_name;
+};
+
+// A file that goes.
+struct removal {
+    struct hg_disk_job job;
+    struct hg_upload_store *store;
+    const struct hg_upload_owner *owner; // whose link to it; NULL: the content
+    uint8_t hash[32];
 };
 
 // What a tenant has used within this time is not given up for another one that has as much.
@@ -69,16 +76,32 @@ static enum hg_status fail_errno(struct hg_error *err, const char *path, const c
         err, hg_status_from_errno(e), path, NULL, "cannot %s: %s", action, strerror(e));
 }
 
-// Caller frees. NULL: no memory.
-static char *content_path(const struct hg_upload_store *store, const uint8_t hash[32])
+// ---- files that go ------------------------------------------------------------------------------
+
+static void run_removal(struct hg_disk_job *job)
 {
-    char hex[HG_SHA256_HEX];
-    hg_sha256_hex(hash, hex);
-    size_t size = strlen(store->folder) + sizeof hex + 1;
-    char *path = hg_calloc(size, 1);
-    if (path)
-        snprintf(path, size, "%s/%s", store->folder, hex);
-    return path;
+    struct removal *r = (struct removal *)job;
+    hg_upload_folder_unlink(&r->store->folder, r->owner ? &r->owner->place : NULL, r->hash);
+}
+
+static void end_removal(struct hg_disk_job *job)
+{
+    hg_free(job);
+}
+
+// Behind all that was begun before: what is sent again comes after it.
+static void remove_file(
+    struct hg_upload_store *store, const struct hg_upload_owner *owner, const uint8_t hash[32])
+{
+    struct removal *r = hg_calloc(1, sizeof *r);
+    if (!r) { // the loop waits this once
+        hg_disk_queue_wait(store->queue);
+        hg_upload_folder_unlink(&store->folder, owner ? &owner->place : NULL, hash);
+        return;
+    }
+    *r = (struct removal){{.run = run_removal, .done = end_removal}, store, owner, {0}};
+    memcpy(r->hash, hash, sizeof r->hash);
+    hg_disk_queue_push(store->queue, &r->job);
 }
 
 // ---- index --------------------------------------------------------------------------------------
@@ -151,28 +174,6 @@ static void remove_if_unused(struct hg_upload_store *store, struct content *cont
     hg_free(content);
 }
 
-// An owner has a folder with a link to each of its contents, so that later runs know whose they are
-// and a worker may be shown those of its tenant and no others.
-static const char *owner_folder(const struct hg_upload_store *store,
-    const struct hg_upload_owner *owner, char *path, size_t size)
-{
-    char hex[HG_SHA256_HEX];
-    if (owner->moved)
-        return owner->moved;
-    hg_sha256_hex(owner->key, hex);
-    snprintf(path, size, "%s/%.*s", store->folder, KEY_DIGITS, hex);
-    return path;
-}
-
-static const char *link_path(const struct hg_upload_store *store, const struct content *content,
-    const struct hg_upload_owner *owner, char path[LINK_BYTES])
-{
-    char hex[HG_SHA256_HEX], folder[PATH_MAX];
-    hg_sha256_hex(content->hash, hex);
-    snprintf(path, LINK_BYTES, "%s/%s", owner_folder(store, owner, folder, sizeof folder), hex);
-    return path;
-}
-
 static bool is_owned_by(const struct content *content, const struct hg_upload_owner *owner)
 {
     for (size_t i = 0; i < content->owner_count; i++)
@@ -193,28 +194,10 @@ static enum hg_status add_owner(struct content *content, struct hg_upload_owner 
     return HG_OK;
 }
 
-static enum hg_status take_owner(
-    struct hg_upload_store *store, struct content *content, struct hg_upload_owner *owner)
-{
-    if (is_owned_by(content, owner))
-        return HG_OK;
-    char folder[PATH_MAX], to[LINK_BYTES];
-    char *from = content_path(store, content->hash);
-    enum hg_status status = from ? HG_OK : HG_E_NOMEM;
-    if (!status && mkdir(owner_folder(store, owner, folder, sizeof folder), 0700) != 0 &&
-        errno != EEXIST)
-        status = hg_status_from_errno(errno);
-    if (!status && link(from, link_path(store, content, owner, to)) != 0 && errno != EEXIST)
-        status = hg_status_from_errno(errno);
-    hg_free(from);
-    return status ? status : add_owner(content, owner);
-}
-
 static void disown(struct hg_upload_store *store, struct content *content, size_t i)
 {
     struct hg_upload_owner *owner = content->owners[i];
-    char path[LINK_BYTES];
-    unlink(link_path(store, content, owner, path));
+    remove_file(store, owner, content->hash);
     owner->usage.bytes -= disk_bytes(content->size);
     owner->usage.files--;
     owner->pinned -= content->pins ? disk_bytes(content->size) : 0;
@@ -224,10 +207,9 @@ static void disown(struct hg_upload_store *store, struct content *content, size_
 // Removes the file; the record stays while it is pinned.
 static void drop(struct hg_upload_store *store, struct content *content)
 {
-    char *path = content->present ? content_path(store, content->hash) : NULL;
-    if (path)
-        unlink(path);
-    hg_free(path);
+    if (content->present)
+        remove_file(store, NULL, content->hash);
+    content->drops += content->pins > 0;
     unlist(store, content);
     if (content->present)
         store->bytes -= disk_bytes(content->size);
@@ -242,14 +224,14 @@ static void drop(struct hg_upload_store *store, struct content *content)
 struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, const uint8_t key[32])
 {
     struct hg_upload_owner *owner = store->owners;
-    while (owner && memcmp(owner->key, key, KEY_DIGITS / 2) != 0)
+    while (owner && memcmp(owner->place.key, key, HG_UPLOAD_KEY_DIGITS / 2) != 0)
         owner = owner->next;
     if (owner)
         return owner;
     owner = hg_calloc(1, sizeof *owner);
     if (!owner)
         return NULL;
-    memcpy(owner->key, key, 32);
+    memcpy(owner->place.key, key, 32);
     owner->next = store->owners;
     store->owners = owner;
     return owner;
@@ -258,21 +240,12 @@ struct hg_upload_owner *hg_upload_store_owner(struct hg_upload_store *store, con
 enum hg_status hg_upload_owner_move(struct hg_upload_store *store, struct hg_upload_owner *owner,
     const char *folder, struct hg_error *err)
 {
-    char here[PATH_MAX], there[PATH_MAX];
-    struct hg_upload_owner next = *owner;
-    next.moved = folder ? hg_strdup(folder) : NULL;
-    if (folder && !next.moved)
-        return hg_error_set(err, HG_E_NOMEM, folder, NULL, "no memory");
-    const char *from = owner_folder(store, owner, here, sizeof here);
-    const char *to = owner_folder(store, &next, there, sizeof there);
-    // What it has not sent anything to has no folder.
-    if (rename(from, to) != 0 && errno != ENOENT) {
-        hg_free(next.moved);
-        return fail_errno(err, from, "move the folder");
-    }
-    hg_free(owner->moved);
-    owner->moved = next.moved;
-    return HG_OK;
+    return hg_upload_folder_move(&store->folder, &owner->place, folder, err);
+}
+
+const struct hg_upload_place *hg_upload_owner_place(const struct hg_upload_owner *owner)
+{
+    return &owner->place;
 }
 
 struct hg_upload_usage hg_upload_owner_usage(const struct hg_upload_owner *owner)
@@ -419,8 +392,8 @@ static enum hg_status index_link(struct hg_upload_store *store, struct hg_upload
 static enum hg_status index_owner(
     struct hg_upload_store *store, int above, struct hg_upload_owner *owner)
 {
-    char folder[PATH_MAX];
-    DIR *dir = opendir(owner_folder(store, owner, folder, sizeof folder));
+    char path[HG_UPLOAD_PATH];
+    DIR *dir = opendir(hg_upload_folder_place(&store->folder, &owner->place, path));
     enum hg_status status = dir ? HG_OK : HG_E_NOMEM;
     for (struct dirent *it; !status && (it = readdir(dir));)
         status = index_link(store, owner, above, dirfd(dir), it->d_name);
@@ -435,7 +408,7 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
     uint8_t hash[32];
     if (strncmp(name, ".incoming.", 10) == 0)
         return unlinkat(dirfd(dir), name, 0) == 0 ? HG_OK : HG_E_IO;
-    if (hg_sha256_parse(name, KEY_DIGITS / 2, hash)) {
+    if (hg_sha256_parse(name, HG_UPLOAD_KEY_DIGITS / 2, hash)) {
         struct hg_upload_owner *owner = hg_upload_store_owner(store, hash);
         return owner ? index_owner(store, dirfd(dir), owner) : HG_E_NOMEM;
     }
@@ -455,27 +428,26 @@ static enum hg_status index_entry(struct hg_upload_store *store, DIR *dir, const
 
 static enum hg_status index_folder(struct hg_upload_store *store, struct hg_error *err)
 {
-    DIR *dir = opendir(store->folder);
+    DIR *dir = opendir(store->folder.path);
     if (!dir)
-        return fail_errno(err, store->folder, "open the folder");
+        return fail_errno(err, store->folder.path, "open the folder");
     enum hg_status status = HG_OK;
     for (struct dirent *entry; !status && (entry = readdir(dir));)
         status = index_entry(store, dir, entry->d_name);
     closedir(dir);
     if (status)
-        hg_error_set(err, status, store->folder, NULL, "cannot index the uploads");
+        hg_error_set(err, status, store->folder.path, NULL, "cannot index the uploads");
     return status;
 }
 
 enum hg_status hg_upload_owner_find(struct hg_upload_store *store, struct hg_upload_owner *owner,
     const char *folder, struct hg_error *err)
 {
-    DIR *above = opendir(store->folder);
+    DIR *above = opendir(store->folder.path);
     char *moved = hg_strdup(folder);
     enum hg_status status = above && moved ? HG_OK : HG_E_NOMEM;
     if (!status) {
-        hg_free(owner->moved);
-        owner->moved = moved;
+        hg_upload_folder_moved(&store->folder, &owner->place, moved);
         moved = NULL;
         status = index_owner(store, dirfd(above), owner);
     }
@@ -490,13 +462,17 @@ enum hg_status hg_upload_store_create(
 {
     *out = NULL;
     struct hg_upload_store *store = hg_calloc(1, sizeof *store);
-    if (store)
-        store->folder = hg_strdup(folder);
-    enum hg_status status = store && store->folder ? hg_folder_make(folder, err) : HG_E_NOMEM;
+    if (store) {
+        store->folder.path = hg_strdup(folder);
+        pthread_mutex_init(&store->folder.lock, NULL);
+    }
+    enum hg_status status = store && store->folder.path ? hg_folder_make(folder, err) : HG_E_NOMEM;
     if (!status && access(folder, W_OK | X_OK) != 0)
         status = fail_errno(err, folder, "write to the folder");
     if (!status)
         status = index_folder(store, err);
+    if (!status && (status = hg_disk_queue_create(&store->queue)) != HG_OK)
+        hg_error_set(err, status, folder, NULL, "cannot start a thread for uploads");
     if (status) {
         hg_upload_store_destroy(store);
         return status;
@@ -510,6 +486,7 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
 {
     if (!store)
         return;
+    hg_disk_queue_destroy(store->queue);
     for (size_t i = 0; i < BUCKETS; i++)
         while (store->buckets[i]) {
             struct content *content = store->buckets[i];
@@ -520,10 +497,11 @@ void hg_upload_store_destroy(struct hg_upload_store *store)
     while (store->owners) {
         struct hg_upload_owner *owner = store->owners;
         store->owners = owner->next;
-        hg_free(owner->moved);
+        hg_free(owner->place.moved);
         hg_free(owner);
     }
-    hg_free(store->folder);
+    hg_free(store->folder.path);
+    pthread_mutex_destroy(&store->folder.lock);
     hg_free(store);
 }
 
@@ -604,26 +582,10 @@ static void give_back(struct hg_upload_store *store, const struct hg_upload_file
     file->owner->usage.files--;
 }
 
-static enum hg_status open_temporary(
-    struct hg_upload_store *store, struct hg_upload_file *file, struct hg_error *err)
-{
-    size_t size = strlen(store->folder) + 32;
-    file->path = hg_calloc(size, 1);
-    if (!file->path)
-        return hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
-    snprintf(file->path, size, "%s/.incoming.%u", store->folder, ++store->next_name);
-    file->fd = open(file->path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (file->fd < 0) {
-        file->path[0] = 0;
-        return fail_errno(err, "upload", "create the file");
-    }
-    return HG_OK;
-}
-
 enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upload_owner *owner,
     uint64_t total_bytes, struct hg_upload_file *file, struct hg_error *err)
 {
-    *file = (struct hg_upload_file){.owner = owner, .fd = -1};
+    *file = (struct hg_upload_file){.owner = owner};
     if (total_bytes > store->limit_bytes) {
         hg_error_set(err, HG_E_LIMIT, "upload", "total",
             "%llu bytes do not fit into the upload store of %llu MiB (upload-store)",
@@ -631,11 +593,7 @@ enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upl
         return hg_error_limit(err, "upload-store", 0);
     }
     enum hg_status status = reserve(store, owner, disk_bytes(0), 1, err);
-    if (status)
-        return status;
-    status = open_temporary(store, file, err);
-    if (status)
-        hg_upload_store_close(store, file);
+    file->number = status ? 0 : ++store->next_name;
     return status;
 }
 
@@ -649,47 +607,68 @@ enum hg_status hg_upload_store_grow(struct hg_upload_store *store, struct hg_upl
     return status;
 }
 
-enum hg_status hg_upload_store_adopt(struct hg_upload_store *store, struct hg_upload_file *file,
-    const uint8_t hash[32], struct hg_error *err)
+enum hg_status hg_upload_store_expect(
+    struct hg_upload_store *store, struct hg_upload_file *file, const uint8_t hash[32])
 {
-    struct content *content = find_or_add(store, hash);
-    char *path = content_path(store, hash);
-    enum hg_status status = HG_OK;
-    if (!content || !path)
-        status = hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
-    else if (content->present) { // another owner's, or another session was faster
-        status = take_owner(store, content, file->owner);
-        touch(store, content);
-    } else if (fchmod(file->fd, 0400) != 0 || rename(file->path, path) != 0)
-        status = fail_errno(err, "upload", "name the content");
-    else {
-        file->path[0] = 0;
+    enum hg_status status = hg_upload_store_pin(store, hash);
+    file->drops = status ? 0 : find(store, hash)->drops;
+    return status;
+}
+
+static void adopt(struct hg_upload_store *store, struct content *content,
+    const struct hg_upload_file *file, struct hg_error *err)
+{
+    if (content->drops != file->drops) {
+        remove_file(store, file->owner, content->hash);
+        hg_error_set(err, HG_E_IO, "upload", NULL,
+            "the content was removed as damaged while it was stored; send it again");
+        return;
+    }
+    if (!content->present) {
         content->present = true;
         content->size = file->size;
-        status = take_owner(store, content, file->owner); // closing gives back the file's
-        store->bytes += disk_bytes(content->size);
-        touch(store, content);
+        store->bytes += disk_bytes(content->size); // closing gives back the file's
     }
-    if (status && content)
-        remove_if_unused(store, content);
-    if (status && err && !err->status)
-        hg_error_set(err, status, "upload", NULL, "the content cannot be kept for its tenant");
-    hg_free(path);
-    return status;
+    if (is_owned_by(content, file->owner) || add_owner(content, file->owner) == HG_OK)
+        return;
+    remove_file(store, file->owner, content->hash);
+    if (!content->owner_count)
+        drop(store, content);
+    hg_error_set(err, HG_E_NOMEM, "upload", NULL, "no memory");
+}
+
+void hg_upload_store_adopt(struct hg_upload_store *store, struct hg_upload_file *file,
+    const uint8_t hash[32], struct hg_error *err)
+{
+    if (!err->status)
+        adopt(store, find(store, hash), file, err); // which is pinned
+    hg_upload_store_unpin(store, hash);
 }
 
 void hg_upload_store_close(struct hg_upload_store *store, struct hg_upload_file *file)
 {
-    if (file->fd >= 0)
-        close(file->fd);
-    if (file->path && file->path[0])
-        unlink(file->path);
     give_back(store, file);
-    hg_free(file->path);
-    *file = (struct hg_upload_file){.fd = -1};
+    *file = (struct hg_upload_file){0};
 }
 
-int hg_upload_store_open_folder(const struct hg_upload_store *store)
+// ---- the disk -----------------------------------------------------------------------------------
+
+void hg_upload_store_listen(struct hg_upload_store *store, const struct hg_upload_news *news)
 {
-    return open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    store->news = *news;
+}
+
+const struct hg_upload_news *hg_upload_store_news(const struct hg_upload_store *store)
+{
+    return &store->news;
+}
+
+struct hg_disk_queue *hg_upload_store_queue(const struct hg_upload_store *store)
+{
+    return store->queue;
+}
+
+struct hg_upload_folder *hg_upload_store_folder(struct hg_upload_store *store)
+{
+    return &store->folder;
 }

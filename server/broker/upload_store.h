@@ -2,12 +2,18 @@
 // Floor 6 (broker). Thread: the loop. The broker looks into none of them; the worker reads
 // <folder>/<hex> and verifies the hash again, so the files are not synced to the disk: what a
 // power failure tears is refused and sent again.
+//
+// The index, in memory, is the loop's. What it decides is done in the folder by a thread
+// (disk_queue.h), one thing after another: a content is in the index only once its file is there,
+// and a file goes after its content has left the index.
 #ifndef HG_BROKER_UPLOAD_STORE_H
 #define HG_BROKER_UPLOAD_STORE_H
 
 #include <stdbool.h>
 
 #include "base/status.h"
+#include "server/broker/disk_queue.h"
+#include "server/broker/upload_folder.h"
 
 struct hg_upload_store;
 struct hg_upload_owner; // whom contents are counted for; lives as long as the store
@@ -22,8 +28,8 @@ struct hg_upload_usage {
 // files. HG_E_PERM, HG_E_IO, HG_E_NOSPACE, HG_E_NOMEM.
 enum hg_status hg_upload_store_create(const char *folder, uint64_t limit_bytes,
     struct hg_upload_store **out, struct hg_error *err) HG_MUST_CHECK;
-void hg_upload_store_destroy(
-    struct hg_upload_store *store); // accepts NULL; all uploads must be finished
+// Accepts NULL. Waits for the disk; all uploads must have been committed or aborted.
+void hg_upload_store_destroy(struct hg_upload_store *store);
 void hg_upload_store_set_limit(struct hg_upload_store *store, uint64_t limit_bytes);
 uint64_t hg_upload_store_bytes(const struct hg_upload_store *store);
 
@@ -62,27 +68,50 @@ void hg_upload_store_forget(struct hg_upload_store *store, const uint8_t hash[32
 // A file for a content that is still arriving (upload.h).
 struct hg_upload_file {
     struct hg_upload_owner *owner;
-    char *path;    // owned; "" = it has become the content
-    int fd;        // -1: closed
-    uint64_t size; // bytes that there is room for
+    uint64_t size;   // bytes that there is room for
+    uint32_t number; // of its name
+    uint32_t drops;  // of the content, when it was expected
 };
 
-// A new file for a content of total_bytes; it takes room as it grows. HG_E_LIMIT, HG_E_NOSPACE,
-// HG_E_IO, HG_E_NOMEM.
+// Room for a new file of a content of total_bytes; it takes more as it grows. HG_E_LIMIT.
 enum hg_status hg_upload_store_open(struct hg_upload_store *store, struct hg_upload_owner *owner,
     uint64_t total_bytes, struct hg_upload_file *file, struct hg_error *err) HG_MUST_CHECK;
 // Makes room for so many bytes more: owners that have more than an equal part of the store lose
 // what they used longest ago; then goes what was not used for an hour. HG_E_LIMIT.
 enum hg_status hg_upload_store_grow(struct hg_upload_store *store, struct hg_upload_file *file,
     uint64_t bytes, struct hg_error *err) HG_MUST_CHECK;
-// What is in the file is the content of this hash (the caller has verified it). HG_E_IO,
-// HG_E_NOMEM.
-enum hg_status hg_upload_store_adopt(struct hg_upload_store *store, struct hg_upload_file *file,
-    const uint8_t hash[32], struct hg_error *err) HG_MUST_CHECK;
-// Gives back its room, and removes it unless it was adopted.
+// The file is about to become this content: until hg_upload_store_adopt the content is pinned.
+// HG_E_NOMEM: it is not.
+enum hg_status hg_upload_store_expect(struct hg_upload_store *store, struct hg_upload_file *file,
+    const uint8_t hash[32]) HG_MUST_CHECK;
+// It has become it, and the owner has a link to it; or that has failed, if err->status is set
+// already. Sets it to HG_E_IO where the content was forgotten meanwhile; HG_E_NOMEM.
+void hg_upload_store_adopt(struct hg_upload_store *store, struct hg_upload_file *file,
+    const uint8_t hash[32], struct hg_error *err);
+// Gives back its room. It is gone, or has become the content.
 void hg_upload_store_close(struct hg_upload_store *store, struct hg_upload_file *file);
-// A descriptor of the caller's of the folder that names contents, to be synced. -1: none could be
-// made.
-int hg_upload_store_open_folder(const struct hg_upload_store *store);
+
+// ---- the disk -----------------------------------------------------------------------------------
+
+struct hg_upload;
+
+// What becomes of uploads, told in the loop.
+struct hg_upload_news {
+    void *user;
+    // Nothing waits for the disk of a piece of so many bytes any more.
+    void (*written)(void *user, size_t bytes);
+    // A piece (of this request) could not be stored; the upload is still to be aborted.
+    void (*failed)(
+        void *user, struct hg_upload *upload, uint32_t request, const struct hg_error *err);
+    // A commit has ended: err->status says how. The upload is destroyed afterwards.
+    void (*ended)(void *user, struct hg_upload *upload, const struct hg_error *err);
+};
+
+void hg_upload_store_listen(struct hg_upload_store *store, const struct hg_upload_news *news);
+const struct hg_upload_news *hg_upload_store_news(const struct hg_upload_store *store);
+// To be polled by the loop, and waited for where nothing may be left.
+struct hg_disk_queue *hg_upload_store_queue(const struct hg_upload_store *store);
+struct hg_upload_folder *hg_upload_store_folder(struct hg_upload_store *store);
+const struct hg_upload_place *hg_upload_owner_place(const struct hg_upload_owner *owner);
 
 #endif

@@ -21,10 +21,14 @@ for c in report["classes"]:
         for what in ("frame_ms", "ping_ms"):
             times = c[side][what]
             assert times["count"] > 0 and 0 < times["p50"] <= times["p99"] <= times["max"], (c["name"], times)
-        assert c[side]["rounds"] > 0, c
+        assert c[side]["rounds"] > 0 and c[side]["rounds_per_s"] > 0, c
     assert set(c["ratio"]) == {"frame_p50", "frame_p99", "ping_p50", "ping_p99"}, c
     assert c["noise"]["ping_p99"] >= 1 and c["noise"]["frame_p99"] >= 1, c
+    assert ("unpaced" in c) == ("unpaced_ratio" in c) == (c["name"] == "connections"), c
     print(c["name"], c["ratio"], c["noise"])
+    if "unpaced" in c:
+        print(c["unpaced_ratio"], *(c[side]["rounds_per_s"] for side in ("behaved", "attacked", "unpaced")))
+        assert c["unpaced"]["rounds"] > 0 and c["unpaced"]["ping_ms"]["count"] > 0, c
 viewers = report["viewers"]
 assert len(viewers["frames"]) == 3 and min(viewers["frames"]) > 0 and 0 < viewers["least_to_most"] <= 1, viewers
 print(viewers)

@@ -1,4 +1,4 @@
-// test_broker_parts.c - options, tokens, peers, the upload store, streams.
+// test_broker_parts.c - options, tokens, peers, streams.
 #include <errno.h>
 #include <fcntl.h>
 #include <setjmp.h>
@@ -26,7 +26,6 @@
 #include "server/broker/options.h"
 #include "server/broker/packet.h"
 #include "server/broker/peer_table.h"
-#include "server/broker/upload.h"
 #include "server/broker/worker_pool.h"
 #include "tests/support/folder.h"
 
@@ -348,156 +347,6 @@ static void addresses_are_checked(void **state)
             fail_msg("'%s' is taken", bad[i]);
 }
 
-// ---- uploads ------------------------------------------------------------------------------------
-
-enum { BLOCK = 4096 };
-
-// A content takes its blocks on the disk, and one for the file.
-static struct hg_upload_owner *owner_of(struct hg_upload_store *store, uint8_t number)
-{
-    uint8_t key[32] = {number};
-    struct hg_upload_owner *owner = hg_upload_store_owner(store, key);
-    assert_non_null(owner);
-    assert_ptr_equal(hg_upload_store_owner(store, key), owner);
-    hg_upload_owner_set_quota(owner, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 5000});
-    return owner;
-}
-
-static void put(struct hg_upload_store *store, struct hg_upload_owner *owner, uint32_t fill,
-    size_t size, uint8_t hash[32])
-{
-    struct hg_upload *upload;
-    struct hg_error err;
-    static uint32_t data[2 * BLOCK];
-    assert_true(size <= sizeof data);
-    for (size_t i = 0; i < 2 * BLOCK; i++)
-        data[i] = fill;
-    const uint8_t *bytes = (const uint8_t *)data;
-    assert_int_equal(hg_sha256(data, size, hash), HG_OK);
-    assert_int_equal(hg_upload_begin(store, owner, hash, size, &upload, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, bytes, size / 2, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, bytes + size / 2, size - size / 2, &err), HG_OK);
-    assert_int_equal(hg_upload_append(upload, bytes, 1, &err), HG_E_LIMIT);
-    assert_int_equal(hg_upload_commit(upload, &err), HG_OK);
-}
-
-static void store_evicts_what_nobody_uses(void **state)
-{
-    (void)state;
-    struct hg_upload_store *store;
-    struct hg_error err;
-    struct hg_upload *upload;
-    uint8_t a[32], b[32], c[32], d[32];
-    static const uint8_t data[3 * BLOCK];
-    char uploads[200];
-    snprintf(uploads, sizeof uploads, "%s", path_of("cache/deep/uploads"));
-    assert_int_equal(hg_upload_store_create(uploads, 6 * BLOCK, &store, &err), HG_OK);
-    struct hg_upload_owner *owner = owner_of(store, 1);
-    put(store, owner, 1, 1000, a); // two blocks each
-    put(store, owner, 2, 1000, b);
-    assert_true(hg_upload_store_has(store, NULL, a)); // used: b is the oldest now
-    put(store, owner, 3, BLOCK + 1, c);               // three
-    assert_true(hg_upload_store_has(store, NULL, a) && !hg_upload_store_has(store, NULL, b) &&
-                hg_upload_store_has(store, NULL, c));
-    assert_int_equal(hg_upload_store_pin(store, a), HG_OK);
-    assert_int_equal(hg_upload_store_pin(store, c), HG_OK);
-    // An announcement takes a block; what does not fit beside what is in use is refused.
-    assert_int_equal(hg_upload_begin(store, owner, b, 2 * BLOCK, &upload, &err), HG_OK);
-    assert_int_equal(hg_upload_store_bytes(store), 6 * BLOCK);
-    assert_int_equal(hg_upload_append(upload, data, 1, &err), HG_E_LIMIT);
-    hg_upload_abort(upload);
-    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
-    hg_upload_store_unpin(store, a);
-    put(store, owner, 4, 500, d);
-    assert_true(!hg_upload_store_has(store, NULL, a) && hg_upload_store_has(store, NULL, c) &&
-                hg_upload_store_has(store, NULL, d));
-    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
-    // An announcement of everything evicts nothing; given up it leaves no file.
-    assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK, &upload, &err), HG_OK);
-    assert_true(hg_upload_store_has(store, NULL, c) && hg_upload_store_has(store, NULL, d));
-    hg_upload_abort(upload);
-    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
-    assert_int_equal(hg_upload_begin(store, owner, b, 6 * BLOCK + 1, &upload, &err), HG_E_LIMIT);
-    hg_upload_store_destroy(store);
-    // A later run finds what is there, and clears away what was under way.
-    test_text_write(folder, "cache/deep/uploads/.incoming.7", "rest");
-    assert_int_equal(hg_upload_store_create(uploads, 6 * BLOCK, &store, &err), HG_OK);
-    assert_true(hg_upload_store_has(store, NULL, c) && hg_upload_store_has(store, NULL, d));
-    assert_int_equal(hg_upload_store_bytes(store), 5 * BLOCK);
-    assert_true(access(path_of("cache/deep/uploads/.incoming.7"), F_OK) != 0);
-    hg_upload_store_forget(store, c);
-    assert_false(hg_upload_store_has(store, NULL, c));
-    hg_upload_store_destroy(store);
-}
-
-// What two have sent is stored once, and each sees it only when it has sent all of it.
-static void contents_have_owners(void **state)
-{
-    (void)state;
-    struct hg_upload_store *store;
-    struct hg_error err;
-    uint8_t hash[32], again[32];
-    assert_int_equal(hg_upload_store_create(path_of("owners"), 1 << 20, &store, &err), HG_OK);
-    struct hg_upload_owner *anna = owner_of(store, 1), *bert = owner_of(store, 2);
-    put(store, anna, 1, 100, hash);
-    assert_true(hg_upload_store_has(store, anna, hash));
-    assert_false(hg_upload_store_has(store, bert, hash));
-    put(store, bert, 1, 100, again);
-    assert_memory_equal(hash, again, 32);
-    assert_true(hg_upload_store_has(store, bert, hash));
-    assert_int_equal(hg_upload_store_bytes(store), 2 * BLOCK);
-    assert_int_equal(hg_upload_owner_usage(bert).files, 1);
-    // One's quota takes it from that one only.
-    hg_upload_owner_set_quota(anna, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 1});
-    put(store, anna, 2, 100, again);
-    assert_false(hg_upload_store_has(store, anna, hash));
-    assert_true(hg_upload_store_has(store, bert, hash));
-    hg_upload_store_destroy(store);
-    // A later run knows whose they are.
-    assert_int_equal(hg_upload_store_create(path_of("owners"), 1 << 20, &store, &err), HG_OK);
-    anna = owner_of(store, 1);
-    bert = owner_of(store, 2);
-    assert_true(hg_upload_store_has(store, bert, hash) && hg_upload_store_has(store, anna, again));
-    assert_false(hg_upload_store_has(store, anna, hash) || hg_upload_store_has(store, bert, again));
-    assert_int_equal(hg_upload_owner_usage(anna).bytes, 2 * BLOCK);
-    hg_upload_store_forget(store, hash);
-    assert_false(hg_upload_store_has(store, bert, hash));
-    assert_int_equal(hg_upload_owner_usage(bert).files, 0);
-    hg_upload_store_destroy(store);
-}
-
-// Whoever fills a quota loses contents of its own, not those of others.
-static void owners_have_quotas(void **state)
-{
-    (void)state;
-    struct hg_upload_store *store;
-    struct hg_error err;
-    struct hg_upload *upload;
-    uint8_t other[32], first[32], hash[32];
-    assert_int_equal(hg_upload_store_create(path_of("quotas"), 64 << 20, &store, &err), HG_OK);
-    struct hg_upload_owner *quiet = owner_of(store, 1), *greedy = owner_of(store, 2);
-    hg_upload_owner_set_quota(greedy, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 100});
-    put(store, quiet, 1, 100, other);
-    put(store, greedy, 2, 100, first);
-    for (uint32_t i = 0; i < 300; i++)
-        put(store, greedy, 1000 + i, 4, hash);
-    assert_int_equal(hg_upload_owner_usage(greedy).files, 100);
-    assert_false(hg_upload_store_has(store, NULL, first));
-    assert_true(hg_upload_store_has(store, NULL, other) && hg_upload_store_has(store, NULL, hash));
-    for (uint32_t i = 0; i < 100; i++)
-        put(store, greedy, 5000 + i, 6 * BLOCK, hash);
-    assert_true(hg_upload_owner_usage(greedy).bytes <= 1 << 20);
-    assert_int_equal(hg_upload_owner_usage(quiet).files, 1);
-    // What is in use stays, and what would need its place is refused.
-    hg_upload_owner_set_quota(quiet, &(struct hg_upload_usage){.bytes = 1 << 20, .files = 1});
-    assert_int_equal(hg_upload_store_pin(store, other), HG_OK);
-    assert_int_equal(hg_upload_begin(store, quiet, first, 5, &upload, &err), HG_E_LIMIT);
-    hg_upload_store_unpin(store, other);
-    assert_int_equal(hg_upload_begin(store, quiet, first, 5, &upload, &err), HG_OK);
-    hg_upload_abort(upload);
-    hg_upload_store_destroy(store);
-}
-
 // ---- streams ------------------------------------------------------------------------------------
 
 // Messages of many sizes, cut at every kind of place, arrive as they were sent.
@@ -638,9 +487,6 @@ int main(void)
         cmocka_unit_test(slow_queues_are_found),
         cmocka_unit_test(audit_logs_are_rotated),
         cmocka_unit_test(addresses_are_checked),
-        cmocka_unit_test(store_evicts_what_nobody_uses),
-        cmocka_unit_test(owners_have_quotas),
-        cmocka_unit_test(contents_have_owners),
         cmocka_unit_test(streams_are_cut_into_messages),
         cmocka_unit_test(the_daemon_has_a_list_of_calls),
         cmocka_unit_test(scenes_are_spread_over_workers),

@@ -216,6 +216,75 @@ static void test_large_payloads(void **state)
     hg_writer_finish(&w);
 }
 
+// A chunk that another stream leaves behind: full of whole messages, from its first byte on.
+static void leave_full_chunk(struct hgp_chunk_pool *pool)
+{
+    struct hgp_framer f = {.frames = &frames, .pool = pool};
+    size_t room;
+    uint8_t *dst = hgp_framer_space(&f, &room);
+    assert_non_null(dst);
+    assert_int_equal(room, HGP_FRAMER_CHUNK_BYTES);
+    for (size_t at = 0; at + HGP_HEADER_BYTES <= room; at += HGP_HEADER_BYTES)
+        hgp_header_encode(&(struct hgp_header){.type = 999, .request = 999}, dst + at);
+    hgp_framer_fill(&f, room);
+    hgp_framer_finish(&f);
+    assert_int_equal(pool->count, 1);
+}
+
+// What another stream has left is never taken for this one's: at no prefix is there a message, or a
+// byte of one, more than came.
+static void test_reused_chunks(void **state)
+{
+    (void)state;
+    struct hgp_chunk_pool pool = {0};
+    struct hg_writer w;
+    make_stream(&w, small, SMALL);
+    for (size_t prefix = 0; prefix <= w.size; prefix++)
+        for (size_t split = 0; split <= prefix; split++) {
+            leave_full_chunk(&pool);
+            struct reader r = make_reader(small, SMALL);
+            r.framer.pool = &pool;
+            feed(&r, w.data, split);
+            feed(&r, w.data + split, prefix - split);
+            assert_int_equal(r.received, whole_messages(prefix));
+            assert_int_equal(pool.count, prefix ? 0 : 1);
+            finish_reader(&r, prefix);
+        }
+    hgp_chunk_pool_finish(&pool);
+    hg_writer_finish(&w);
+}
+
+// A pool has a bound, and an idle one gives everything back.
+static void test_pool_is_bounded(void **state)
+{
+    (void)state;
+    enum { STREAMS = HGP_FRAMER_POOL_CHUNKS + 3 };
+    struct hgp_chunk_pool pool = {0};
+    struct hgp_framer f[STREAMS];
+    size_t room;
+    for (int i = 0; i < STREAMS; i++) {
+        f[i] = (struct hgp_framer){.frames = &frames, .pool = &pool};
+        assert_non_null(hgp_framer_space(&f[i], &room));
+    }
+    for (int i = 0; i < STREAMS; i++)
+        assert_true(hgp_framer_rest(&f[i]));
+    assert_int_equal(pool.count, HGP_FRAMER_POOL_CHUNKS);
+    hgp_chunk_pool_trim(&pool);
+    assert_int_equal(pool.count, HGP_FRAMER_POOL_CHUNKS);
+    hg_alloc_fail_at(1); // what the pool has takes no memory
+    for (int i = 0; i < HGP_FRAMER_POOL_CHUNKS; i++)
+        assert_non_null(hgp_framer_space(&f[i], &room));
+    hg_alloc_fail_at(0);
+    for (int i = 0; i < STREAMS; i++)
+        hgp_framer_finish(&f[i]);
+    hgp_chunk_pool_trim(&pool); // all of them were needed since the last time
+    assert_int_equal(pool.count, HGP_FRAMER_POOL_CHUNKS);
+    for (int i = 0; i < HGP_FRAMER_POOL_CHUNKS; i++)
+        hgp_chunk_pool_trim(&pool);
+    assert_int_equal(pool.count, 0);
+    hgp_chunk_pool_finish(&pool);
+}
+
 static void put_header(struct hgp_framer *f, uint32_t length, uint16_t flags)
 {
     size_t room;
@@ -270,6 +339,8 @@ int main(void)
         cmocka_unit_test(test_every_prefix_and_split),
         cmocka_unit_test(test_every_step),
         cmocka_unit_test(test_large_payloads),
+        cmocka_unit_test(test_reused_chunks),
+        cmocka_unit_test(test_pool_is_bounded),
         cmocka_unit_test(test_refusals),
         cmocka_unit_test(test_no_memory),
     };
