@@ -32,6 +32,7 @@ struct stream {
     const char *path; // of the scene
     const char *keep; // folder, or NULL
     uint32_t width, height, frames, samples, quality;
+    enum hgp_gi gi;
     uint64_t seq;
     json_t *report;
 };
@@ -59,7 +60,7 @@ static enum hg_status open_scene(struct stream *s, struct hg_error *err)
         .has_exposure_mode = true,
         .exposure_mode = HGP_exposure_mode_FIXED,
         .has_gi = true,
-        .gi = HGP_gi_NONE};
+        .gi = (uint8_t)s->gi};
     enum hg_status status = helio_scene_open(s->h, "", &s->scene, err);
     if (!status)
         status = helio_load(s->h, s->scene.first_id, s->path, &loaded, err);
@@ -294,22 +295,27 @@ static enum hg_status measure_edits(struct stream *s, struct hg_error *err)
 static enum hg_status read_options(struct stream *s, const json_t *options, struct hg_error *err)
 {
     json_error_t wrong;
-    int width = 1280, height = 720, frames = 300, samples = 4, quality = 80;
+    int width = 1280, height = 720, frames = 300, samples = 4, quality = 80, gi = HGP_gi_NONE;
     s->path = "demo:";
     if (json_unpack_ex((json_t *)options, &wrong, JSON_STRICT,
-            "{s?s, s?s, s?i, s?i, s?i, s?i, s?i}", "scene", &s->path, "keep", &s->keep, "width",
-            &width, "height", &height, "frames", &frames, "samples", &samples, "quality", &quality))
+            "{s?s, s?s, s?i, s?i, s?i, s?i, s?i, s?i}", "scene", &s->path, "keep", &s->keep,
+            "width", &width, "height", &height, "frames", &frames, "samples", &samples, "quality",
+            &quality, "gi", &gi))
         return hg_error_set(err, HG_E_INVAL, "bench stream", "--options", "%s", wrong.text);
     if (width < 1 || width > 16384 || height < 1 || height > 16384 || frames < 1 ||
-        frames > MOST_FRAMES || samples < 1 || samples > 4096 || quality < 1 || quality > 100)
+        frames > MOST_FRAMES || samples < 1 || samples > 4096 || quality < 1 || quality > 100 ||
+        gi < 0 || gi > HGP_gi_AUTO)
         return hg_error_set(err, HG_E_INVAL, "bench stream", "--options",
-            "width and height are 1 to 16384, frames 1 to %d, samples 1 to 4096, quality 1 to 100",
+            "width and height are 1 to 16384, frames 1 to %d, samples 1 to 4096, quality 1 to 100, "
+            "gi "
+            "is 0 (none) or 1 (auto)",
             MOST_FRAMES);
     s->width = (uint32_t)width;
     s->height = (uint32_t)height;
     s->frames = (uint32_t)frames;
     s->samples = (uint32_t)samples;
     s->quality = (uint32_t)quality;
+    s->gi = (enum hgp_gi)gi;
     s->report = json_pack("{s:s, s:i, s:i, s:i, s:i, s:i, s:{}, s:[]}", "scene", s->path, "width",
         width, "height", height, "frames", frames, "samples", samples, "quality", quality, "codecs",
         "edits");

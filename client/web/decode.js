@@ -6,7 +6,9 @@ import { decodeDepth } from "./warp.js";
 
 const IMAGES = { JPEG: "image/jpeg", JPEG_444: "image/jpeg", PNG8: "image/png" };
 const EXACT = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
-const TILE_ROW_BYTES = 12; // of a rectangle in the table of a frame of tiles
+const TILES_HEADER_BYTES = 20;
+const JPEG_RECT_BYTES = 12; // in the table of a frame of tiles
+const EXACT_RECT_BYTES = 8;
 
 export const hexOf = (bytes) =>
     Array.from(bytes, (b) => b.toString(16).padStart(2, "0")).join("");
@@ -22,57 +24,54 @@ async function inflate(bytes) {
     return new Uint8ClampedArray(await new Response(stream).arrayBuffer());
 }
 
-// Rows hold differences to the pixel at the left.
+// Differences to the pixel at the left, in the first column to the one above.
 function undoDifferences(pixels, at, width, height) {
+    const pitch = width * 4;
     for (let y = 0; y < height; y++) {
-        const row = at + y * width * 4;
-        for (let i = row + 4; i < row + width * 4; i++)
+        const row = at + y * pitch;
+        for (let i = row; y > 0 && i < row + 4; i++)
+            pixels[i] = pixels[i] + pixels[i - pitch] & 255;
+        for (let i = row + 4; i < row + pitch; i++)
             pixels[i] = pixels[i] + pixels[i - 4] & 255;
     }
 }
 
-// [{ x, y, picture }] of the data of a TILES or TILES_JPEG frame.
+const readU16s = (bytes, at, count) => Array.from({ length: count },
+    (_, i) => bytes[at + 2 * i] | bytes[at + 2 * i + 1] << 8);
+
+// { atlas, jpeg: [[x, y, width, height, its x in the atlas, y]], exact: [{ x, y, picture }] } of
+// the data of a TILES or TILES_JPEG frame.
 export async function decodeTiles(data) {
     const view = new DataView(data.buffer, data.byteOffset, data.length);
-    const count = view.getUint32(0, true);
-    let at = 4 + count * TILE_ROW_BYTES;
-    if (at > data.length)
+    if (data.length < TILES_HEADER_BYTES)
+        throw new Error("a frame of tiles ends inside its header");
+    const [jpegBytes, jpegCount, exactCount, unpackedBytes] =
+        [4, 8, 12, 16].map((at) => view.getUint32(at, true));
+    const packedAt = TILES_HEADER_BYTES + jpegBytes;
+    const [atlas, plain] = await Promise.all([
+        jpegCount ? openImage(data.subarray(TILES_HEADER_BYTES, packedAt), "image/jpeg") : null,
+        unpackedBytes ? inflate(data.subarray(packedAt)) : new Uint8ClampedArray(),
+    ]);
+    const exactAt = jpegCount * JPEG_RECT_BYTES;
+    if (exactAt + exactCount * EXACT_RECT_BYTES > plain.length)
         throw new Error("a frame of tiles ends inside its table");
-    const tiles = [];
-    for (let i = 0; i < count; i++) {
-        const row = 4 + i * TILE_ROW_BYTES;
-        const [x, y, width, height] = [0, 2, 4, 6].map((o) => view.getUint16(row + o, true));
-        const size = view.getUint32(row + 8, true);
-        const picture = size ? openImage(data.subarray(at, at + size), "image/jpeg") : null;
-        tiles.push({ x, y, width, height, picture });
-        at += size;
-    }
-    await addExactTiles(tiles.filter((t) => !t.picture), data.subarray(at));
-    return Promise.all(tiles.map(async (t) => ({ ...t, picture: await t.picture })));
+    const jpeg = Array.from({ length: jpegCount },
+        (_, i) => readU16s(plain, i * JPEG_RECT_BYTES, 6));
+    return { atlas, jpeg, exact: readExactTiles(plain, exactAt, exactCount) };
 }
 
-async function addExactTiles(tiles, packed) {
-    if (!tiles.length)
-        return;
-    const pixels = await inflate(packed);
-    let at = 0;
-    for (const tile of tiles) {
-        const bytes = tile.width * tile.height * 4;
-        if (at + bytes > pixels.length)
+function readExactTiles(plain, tableAt, count) {
+    let at = tableAt + count * EXACT_RECT_BYTES;
+    return Array.from({ length: count }, (_, i) => {
+        const [x, y, width, height] = readU16s(plain, tableAt + i * EXACT_RECT_BYTES, 4);
+        const end = at + width * height * 4;
+        if (end > plain.length)
             throw new Error("a frame of tiles ends inside its pixels");
-        undoDifferences(pixels, at, tile.width, tile.height);
-        tile.picture = new ImageData(pixels.slice(at, at + bytes), tile.width, tile.height);
-        at += bytes;
-    }
-}
-
-function paint(context, picture, x, y) {
-    if (picture instanceof ImageData) {
-        context.putImageData(picture, x, y);
-        return;
-    }
-    context.drawImage(picture, x, y);
-    picture.close();
+        undoDifferences(plain, at, width, height);
+        const picture = new ImageData(plain.slice(at, end), width, height);
+        at = end;
+        return { x, y, picture };
+    });
 }
 
 // The picture that frames of tiles change, kept apart from what the canvas shows.
@@ -90,8 +89,11 @@ class TileStream {
             canvas.width = frame.width;
             canvas.height = frame.height;
         }
-        for (const { x, y, picture } of tiles)
-            paint(this.context, picture, x, y);
+        for (const [x, y, width, height, fromX, fromY] of tiles.jpeg)
+            this.context.drawImage(tiles.atlas, fromX, fromY, width, height, x, y, width, height);
+        tiles.atlas?.close();
+        for (const { x, y, picture } of tiles.exact)
+            this.context.putImageData(picture, x, y);
         this.number = Number(frame.number);
         return canvas;
     }
@@ -148,7 +150,7 @@ export class FramePainter {
     show(frame, picture) {
         const { canvas, context } = this;
         const { width, height } = frame;
-        const whole = Array.isArray(picture) ? this.tiles.apply(frame, picture) : picture;
+        const whole = picture.exact ? this.tiles.apply(frame, picture) : picture;
         if (canvas.width !== width || canvas.height !== height) {
             canvas.width = width;
             canvas.height = height;
