@@ -43,8 +43,12 @@ struct hg_bench_settings {  // zero of each field = default
         HG_BENCH_TRUTH_RAYS,
     } truth;                // of gi: path-traced pictures, or settled ones of parameter gi RAYS
     const char *references; // folder of cached reference pictures; NULL: rendered each time
-    bool no_walk, no_night, no_rooms; // of gi: parts that are left out
-    uint32_t ways;                    // of gi: bits of enum hg_bench_way that are walked; 0: all
+    enum {
+        HG_BENCH_WALK = 1,
+        HG_BENCH_NIGHT = 2,
+        HG_BENCH_ROOMS = 4,
+    } left_out;           // of gi: parts that are not measured
+    uint32_t ways;        // of gi: bits of enum hg_bench_way that are walked; 0: all
     float sun_rad[2];     // of gi by day: a sky with its sun at this azimuth (from +z towards +x)
                           // and elevation; 0: the scene's light
     float exposure_ev;    // of gi by day; 0: metered from the pose in the middle

@@ -55,7 +55,7 @@ static bool is_walked(const struct run *run, int way)
 
 static enum hg_status tell(struct run *run, struct hg_error *err)
 {
-    const uint32_t lights = run->bench->no_night ? 1 : LIGHTS;
+    const uint32_t lights = (run->bench->left_out & HG_BENCH_NIGHT) ? 1 : LIGHTS;
     const uint32_t total = lights * (HG_BENCH_WAYS + 1) * run->walk.path_count;
     run->done++;
     return run->bench->progress == NULL || run->bench->progress(run->bench->progress_user,
@@ -442,12 +442,12 @@ static enum hg_status write_report(const struct run *run, char **text)
         "{\"width\":%u,\"height\":%u,\"poses\":%u,\"compared\":%u,\"temporal\":%u,\"truth\":\"%s\"",
         run->walk.width, run->walk.height, run->walk.path_count, run->compared,
         run->bench->temporal, run->bench->truth == HG_BENCH_TRUTH_PATHS ? "path" : "rays");
-    if (!run->bench->no_walk) {
+    if (!(run->bench->left_out & HG_BENCH_WALK)) {
         put_light(&w, run, &run->lights[0]);
-        if (!run->bench->no_night)
+        if (!(run->bench->left_out & HG_BENCH_NIGHT))
             put_light(&w, run, &run->lights[1]);
     }
-    if (!run->bench->no_rooms)
+    if (!(run->bench->left_out & HG_BENCH_ROOMS))
         put_rooms(&w, &run->rooms);
     hg_json_put(&w, "}");
     return hg_json_take(&w, text);
@@ -458,7 +458,7 @@ static enum hg_status walk_all(struct run *run, struct hg_error *err)
     if (run->bench->sun_rad[1] != 0)
         begin_day(run);
     enum hg_status status = walk_under(run, &run->lights[0], err);
-    if (run->bench->no_night)
+    if (run->bench->left_out & HG_BENCH_NIGHT)
         return status;
     if (status == HG_OK)
         status = begin_night(run, err);
@@ -468,9 +468,9 @@ static enum hg_status walk_all(struct run *run, struct hg_error *err)
 static enum hg_status measure(struct run *run, struct hg_error *err)
 {
     enum hg_status status = hg_bench_walk_init(&run->walk, run->scene, run->bench, err);
-    if (status == HG_OK && !run->bench->no_walk)
+    if (status == HG_OK && !(run->bench->left_out & HG_BENCH_WALK))
         status = walk_all(run, err);
-    if (status == HG_OK && !run->bench->no_rooms)
+    if (status == HG_OK && !(run->bench->left_out & HG_BENCH_ROOMS))
         status = hg_bench_gi_rooms_run(run->renderer, run->bench, &run->rooms, err);
     return status;
 }

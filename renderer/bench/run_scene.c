@@ -100,9 +100,8 @@ static enum hg_status read_gi(struct run *r, const json_t *options, struct hg_er
     const bool rooms = part && strcmp(part, "rooms") == 0;
     if (only && !walk && !day && !rooms)
         return hg_error_set(err, HG_E_INVAL, "bench", "only", "not \"walk\", \"day\" or \"rooms\"");
-    r->settings.no_walk = rooms;
-    r->settings.no_night = day;
-    r->settings.no_rooms = walk || day;
+    r->settings.left_out = (rooms ? HG_BENCH_WALK : 0) | (day ? HG_BENCH_NIGHT : 0) |
+                           (walk || day ? HG_BENCH_ROOMS : 0);
     const json_t *sun = json_object_get(options, "sun");
     for (size_t i = 0; i < 2; i++)
         r->settings.sun_rad[i] = (float)(json_number_value(json_array_get(sun, i)) * M_PI / 180);
