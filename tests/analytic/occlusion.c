@@ -9,6 +9,8 @@
 enum { WIDTH = 192, HEIGHT = 128, CELL = 16, CELLS = WIDTH / CELL * (HEIGHT / CELL) };
 
 static const float target[3] = {0, 0.2f, 0};
+static const float outside[3] = {1.2f, 1.6f, 2.2f}, in_court[3] = {0.4f, 1.7f, 1.3f};
+static const float *eye_at = outside;
 
 static struct hg_view_params params_of(enum hg_view_ao ao)
 {
@@ -77,7 +79,7 @@ static void mean_cells(struct hg_view *view, float cells[CELLS])
 
 static void look(struct hg_view *view, int number)
 {
-    const float eye[3] = {1.2f + 0.001f * (float)number, 1.6f, 2.2f};
+    const float eye[3] = {eye_at[0] + 0.001f * (float)number, eye_at[1], eye_at[2]};
     path_rig_look(view, eye, target, 0.7f);
 }
 
@@ -176,6 +178,59 @@ static void test_gathered_is_nearer(void **state)
     }
 }
 
+// A court of black walls with a floor of rough metal. What the floor sees of the sky is 1; behind
+// the walls the sky is eight times as bright.
+static void make_court(struct rig *rig)
+{
+    static const float box[2][3] = {{-1.5f, -0.01f, -1.5f}, {1.5f, 2, 1.5f}};
+    const uint32_t width = 64, height = 32;
+    rig_scene(rig);
+    struct hg_material *metal = path_rig_lambert(rig, 0.9f);
+    metal->metallic = 1;
+    metal->roughness = 0.6f;
+    path_rig_floor(rig, metal, 1.5f);
+    struct hg_material *wall = path_rig_lambert(rig, 0);
+    wall->double_sided = true;
+    for (int i = 0; i < 6; i++)
+        if (i / 2 != 1)
+            rig_face(rig, wall, box, 1, i);
+    struct hg_environment *e = &rig->scene->environment;
+    hg_image_finish(&e->image);
+    test_ok(hg_image_create(width, height, HG_PIXEL_RGBA32F, NULL, &e->image), NULL);
+    float *p = (float *)(void *)e->image.pixels;
+    for (uint32_t i = 0; i < width * height * 4; i++) // from 28 degrees on: the walls reach to 33
+        p[i] = i / 4 / width < height * 31 / 90 ? 1 : 8;
+    e->kind = HG_ENV_IMAGE;
+    e->intensity = 1;
+    e->revision++;
+}
+
+static double light_of(const float cells[CELLS])
+{
+    double sum = 0;
+    for (int i = 0; i < CELLS; i++)
+        sum += (double)cells[i] / CELLS;
+    return sum;
+}
+
+// What a rough surface mirrors of a sky that is not the same everywhere is what it sees of it.
+static void test_mirrored_sky(void **state)
+{
+    struct rig *rig = *state;
+    float truth[CELLS], cells[CELLS];
+    make_court(rig);
+    eye_at = in_court;
+    path_trace(rig, truth);
+    struct hg_view_params params = params_of(HG_AO_AUTO);
+    params.gi = HG_GI_RAYS;
+    params.reflections = HG_REFLECTIONS_AUTO;
+    move(rig, &params, cells);
+    eye_at = outside;
+    const double ratio = light_of(cells) / light_of(truth);
+    print_message("mirrored sky: %.3f of path mode\n", ratio);
+    assert_true(fabs(ratio - 1) < 0.15);
+}
+
 // Settled pictures do not know of it, and no picture without light from probes does.
 static void test_elsewhere(void **state)
 {
@@ -204,6 +259,7 @@ static void test_elsewhere(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_nearer_to_paths),
-        cmocka_unit_test(test_gathered_is_nearer), cmocka_unit_test(test_elsewhere)};
+        cmocka_unit_test(test_gathered_is_nearer), cmocka_unit_test(test_mirrored_sky),
+        cmocka_unit_test(test_elsewhere)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
