@@ -12,6 +12,7 @@
 struct process {
     pid_t pid, parent;
     double own_s, ended_s; // of itself; of its children that have ended
+    uint64_t bytes;        // resident
     bool belongs;          // below the daemon
 };
 
@@ -25,6 +26,7 @@ static bool read_process(pid_t pid, struct process *p)
 {
     char path[64], text[1024];
     unsigned long long user, system, ended_user, ended_system;
+    long long pages;
     int parent;
     snprintf(path, sizeof path, "/proc/%d/stat", (int)pid);
     FILE *file = fopen(path, "re");
@@ -34,12 +36,15 @@ static bool read_process(pid_t pid, struct process *p)
     fclose(file);
     text[n] = 0;
     const char *rest = strrchr(text, ')'); // behind the program's name, which may hold anything
-    if (!rest || sscanf(rest + 1, " %*c %d %*d %*d %*d %*d %*u %*u %*u %*u %*u %llu %llu %llu %llu",
-                     &parent, &user, &system, &ended_user, &ended_system) != 5)
+    if (!rest || sscanf(rest + 1,
+                     " %*c %d %*d %*d %*d %*d %*u %*u %*u %*u %*u %llu %llu %llu %llu"
+                     " %*d %*d %*d %*d %*u %*u %lld",
+                     &parent, &user, &system, &ended_user, &ended_system, &pages) != 6)
         return false;
     const double tick_s = 1.0 / (double)sysconf(_SC_CLK_TCK);
     *p = (struct process){.pid = pid,
         .parent = parent,
+        .bytes = (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE),
         .own_s = (double)(user + system) * tick_s,
         .ended_s = (double)(ended_user + ended_system) * tick_s};
     return true;
@@ -108,9 +113,11 @@ struct hg_bench_cpu hg_bench_cpu_now(pid_t daemon)
         const struct process *p = &all.items[i];
         if (p->pid == daemon) {
             now.daemon_s = p->own_s;
+            now.daemon_bytes = p->bytes;
             now.workers_s += p->ended_s;
         } else if (p->belongs) {
             now.workers_s += p->own_s + p->ended_s;
+            now.workers_bytes += p->bytes;
         }
     }
     hg_free(all.items);

@@ -1,5 +1,5 @@
-// bench_cpu.h - processor time of a benchmark's processes: daemon, its workers, the benchmark.
-// Floor 6 (client).
+// bench_cpu.h - processor time and memory of a benchmark's processes: daemon, its workers, the
+// benchmark. Floor 6 (client).
 #ifndef HG_CLIENT_CLI_BENCH_CPU_H
 #define HG_CLIENT_CLI_BENCH_CPU_H
 
@@ -10,6 +10,7 @@
 
 struct hg_bench_cpu {
     double daemon_s, workers_s, client_s; // since each began
+    uint64_t daemon_bytes, workers_bytes; // resident memory
 };
 
 // Now; `daemon`: its process, or 0 for one that is not ours, whose times are 0 then. Workers are

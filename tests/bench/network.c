@@ -1,7 +1,8 @@
 // network.c - what a viewer sees behind a slow network: frame rates, latencies and how soon they
 // are back after the rate fell from 20 to 1 Mbit/s and rose again, at a round trip of 300 ms, and
 // after stalls. Prints JSON; --json FILE writes it. --seconds N: of each phase (5); --scene ASSET;
-// --size WxH.
+// --size WxH. --soak N: for N seconds in place of all that, rates and stalls in turn, and the
+// memory of the daemon and its workers after each turn.
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,7 @@
 
 #include "base/clock.h"
 #include "client/cli/bench_common.h"
+#include "client/cli/bench_cpu.h"
 #include "client/cli/viewer.h"
 #include "tests/support/shaper.h"
 
@@ -191,9 +193,40 @@ static json_t *run_stalls(struct network *n)
     return list;
 }
 
+// Falls, rises and stalls in turns of four times `seconds` and two more; what is resident after
+// each.
+static json_t *run_soak(struct network *n, double soak_s)
+{
+    json_t *daemon = json_array(), *workers = json_array();
+    begin(n, &(struct shaper_options){.rate = 20 * MBIT, .delay_ns = 40 * MS, .jitter_ns = 5 * MS});
+    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)(soak_s * 1e9);
+    while (hg_clock_now_ns() < until_ns) {
+        static const double rates[] = {20 * MBIT, MBIT, 5 * MBIT, 0, 20 * MBIT, 0};
+        for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+            shaper_set_rate(&n->shaper, rates[i]);
+            move(n, rates[i] > 0 ? n->seconds : 1);
+        }
+        const struct hg_bench_cpu now = hg_bench_cpu_now(n->daemon.pid);
+        json_array_append_new(daemon, json_integer((json_int_t)now.daemon_bytes));
+        json_array_append_new(workers, json_integer((json_int_t)now.workers_bytes));
+        n->count = 0; // samples are not needed
+    }
+    end(n);
+    return json_pack("{s:f, s:I, s:I, s:o, s:o}", "soak_s", soak_s, "frames",
+        (json_int_t)n->viewer.frames, "stale_frames", (json_int_t)n->viewer.stale,
+        "daemon_rss_bytes", daemon, "workers_rss_bytes", workers);
+}
+
+static json_t *run_phases(struct network *n)
+{
+    return json_pack("{s:o, s:o, s:o}", "trace", run_trace(n), "rtt_300_ms", run_long(n), "stalls",
+        run_stalls(n));
+}
+
 int main(int argc, char **argv)
 {
     static struct network n = {.seconds = 5};
+    double soak_s = 0;
     const char *file = NULL, *scene = "demo:";
     unsigned width = 1280, height = 720;
     struct hg_error err = {0};
@@ -201,6 +234,7 @@ int main(int argc, char **argv)
         file = strcmp(argv[i], "--json") == 0 ? argv[i + 1] : file;
         scene = strcmp(argv[i], "--scene") == 0 ? argv[i + 1] : scene;
         n.seconds = strcmp(argv[i], "--seconds") == 0 ? atof(argv[i + 1]) : n.seconds;
+        soak_s = strcmp(argv[i], "--soak") == 0 ? atof(argv[i + 1]) : soak_s;
         if (strcmp(argv[i], "--size") == 0 && sscanf(argv[i + 1], "%ux%u", &width, &height) != 2)
             return 2;
     }
@@ -214,8 +248,7 @@ int main(int argc, char **argv)
         .timeout_ns = WAIT_NS};
     if (hg_bench_daemon_start(&n.daemon, NULL, NULL, NULL, NULL, &err))
         fail(&err);
-    json_t *root = json_pack("{s:o, s:o, s:o}", "trace", run_trace(&n), "rtt_300_ms", run_long(&n),
-        "stalls", run_stalls(&n));
+    json_t *root = soak_s > 0 ? run_soak(&n, soak_s) : run_phases(&n);
     hg_bench_daemon_stop(&n.daemon);
     const int failed = file ? json_dump_file(root, file, JSON_INDENT(2))
                             : json_dumpf(root, stdout, JSON_INDENT(2));
