@@ -4,7 +4,7 @@
 
 #include "base/alloc.h"
 
-#if defined(__SANITIZE_ADDRESS__) // a chunk in a pool is nobody's
+#if defined(__SANITIZE_ADDRESS__) // chunks in a pool may not be read
 #include <sanitizer/asan_interface.h>
 #else
 #define ASAN_POISON_MEMORY_REGION(addr, size)   ((void)(addr))

@@ -209,7 +209,7 @@ void hg_session_upload(struct hg_session *s, struct hg_packet *packet, const str
 
 // ---- what the disk says -------------------------------------------------------------------------
 
-// The session of an upload, which is not one of those under way any more. NULL: nobody asks.
+// The session of an upload, whose slot is free then. NULL: it has ended.
 static struct hg_session *leave_slot(struct hg_session_table *table, struct hg_upload *upload)
 {
     const uint32_t number = hg_upload_session(upload);

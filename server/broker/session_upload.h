@@ -35,7 +35,7 @@ void hg_session_upload_failed(
     struct hg_session *session, const uint8_t hash[32], const struct hg_error *err);
 // Gives those up that have stopped.
 void hg_session_upload_check_times(struct hg_session *session, uint64_t now_ns);
-// Those that are committed go on, for nobody.
+// Those that are committed are stored all the same; no answer is sent.
 void hg_session_upload_abort_all(struct hg_session *session);
 // Those that are still arriving fail.
 void hg_session_upload_fail_all(struct hg_session *session, const struct hg_error *err);

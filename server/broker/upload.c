@@ -170,7 +170,7 @@ static void end_piece(struct hg_disk_job *job)
     u->progress_ns = hg_clock_now_ns();
     if (news->written)
         news->written(news->user, piece->data.size);
-    if (piece->status && !u->ends) { // else it is told at the end, or nobody asks any more
+    if (piece->status && !u->ends) { // else it is told at the end, or its session has ended
         const struct hg_error err = u->disk.err;
         if (news->failed)
             news->failed(news->user, u, piece->data.request, &err);

@@ -33,12 +33,12 @@ uint64_t hg_upload_progress_ns(const struct hg_upload *upload);
 enum hg_status hg_upload_append(struct hg_upload *upload, const struct hg_upload_piece *piece,
     struct hg_error *err) HG_MUST_CHECK;
 // All bytes came: once they are written the hash is verified and the content taken into the store,
-// which is told as `ended` (HG_E_HASH, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM). `synced`: the files for
+// which `ended` reports (HG_E_HASH, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM). `synced`: the files for
 // hg_upload_take_files are kept open. HG_E_NOMEM: it was aborted, and nothing will be told.
 enum hg_status hg_upload_commit(
     struct hg_upload *upload, uint32_t request, bool synced, struct hg_error *err) HG_MUST_CHECK;
 bool hg_upload_is_committed(const struct hg_upload *upload); // and has not ended
-// Whom it is of, for hg_upload_news; 0: nobody any more.
+// The number of its session, for hg_upload_news; 0: that has ended.
 void hg_upload_set_session(struct hg_upload *upload, uint32_t session);
 uint32_t hg_upload_session(const struct hg_upload *upload);
 uint32_t hg_upload_request(const struct hg_upload *upload); // that it was committed with

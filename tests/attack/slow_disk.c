@@ -67,6 +67,13 @@ static uint32_t send_held(struct daemon *d, struct peer *p, const struct hgp_upl
     return request;
 }
 
+static uint32_t begin_held(struct daemon *d, struct peer *p, const struct hgp_upload *content)
+{
+    begin(d);
+    peer_enter(p, d, "edit-token-1");
+    return send_held(d, p, content);
+}
+
 static void release(struct daemon *d)
 {
     remove_file(d, "hold");
@@ -249,9 +256,7 @@ static void a_shutdown_waits_for_it(void **state)
     struct daemon d;
     struct peer p;
     const struct hgp_upload content = content_of("content", 7);
-    begin(&d);
-    peer_enter(&p, &d, "edit-token-1");
-    const uint32_t request = send_held(&d, &p, &content);
+    const uint32_t request = begin_held(&d, &p, &content);
     daemon_signal(&d, SIGTERM);
     daemon_wait_log(&d, "draining");
     ping(&p);
@@ -272,9 +277,7 @@ static void a_takeover_waits_for_it(void **state)
     struct daemon d;
     struct peer p;
     const struct hgp_upload content = content_of("content", 7);
-    begin(&d);
-    peer_enter(&p, &d, "edit-token-1");
-    const uint32_t request = send_held(&d, &p, &content);
+    const uint32_t request = begin_held(&d, &p, &content);
     daemon_signal(&d, SIGUSR2);
     daemon_wait_log(&d, "as soon as nothing is under way");
     release(&d);

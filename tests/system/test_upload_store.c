@@ -312,7 +312,7 @@ static void the_disk_may_be_late(void **state)
     assert_int_equal(hg_upload_owner_usage(bert).files + hg_upload_owner_usage(bert).bytes, 0);
     assert_int_equal(stat(path_of(name), &st), -1);
     hg_upload_store_destroy(store);
-    // No link was left behind, which would be somebody's content in a later run.
+    // No link was left behind, by which a later run would take it for a content of that owner.
     assert_int_equal(hg_upload_store_create(path_of("late"), 1 << 20, &store, &err), HG_OK);
     assert_false(hg_upload_store_has(store, NULL, hash));
     assert_int_equal(hg_upload_owner_usage(owner_of(store, 2)).files, 0);

@@ -326,16 +326,24 @@ static void test_places_keep_their_colours(void **state)
     end(&s);
 }
 
+// A picture that was sent, with loss, in `full` bytes, and another with the same pixels.
+static struct hg_refbuf *begin_edit(struct stage *s, size_t *full)
+{
+    begin(s, 1280, 720);
+    send(s, true);
+    *full = s->out.data.size;
+    struct hg_refbuf *next = hg_refbuf_create(s->request.pixels->size);
+    memcpy(next->data, s->request.pixels->data, next->size);
+    return next;
+}
+
 // An edit of one object against full pictures.
 static void test_an_edit_costs_a_tenth(void **state)
 {
     (void)state;
     struct stage s;
-    begin(&s, 1280, 720);
-    send(&s, true);
-    const size_t full = s.out.data.size;
-    struct hg_refbuf *next = hg_refbuf_create(s.request.pixels->size);
-    memcpy(next->data, s.request.pixels->data, next->size);
+    size_t full;
+    struct hg_refbuf *next = begin_edit(&s, &full);
     for (uint32_t y = 300; y < 400; y++)
         for (uint32_t x = 600; x < 760; x++)
             next->data[4 * (y * 1280 + x)] ^= 64;
@@ -351,11 +359,8 @@ static void test_small_places_are_cheap(void **state)
 {
     (void)state;
     struct stage s;
-    begin(&s, 1280, 720);
-    send(&s, true);
-    const size_t full = s.out.data.size;
-    struct hg_refbuf *next = hg_refbuf_create(s.request.pixels->size);
-    memcpy(next->data, s.request.pixels->data, next->size);
+    size_t full;
+    struct hg_refbuf *next = begin_edit(&s, &full);
     for (uint32_t i = 0; i < 30; i++)
         next->data[4 * (size_t)(24 * i * 1280 + 40 * i)] ^= 64;
     take(&s, next);
