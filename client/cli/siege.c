@@ -11,8 +11,10 @@
 
 enum { WAIT_NS = 10000000, HONEST_SIDE = 64, FIRST_ROUNDS = 3, TURNS_MAX = 100 };
 #define START_NS  60000000000u
-#define FRAMES_NS 10000000u // between frames and
-#define PINGS_NS  500000u   // between pings of the honest client
+// Of the honest client: its frames begin in equal intervals, so that it wants as many beside
+// attackers, which are granted less than those that behave; and what is between its pings.
+#define FRAMES_NS 40000000u
+#define PINGS_NS  500000u
 static const char tokens[] = "honest-token-1 edit honest\nother-token-1 edit other\n";
 
 // Of the honest client beside others that behave, those of even and of odd turns, or attack; of a
@@ -146,7 +148,7 @@ static enum hg_status measure(
         return status;
     struct hg_siege_client *frames = add_client(s, &count, "honest-token-1");
     frames->round = hg_siege_frame;
-    frames->pause_ns = FRAMES_NS;
+    frames->interval_ns = FRAMES_NS;
     frames->times = &s->frames[beside];
     struct hg_siege_client *pings = add_client(s, &count, "honest-token-1");
     pings->round = hg_siege_ping;
