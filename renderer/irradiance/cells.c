@@ -8,14 +8,13 @@
 #include "base/hash.h"
 #include "renderer/math/vec.h"
 
-#define SLOTS         8      // that a key may be in
-#define MOST_SAMPLES  256.0f // older ones fade
-#define OLD_SAMPLES   4.0f   // that those of another light count as
-#define FIRST_SAMPLES 16.0f  // that those of another cell count as in a new one
-#define LARGER        2      // levels from a cell to that which stands in for it,
-#define YOUNG         64.0f  // until it has so many samples,
-#define STANDS_IN     16.0f  // as many as this at first
-#define UNUSED        64     // pictures after which a cell may make room
+#define SLOTS          8      // that a key may be in
+#define MOST_SAMPLES   128.0f // older ones fade
+#define OLD_SAMPLES    4.0f   // that those of another light count as
+#define FIRST_SAMPLES  64.0f  // that those of another cell count as in a new one
+#define LARGER         2      // levels from a cell to that which counts beside it in lookups,
+#define LARGER_SAMPLES 32.0f  // at most as so many samples
+#define UNUSED         64     // pictures after which a cell may make room
 
 #define AXIS_BITS   3
 #define LEVEL_BITS  5
@@ -112,6 +111,15 @@ static uint64_t key_at(
     for (int a = 0; a < 3; a++)
         at[a] = cube_of(p->position[a] * scale);
     return key_of_cube(cells, p, at, level);
+}
+
+uint64_t hg_irradiance_key(
+    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point, int larger)
+{
+    struct hg_irradiance_point p = *point;
+    const int level = point->level + larger;
+    p.eye = NULL;
+    return key_at(cells, &p, level < HG_IRRADIANCE_LEVELS ? level : HG_IRRADIANCE_LEVELS - 1);
 }
 
 static uint32_t first_slot(uint64_t key)
@@ -214,8 +222,10 @@ static uint32_t ask(struct hg_irradiance_cells *cells, const struct hg_irradianc
         return slot;
     struct hg_irradiance_cell *c = &cells->cells[slot];
     c->used = cells->picture;
-    if (c->light != cells->light)
+    if (c->light != cells->light) {
         fade(&c->sums, OLD_SAMPLES);
+        c->rays = 0;
+    }
     c->light = cells->light;
     return slot;
 }
@@ -288,18 +298,14 @@ static void find_corners(const struct hg_irradiance_cells *cells,
     }
 }
 
-// A cell, and while it is young what is around it.
+// A cell, and what is around it, which is less noise and says more where a cell is new.
 static void add_corner(const struct hg_irradiance_cells *cells, const uint32_t slots[2],
     float weight, struct hg_irradiance_sums *out)
 {
-    float known = 0;
-    if (slots[0] != HG_IRRADIANCE_NONE) {
+    if (slots[0] != HG_IRRADIANCE_NONE)
         add_sums(cells, slots[0], (const float[2]){weight, MOST_SAMPLES}, out);
-        known = cells->cells[slots[0]].sums.samples;
-    }
-    const float most = STANDS_IN * (1 - known * (1 / YOUNG));
-    if (known < YOUNG && slots[1] != HG_IRRADIANCE_NONE)
-        add_sums(cells, slots[1], (const float[2]){weight, most}, out);
+    if (slots[1] != HG_IRRADIANCE_NONE)
+        add_sums(cells, slots[1], (const float[2]){weight, LARGER_SAMPLES}, out);
 }
 
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,

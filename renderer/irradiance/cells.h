@@ -6,8 +6,8 @@
 // powers of two the farther from the eye they were asked for (level). What surfaces scatter evenly
 // is the same from all sides; what rough ones mirror has cells of its own, by where the eye is. A
 // new cell begins with what the cell twice as large, or half as large, has at that point, or with
-// what was seen there from another side. What comes is kept by a cell four times as large, too: it
-// stands in for what smaller ones do not know yet. Where the table is full the cell that was not
+// what was seen there from another side. What comes is kept by a cell four times as large, too:
+// lookups take both, as that has less noise. Where the table is full the cell that was not
 // asked for longest makes room.
 // Sources: Ward et al. 1988, "A Ray Tracing Solution for Diffuse Interreflection" (irradiance
 // caching); Binder et al. 2019, "Massively Parallel Path Space Filtering" (cells by hashing).
@@ -34,7 +34,7 @@ struct hg_irradiance_sums {
 struct hg_irradiance_cell {
     uint64_t key; // 0: empty
     struct hg_irradiance_sums sums;
-    uint32_t rays;  // sent since it was made: places in its own sequence
+    uint32_t rays;  // sent in the present light: places in its own sequence
     uint32_t used;  // picture that asked for it last
     uint32_t light; // number of the light that its samples are of
 };
@@ -61,6 +61,10 @@ struct hg_irradiance_point {
 };
 // The level whose cubes have about this side.
 int hg_irradiance_level(const struct hg_irradiance_cells *cells, float metres);
+
+// The key of the cube so many levels larger that it lies in, of diffuse light. Never 0.
+uint64_t hg_irradiance_key(
+    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point, int larger);
 
 struct hg_irradiance_place {
     uint32_t cell, larger; // HG_IRRADIANCE_NONE: there is no room

@@ -4,7 +4,8 @@
 #include "base/hash.h"
 #include "renderer/math/sequence.h"
 
-#define LOBES (1 / 3.0f) // share of a rough surface's rays that go by its lobe
+#define LOBES  (1 / 3.0f) // share of a rough surface's rays that go by its lobe,
+#define GUIDED 0.5f       // and of all others that go where light came from
 
 void hg_irradiance_surface_at(const struct hg_gi_texels *texels, const uint32_t at[2],
     const uint32_t light[4], const uint32_t mirror[2], struct hg_irradiance_surface *out)
@@ -46,26 +47,27 @@ static void over_cosine(const float normal[3], const float xi[3], float out[3])
 }
 
 void hg_irradiance_choose(struct hg_irradiance_cell *cell, const struct hg_irradiance_surface *s,
-    struct hg_irradiance_direction *out)
+    const struct hg_irradiance_distribution *guided, struct hg_irradiance_direction *out)
 {
+    const float lobe = s->rough ? LOBES : 0, guide = guided ? GUIDED * (1 - lobe) : 0;
+    float density = 0, value = 0;
     next_point(cell, out->xi);
-    out->diffuse = 1;
-    out->mirrored = 0;
-    if (!s->rough) {
-        over_cosine(s->normal, out->xi, out->way);
-        return;
-    }
-    if (out->xi[2] < LOBES) {
+    if (out->xi[2] < lobe) {
         const struct hg_lobe_sample l =
             hg_lobe_take(s->roughness, s->f0, s->mirror, s->view, out->xi);
         hg_copy3(l.direction, out->way);
+    } else if (out->xi[2] < lobe + guide) {
+        hg_irradiance_distribution_take(guided, out->xi, out->way);
     } else {
         over_cosine(s->normal, out->xi, out->way);
     }
-    float density;
-    const float value = hg_lobe_value(s->roughness, s->f0, s->mirror, s->view, out->way, &density);
+    if (s->rough)
+        value = hg_lobe_value(s->roughness, s->f0, s->mirror, s->view, out->way, &density);
     const float cosine = fmaxf(hg_dot3(out->way, s->normal), 0) * (1 / (float)HG_PI);
-    const float scale = 1 / fmaxf(LOBES * density + (1 - LOBES) * cosine, 1e-12f);
+    float all = lobe * density + (1 - lobe - guide) * cosine;
+    if (guided)
+        all += guide * hg_irradiance_distribution_density(guided, out->way);
+    const float scale = 1 / fmaxf(all, 1e-12f);
     out->diffuse = cosine * scale;
     out->mirrored = value * scale;
 }

@@ -1,10 +1,10 @@
 // directions.h - which way the ray of a texel goes, and what it counts for.
 // Floor 2, private to renderer/irradiance. Pure; any thread.
 //
-// Smooth surfaces send over the cosine. Rough ones mirror what is around them as well, so theirs go
-// by the cosine or, one in three, by the specular lobe, and count for both by the density of
-// the two together (one-sample model: Veach and Guibas 1995, "Optimally Combining Sampling
-// Techniques for Monte Carlo Rendering").
+// Rays go over the cosine or to where light came from so far (guide.h), each half of the time.
+// Rough surfaces mirror what is around them as well, so one in three of theirs goes by the specular
+// lobe. All count for both by the density of these ways together (one-sample model: Veach and
+// Guibas 1995, "Optimally Combining Sampling Techniques for Monte Carlo Rendering").
 #ifndef HG_RENDERER_IRRADIANCE_DIRECTIONS_H
 #define HG_RENDERER_IRRADIANCE_DIRECTIONS_H
 
@@ -13,6 +13,7 @@
 #include "renderer/gi/lobe.h"
 #include "renderer/gi/texels.h"
 #include "renderer/irradiance/cells.h"
+#include "renderer/irradiance/guide.h"
 
 struct hg_irradiance_surface { // of a texel
     float normal[3], facet[3]; // interpolated; of the triangle
@@ -36,8 +37,8 @@ struct hg_irradiance_direction {
     float diffuse, mirrored; // weights of what comes from there
     float xi[3];             // in [0, 1), that it was chosen by
 };
-// The next one of a cell's sequence.
+// The next one of a cell's sequence. guided: NULL where nothing is known of where light comes from.
 void hg_irradiance_choose(struct hg_irradiance_cell *cell, const struct hg_irradiance_surface *s,
-    struct hg_irradiance_direction *out);
+    const struct hg_irradiance_distribution *guided, struct hg_irradiance_direction *out);
 
 #endif

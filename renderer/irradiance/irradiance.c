@@ -13,15 +13,16 @@
 #include "renderer/irradiance/directions.h"
 #include "renderer/math/sequence.h"
 
-#define MOST_RAYS  8192u
+#define MOST_RAYS  16384u
 #define MOST_EACH  4u                    // rays of a texel in one picture
 #define TURN_BITS  3                     // of places along a side that have turns of their own
 #define MOST_TURNS (1u << 2 * TURN_BITS) // pictures in which each texel sends once, at most
 #define ACROSS     20.0f                 // cells that the height of a picture is, at any distance
 #define FINEST     0.005f                // metres of the smallest cells
 #define BELIEVED   2.0f                  // samples that count as much as that probe light is right
-#define ENOUGH     128.0f                // samples of a cell from which on it is asked less often,
+#define ENOUGH     1024u                 // rays of a cell from which on it is asked less often,
 #define SELDOM     8u                    // in one of so many turns
+#define WIDER      2                     // levels from a cell to the cube that has a guide
 #define GREY       0.02f // of the brightest channel, that a dark one is taken to have
 #define MOST_RATIO 16.0f
 #define FAR        1e6f  // metres to where orthographic cameras see lobes from
@@ -30,6 +31,7 @@
 struct sample {
     struct hg_irradiance_place diffuse, lobe; // lobe.cell HG_IRRADIANCE_NONE: mirrors otherwise
     struct hg_irradiance_direction direction;
+    struct hg_irradiance_guide *guide; // NULL: no room
     float position[3];
     float without[3]; // probe light
     float brought[3]; // radiance
@@ -41,6 +43,7 @@ struct hg_irradiance {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     struct hg_irradiance_cells cells;
+    struct hg_irradiance_guides guides;
     double origin[3];
     uint64_t light;
     uint32_t doublings;
@@ -88,7 +91,7 @@ uint64_t hg_irradiance_bytes(void)
     const uint64_t ray = 2 * sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
                          sizeof(struct sample) + 2 * sizeof(uint32_t);
     return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + HG_IRRADIANCE_KEY_BYTES +
-           MOST_RAYS * (patch + ray);
+           hg_irradiance_guides_bytes() + MOST_RAYS * (patch + ray);
 }
 
 enum hg_status hg_irradiance_create(
@@ -103,6 +106,8 @@ enum hg_status hg_irradiance_create(
     r->samples = hg_calloc(MOST_RAYS, sizeof *r->samples);
     r->met = hg_calloc(MOST_RAYS, sizeof *r->met);
     enum hg_status status = hg_irradiance_cells_init(&r->cells, FINEST);
+    if (status == HG_OK)
+        status = hg_irradiance_guides_init(&r->guides);
     if (!r->samples || !r->met || status != HG_OK)
         status = hg_error_set(err, HG_E_NOMEM, "irradiance", NULL, "out of host memory");
     if (status == HG_OK)
@@ -125,6 +130,7 @@ void hg_irradiance_destroy(struct hg_irradiance *r)
         hg_gpu_buffer_destroy(r->gpu, buffers[i]);
     hg_gi_patches_finish(&r->patches, r->gpu);
     hg_irradiance_cells_finish(&r->cells);
+    hg_irradiance_guides_finish(&r->guides);
     hg_free(r->samples);
     hg_free(r->met);
     hg_free(r);
@@ -184,6 +190,17 @@ static void surface_at(
     out->rough &= w->p->lobes;
 }
 
+// guide: the key of its cube.
+static void choose_direction(struct hg_irradiance *r, struct sample *s,
+    const struct hg_irradiance_surface *on, uint64_t guide)
+{
+    struct hg_irradiance_distribution d;
+    s->guide = hg_irradiance_guide_ask(&r->guides, guide, r->cells.picture, r->cells.light);
+    const bool guided =
+        s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on->normal, &d);
+    hg_irradiance_choose(&r->cells.cells[s->diffuse.cell], on, guided ? &d : NULL, &s->direction);
+}
+
 // Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it
 // is in path mode.
 static void send(const struct work *w, const uint32_t at[2],
@@ -201,7 +218,7 @@ static void send(const struct work *w, const uint32_t at[2],
         (void)hg_irradiance_ask(&r->cells, &seen, &s->lobe);
     hg_mad3(point->position, on.facet, LIFT * depth, s->position);
     hg_gi_rgb9e5_read(w->p->looked_up[4 * texel], s->without);
-    hg_irradiance_choose(&r->cells.cells[place->cell], &on, &s->direction);
+    choose_direction(r, s, &on, hg_irradiance_key(&r->cells, point, WIDER));
     s->lost = hg_dot3(s->direction.way, on.facet) < 0;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)r->rays.mapped + r->count;
     *ray = ray_of(s, s->direction.way);
@@ -224,7 +241,7 @@ static void choose_texel(const struct work *w, const uint32_t at[2], uint32_t tu
     struct hg_irradiance_place place;
     if (!hg_irradiance_ask(&r->cells, &point, &place))
         return;
-    const bool enough = r->cells.cells[place.cell].sums.samples >= ENOUGH;
+    const bool enough = r->cells.cells[place.cell].rays >= ENOUGH;
     if (!enough || (rank / turns + r->cells.picture / turns) % SELDOM == 0)
         send(w, at, &place, &point, depth);
 }
@@ -312,9 +329,12 @@ static void add(const struct work *w)
     for (uint32_t k = 0; k < r->patches.count; k++)
         hg_copy3(r->patches.radiance[k], r->samples[r->met[k]].brought);
     for (uint32_t i = 0; i < r->count; i++) {
-        add_diffuse(w, &r->samples[i], peaks && !hidden[i]);
-        if (r->samples[i].lobe.cell != HG_IRRADIANCE_NONE)
-            add_lobe(w, &r->samples[i]);
+        const struct sample *s = &r->samples[i];
+        if (s->guide && !s->lost)
+            hg_irradiance_guide_add(s->guide, s->direction.way, hg_luminance(s->brought));
+        add_diffuse(w, s, peaks && !hidden[i]);
+        if (s->lobe.cell != HG_IRRADIANCE_NONE)
+            add_lobe(w, s);
     }
 }
 
@@ -403,8 +423,10 @@ static void apply_row(void *user, size_t y)
 
 static void sync(struct hg_irradiance *r, const struct hg_irradiance_picture *p)
 {
-    if (memcmp(r->origin, p->origin, sizeof r->origin) != 0)
+    if (memcmp(r->origin, p->origin, sizeof r->origin) != 0) {
         hg_irradiance_cells_clear(&r->cells);
+        hg_irradiance_guides_clear(&r->guides);
+    }
     memcpy(r->origin, p->origin, sizeof r->origin);
     // Views that have the field of rest have seen no updates.
     const bool is_new = p->light != r->light;

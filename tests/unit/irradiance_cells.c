@@ -96,16 +96,22 @@ static void test_between(void **state)
     (void)state;
     const struct hg_irradiance_point a = at(0.5f, 0.5f, 0.5f, 2), b = at(1.5f, 0.5f, 0.5f, 2);
     const struct hg_irradiance_point nothing = at(5, 5, 5, 2);
+    struct hg_irradiance_place place;
     fill(&a, 1, 100);
     fill(&b, 3, 100);
-    for (int i = 0; i <= 4; i++) { // linear from one middle to the other
+    assert_true(hg_irradiance_ask(&cells, &a, &place));
+    const struct hg_irradiance_sums *both = &cells.cells[place.larger].sums;
+    const float around = both->gathered[0] / both->samples, counts = look(&a).samples - 100;
+    assert_true(around > 1 && around < 3 && counts > 0 && counts < 100);
+    for (int i = 0; i <= 4; i++) { // linear from one middle to the other, beside what is around
         const float f = (float)i / 4;
         const struct hg_irradiance_point p = at(0.5f + f, 0.5f, 0.5f, 2);
         const struct hg_irradiance_sums s = look(&p);
-        assert_float_equal(s.samples, 100, 1e-2);
-        assert_float_equal(s.gathered[0], 100 * (1 + 2 * f), 1e-2);
-        assert_float_equal(s.gathered[2], 300 * (1 + 2 * f), 1e-2);
-        assert_float_equal(s.without[1], 100 * (1 + 2 * f), 1e-2);
+        const float want = 100 * (1 + 2 * f) + counts * around;
+        assert_float_equal(s.samples, 100 + counts, 1e-2);
+        assert_float_equal(s.gathered[0], want, 1e-2);
+        assert_float_equal(s.gathered[2], 3 * want, 3e-2);
+        assert_float_equal(s.without[1], want, 1e-2);
     }
     assert_true(look(&nothing).samples == 0);
     // One after the other along a line, with what the one before has found.
@@ -130,7 +136,7 @@ static void test_new_cells(void **state)
     fill(&large, 2, 100);
     const uint32_t cell = ask(&small);
     const struct hg_irradiance_sums *s = &cells.cells[cell].sums;
-    assert_true(s->samples > 0 && s->samples < 50);
+    assert_true(s->samples > 0 && s->samples < 100);
     assert_float_equal(s->gathered[0] / s->samples, 2, 1e-5);
     const uint32_t next = ask(&smallest);
     assert_float_equal(
@@ -151,7 +157,7 @@ static void test_another_light(void **state)
     const float before = look(&p).samples;
     cells.light++;
     const struct hg_irradiance_sums outdated = look(&p);
-    assert_true(before > 150 && outdated.samples < 10);
+    assert_true(before > 150 && outdated.samples < 10); // 4 of either cell
     assert_float_equal(outdated.gathered[0] / outdated.samples, 1, 1e-5);
     fill(&p, 3, 30);
     const struct hg_irradiance_sums after = look(&p);
@@ -159,20 +165,20 @@ static void test_another_light(void **state)
     hg_irradiance_cells_clear(&cells);
 }
 
-// What is around a place stands in for what its own cell does not know yet.
-static void test_young(void **state)
+// What is around a place counts beside its own cell, and alone where there is none.
+static void test_larger(void **state)
 {
     (void)state;
     const struct hg_irradiance_point known = at(0.1f, 0.1f, 0.1f, 0),
                                      other = at(0.8f, 0.1f, 0.8f, 0), far = at(9, 0.1f, 9, 0);
     fill(&known, 2, 100);
     const struct hg_irradiance_sums s = look(&other);
-    assert_true(s.samples > 0 && s.samples < 20);
+    assert_true(s.samples > 0 && s.samples < 100);
     assert_float_equal(s.gathered[0] / s.samples, 2, 1e-4);
     assert_true(look(&far).samples == 0);
     fill(&other, 6, 200);
     const struct hg_irradiance_sums own = look(&other);
-    assert_true(own.gathered[0] / own.samples > 5);
+    assert_true(own.samples > s.samples && own.gathered[0] / own.samples > 5);
     hg_irradiance_cells_clear(&cells);
 }
 
@@ -197,9 +203,9 @@ static void test_views(void **state)
     assert_int_not_equal(opposite, ask(&diffuse));
     // It begins with what was seen from the first side, as few samples.
     const struct hg_irradiance_sums *s = &cells.cells[opposite].sums;
-    assert_true(s->samples > 0 && s->samples < 50);
+    assert_true(s->samples > 0 && s->samples < 100);
     assert_float_equal(s->gathered[0] / s->samples, 5, 1e-4);
-    fill(&seen[2], 9, 200);
+    fill(&seen[2], 9, 600);
     const struct hg_irradiance_sums a = look(&seen[0]), b = look(&seen[2]), c = look(&diffuse);
     assert_float_equal(a.gathered[0] / a.samples, 5, 1e-4);
     assert_true(b.gathered[0] / b.samples > 8.5f);
@@ -259,7 +265,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels),
         cmocka_unit_test(test_who_shares), cmocka_unit_test(test_between),
         cmocka_unit_test(test_new_cells), cmocka_unit_test(test_another_light),
-        cmocka_unit_test(test_young), cmocka_unit_test(test_views), cmocka_unit_test(test_follows),
+        cmocka_unit_test(test_larger), cmocka_unit_test(test_views), cmocka_unit_test(test_follows),
         cmocka_unit_test(test_full), cmocka_unit_test(test_far)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
