@@ -1,6 +1,7 @@
 // cells.c - see cells.h.
 #include "renderer/irradiance/cells.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -18,11 +19,14 @@
 
 #define AXIS_BITS   3
 #define LEVEL_BITS  5
-#define VIEW_BITS   5
-#define VIEWS       24u
-#define PLACE_BITS  17 // of each coordinate; farther away they repeat
+#define VIEW_BITS   7
+#define ACROSS_FACE 4u // views along a side of a cube's face
+#define OF_FACE     (ACROSS_FACE * ACROSS_FACE)
+#define VIEWS       (6 * OF_FACE)
+#define PLACE_BITS  16 // of each coordinate; farther away they repeat
 #define VIEW_SHIFT  (AXIS_BITS + LEVEL_BITS)
 #define PLACE_SHIFT (VIEW_SHIFT + VIEW_BITS)
+#define VIEW_MASK   ((UINT64_C(1) << VIEW_BITS) - 1)
 
 // --- life ----------------------------------------------------------------------------------------
 
@@ -66,8 +70,14 @@ static uint32_t axis_of(const float n[3])
     return 2 * axis + (n[axis] < 0);
 }
 
-// From the middle of a cube to the eye: 1 .. VIEWS, four to each of six axes; 0: diffuse light. It
-// is the same all over a cube, so that lookups between cubes blend from one to the next.
+// Which part of a face, from the coordinate along it over that of its axis.
+static uint32_t part_of_face(float slope)
+{
+    return (uint32_t)hg_clampf((slope + 1) * (0.5f * ACROSS_FACE), 0, ACROSS_FACE - 1);
+}
+
+// From the middle of a cube to the eye: 1 .. VIEWS, OF_FACE to each of six axes; 0: diffuse light.
+// It is the same all over a cube, so that lookups between cubes blend from one to the next.
 static uint32_t view_of(
     const struct hg_irradiance_cells *cells, const int32_t at[3], int level, const float *eye)
 {
@@ -78,7 +88,9 @@ static uint32_t view_of(
     for (int a = 0; a < 3; a++)
         to[a] = eye[a] - ((float)at[a] + 0.5f) * side;
     const uint32_t axis = axis_of(to), u = (axis / 2 + 1) % 3, v = (axis / 2 + 2) % 3;
-    return 1 + 4 * axis + (to[u] < 0) + 2 * (to[v] < 0);
+    const float scale = 1 / fmaxf(fabsf(to[axis / 2]), FLT_MIN);
+    return 1 + OF_FACE * axis + part_of_face(to[u] * scale) +
+           ACROSS_FACE * part_of_face(to[v] * scale);
 }
 
 static uint64_t key_of(const int32_t at[3], int level, uint32_t axis, uint32_t view)
@@ -163,13 +175,14 @@ static uint32_t make_room(const struct hg_irradiance_cells *cells, uint64_t key)
     return cells->picture - cells->cells[oldest].used > UNUSED ? oldest : HG_IRRADIANCE_NONE;
 }
 
-// That was asked for last of the cells of the same cube for other views.
-static uint32_t find_other_view(const struct hg_irradiance_cells *cells, uint64_t key)
+// That was asked for last of the cells of the same cube for other views from `first` on.
+static uint32_t find_newest_view(
+    const struct hg_irradiance_cells *cells, uint64_t key, uint32_t first, uint32_t count)
 {
-    const uint64_t mask = ((UINT64_C(1) << VIEW_BITS) - 1) << VIEW_SHIFT;
+    const uint64_t none = key & ~(VIEW_MASK << VIEW_SHIFT);
     uint32_t newest = HG_IRRADIANCE_NONE;
-    for (uint64_t view = 1; view <= VIEWS && (key & mask) != 0; view++) {
-        const uint64_t other = (key & ~mask) | view << VIEW_SHIFT;
+    for (uint64_t view = first; view < first + count; view++) {
+        const uint64_t other = none | view << VIEW_SHIFT;
         const uint32_t slot = other != key ? find(cells, other) : HG_IRRADIANCE_NONE;
         if (slot == HG_IRRADIANCE_NONE)
             continue;
@@ -178,6 +191,17 @@ static uint32_t find_other_view(const struct hg_irradiance_cells *cells, uint64_
             newest = slot;
     }
     return newest;
+}
+
+// From the same face of the cube if there is one.
+static uint32_t find_other_view(const struct hg_irradiance_cells *cells, uint64_t key)
+{
+    const uint32_t view = (uint32_t)(key >> VIEW_SHIFT & VIEW_MASK);
+    if (view == 0)
+        return HG_IRRADIANCE_NONE;
+    const uint32_t face = 1 + (view - 1) / OF_FACE * OF_FACE;
+    const uint32_t slot = find_newest_view(cells, key, face, OF_FACE);
+    return slot != HG_IRRADIANCE_NONE ? slot : find_newest_view(cells, key, 1, VIEWS);
 }
 
 // What knows most of a new cell: another view, a larger cell, which knows more about the

@@ -198,6 +198,10 @@ static void test_views(void **state)
     assert_true(look(&seen[0]).samples == 0);
     fill(&seen[0], 5, 100);
     assert_int_equal(ask(&seen[0]), ask(&seen[1]));
+    const float low[3] = {4, 1.2f, 0.5f}; // on the same side, but 25 degrees lower
+    struct hg_irradiance_point lower = diffuse;
+    lower.eye = low;
+    assert_int_not_equal(ask(&lower), ask(&seen[0]));
     const uint32_t opposite = ask(&seen[2]);
     assert_int_not_equal(opposite, ask(&seen[0]));
     assert_int_not_equal(opposite, ask(&diffuse));
