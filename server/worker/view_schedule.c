@@ -226,8 +226,9 @@ static void work(
     hg_view_set_formats(view->view, hg_output_formats(s, view));
     set_budget(s, session, view);
     hg_view_set_slice(view->view, may_be_cut(s, view) ? SHARED_STEP_NS : 0);
-    if (wants_step(session, view))
-        status = step(session, view, hg_rate_samples(view, step_ns), &err);
+    const bool moves = hg_view_slot_is_watched(view) && purpose_of(session, view) == MOVES;
+    if (wants_step(session, view)) // one sample alone is a picture in motion
+        status = step(session, view, moves ? 1 : hg_rate_samples(view, step_ns), &err);
     if (status == HG_E_DEVICE_LOST) {
         // Only a new process gets a clean device; the broker replays the journal into it.
         hg_worker_lose_device(s->w, &err);

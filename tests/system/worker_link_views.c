@@ -117,6 +117,29 @@ static void test_a_subscription_keeps_to_its_credit_and_ends_settled(void **stat
     assert_memory_not_equal(rig->message.frame.hash, settled_hash, sizeof settled_hash);
 }
 
+// Whatever a sample takes: more of them would be no picture in motion, and late.
+static void test_a_camera_that_moves_gets_pictures_of_one_sample(void **state)
+{
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    link_expect(rig,
+        link_ask(
+            rig, 1, HGP_T_subscribe, &(struct hgp_subscribe){.view = VIEW, .credit_frames = 200}),
+        HGP_T_ok);
+    take_until_settled(rig, rig->message.ok.revision);
+    for (uint32_t i = 1; i <= 5; i++) {
+        const struct hgp_view_camera camera = {
+            .view = VIEW, .input_seq = 41 + i, .has_eye = true, .eye = {0.01f * (float)i, 0, 4}};
+        link_ask(rig, 1, HGP_T_view_camera, &camera);
+        const struct hgp_frame *frame;
+        do
+            assert_non_null(frame = next_subscribed(rig, 100));
+        while (frame->input_seq != 41 + i);
+        assert_int_equal(frame->samples, 1);
+    }
+}
+
 static void test_picks_and_a_view_closed_while_frames_wait(void **state)
 {
     struct rig *rig = *state;
@@ -413,6 +436,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_teardown(name, link_detach)
     const struct CMUnitTest tests[] = {
         TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
+        TEST(test_a_camera_that_moves_gets_pictures_of_one_sample),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
         TEST(test_picks_within_a_batch),
         TEST(test_a_batch_left_open),
