@@ -7,6 +7,7 @@
 #include "base/spill.h"
 #include "renderer/frame/gi_view.h"
 #include "renderer/frame/meter.h"
+#include "renderer/frame/view_bytes.h"
 #include "renderer/internal.h"
 #include "renderer/pathtrace/path.h"
 
@@ -175,9 +176,10 @@ static void put_light(struct hg_writer *w, const struct hg_view_state *s)
     hg_lighting_stats(s->lighting, &l);
     hg_json_put(w,
         ",\"light\":{\"lights\":%u,\"shadowed\":%u,\"unshadowed\":%u,\"shadow_maps\":%u,"
-        "\"shadow_maps_drawn\":%u,\"shadow_maps_unseen\":%u,\"clusters\":%u,",
+        "\"shadow_maps_drawn\":%u,\"shadow_maps_unseen\":%u,\"clusters\":%u,"
+        "\"atlas_bytes\":%llu,",
         l.lights, l.shadowed_lights, l.unshadowed_lights, l.shadow_maps, s->stats.stale_shadows,
-        l.shadow_maps_unseen, l.clusters);
+        l.shadow_maps_unseen, l.clusters, (unsigned long long)l.atlas_bytes);
     const struct hg_shadow_page_stats *p = &l.pages;
     hg_json_put(w,
         "\"shadow_pages\":{\"room\":%u,\"held\":%u,\"asked\":%u,\"hits\":%u,\"drawn\":%u,"
@@ -319,6 +321,14 @@ static void put_motion(struct hg_writer *w, const struct hg_view_state *s)
         (unsigned long long)(history != NULL ? hg_temporal_bytes(history) : 0));
 }
 
+static void put_targets(struct hg_writer *w, const struct hg_view_state *s)
+{
+    struct hg_view_bytes b;
+    hg_view_bytes_get(s, &b);
+    hg_json_put(w, ",\"targets\":{\"bytes\":%llu,\"motion_bytes\":%llu}",
+        (unsigned long long)(b.still + b.motion), (unsigned long long)b.motion);
+}
+
 static void put_passes(struct hg_writer *w, const struct hg_view_state *s)
 {
     hg_json_put(w, ",\"passes\":[");
@@ -409,6 +419,7 @@ enum hg_status hg_renderer_stats_json(
         put_glass(&w, &view->state);
         put_trace(&w, &view->state);
         put_motion(&w, &view->state);
+        put_targets(&w, &view->state);
         put_passes(&w, &view->state);
     }
     hg_json_put(&w, "}");

@@ -606,5 +606,6 @@ void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *ou
                         l->shadows.memory.size_bytes + l->clusters.memory.size_bytes +
                         l->entries.memory.size_bytes + l->tabled.buffer.memory.size_bytes;
     for (uint32_t i = 0; i < HG_SHADOW_ATLASES; i++)
-        out->device_bytes += atlases_of(l)->items[i].image.memory.size_bytes;
+        out->atlas_bytes += atlases_of(l)->items[i].image.memory.size_bytes;
+    out->device_bytes += out->atlas_bytes;
 }

@@ -184,7 +184,7 @@ struct hg_lighting_stats {
     uint32_t lights_in_lists; // `lights`, or fewer that stand for all (light_cut.h)
     uint64_t environment_ns;            // of the newest prefilter, 0 = from memory
     bool environment_cached;            // it came from the disk
-    uint64_t device_bytes;
+    uint64_t device_bytes, atlas_bytes; // atlas: of it, all atlases of the scene
     struct hg_shadow_page_stats pages;
 };
 void hg_lighting_stats(const struct hg_lighting *lighting, struct hg_lighting_stats *out);

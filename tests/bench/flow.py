@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """flow.py --helio PROGRAM --scene FILE: short runs of `helio bench latency` and `many`: every key is
-there, each pose is counted once, no frame is older than one before it, what is waited for in vain is
+there, each pose is counted once, no frame is older than one before it, what is waited for in vain or beyond its limit is
 named, a daemon ends with its benchmark. Times are printed, not judged."""
 import argparse
 import json
@@ -22,7 +22,8 @@ args = parser.parse_args()
 
 def start(name, wait_s, **options):
     options = {"width": 64, "height": 36, "scene": args.scene, "plain": True, **options}
-    return subprocess.Popen([args.helio, "bench", name, "--timeout", str(wait_s), "--options", json.dumps(options)],
+    return subprocess.Popen([args.helio, "bench", name, "--timeout", str(wait_s), "--progress", "json",
+                             "--options", json.dumps(options)],
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
@@ -53,14 +54,34 @@ assert abs(cpu["daemon"] + cpu["workers"] + cpu["client"] - cpu["total"]) < 1e-2
 assert min(cpu.values()) >= 0, cpu
 print(json.dumps(latency, indent=1))
 
-many = report("many", seconds=0.3, frames=3, viewers=[1, 2], phases=["viewers", "stuck"])
-assert [v["count"] for v in many["viewers"]] == [1, 2], many
-for part in (*many["viewers"], many["stuck"]["alone"], many["stuck"]["beside"]):
-    assert 0 < part["fairness"] <= 1 and part["workers_rss_bytes"] > 0, part
+many = report("many", seconds=0.3, frames=3, viewers=[1, 2], phases=["viewers", "stuck", "tenants"], tenants=2)
+assert [v["count"] for v in many["viewers"]] == [1, 2] and many["unfinished"] is None, many
+for part in (*many["viewers"], many["stuck"]["alone"], many["stuck"]["beside"], many["tenants"]):
+    assert 0 < part["fairness"] <= 1 and 0 < part["fairness_of_equal"] <= 1, part
+    assert (part["fairness_error"] > 0) == (len(part["fps"]) > 1), part
+    assert 64 * 36 * 12 * len(part["fps"]) < part["target_bytes"] < part["workers_rss_bytes"], part
     assert part["seconds"] >= 0.3 and part["seconds"] * part["total_fps"] > 2.9 * len(part["fps"]), part
     assert abs(sum(part["fps"]) - part["total_fps"]) < 1e-3, part
-assert "bytes_per_viewer" in many["viewers"][1] and "film" not in many, many
+second = many["viewers"][1]
+assert abs(second["target_bytes_per_viewer"] + second["other_bytes_per_viewer"] - second["bytes_per_viewer"]) <= 1, many
+assert second["target_bytes_per_viewer"] == second["target_bytes"] - many["viewers"][0]["target_bytes"] > 0, many
+tenants = many["tenants"]
+assert sum(tenants["worker_rss_bytes_each"]) == tenants["workers_rss_bytes"] and len(tenants["target_bytes_each"]) == 2, tenants
+assert "film" not in many, many
 print(json.dumps(many, indent=1))
+
+# It ends in time, whatever it waits for then, with what was measured so far; where that was is said.
+counts = list(range(1, 17))
+code, out, err = bench("many", seconds=0.3, frames=1e9, window_s=1, limit_s=6, viewers=counts, phases=["viewers"])
+if code == 0:
+    cut = json.loads(out)
+    assert 0 < len(cut["viewers"]) < len(counts) and cut["unfinished"].startswith("viewers, "), cut
+else:
+    assert "limit_s" in err, err
+stages = {json.loads(line)["stage"] for line in err.splitlines() if '"progress"' in line}
+assert "viewers, viewer 1: opens the scene" in stages, stages
+code, _, err = bench("many", seconds=0.3, frames=1e9, window_s=1e6, limit_s=3, viewers=[1], phases=["viewers"])
+assert code != 0 and "limit_s" in err, (code, err)
 
 for name in ("latency", "many"):
     code, _, err = bench(name, width=-1)
