@@ -190,6 +190,7 @@ static void fill_info(const struct hg_view *view, struct hg_frame_info *info)
         .exposure_ev = hg_meter_ev(s),
         .metered = s->exposure.automatic && !hg_meter_is_due(s) && !hg_meter_is_adapting(s),
         .adapts = hg_view_state_only_adapts(s),
+        .waits = s->stats.waits,
         .error_px = hg_tiled_accumulation_error_px(&s->accumulation, s->settings.error_px),
         .settled = hg_view_state_settled(s),
         .phase = s->accumulation.phase,

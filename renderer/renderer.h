@@ -304,6 +304,7 @@ struct hg_frame_info {
     float exposure_ev; // that pixels are shown with; of AUTO the metered one and compensation
     bool metered;      // AUTO: that is the exposure of what is shown now
     bool adapts;       // it is on its way to that, which is all that is left to do
+    bool waits;        // other views of the scene rest, too, and are first: try again soon
     float error_px;    // projected error of geometry in this picture, >= that of the parameters
     bool settled;
     enum hg_view_phase phase; // of a real-time picture

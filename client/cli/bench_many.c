@@ -340,7 +340,8 @@ static enum hg_status ask_stats(
 }
 
 // Resident memory of the worker, and of it the render targets of the viewers that move. With
-// `apart` each of them has a worker of its own.
+// `apart` each of them has a worker of its own; else it is what the first answer says, as views
+// that are not moved for a tenth of a second begin to refine, which takes memory of the scene.
 static enum hg_status add_memory(struct many *m, bool apart, json_t *to, struct hg_error *err)
 {
     json_int_t resident = 0, targets = 0, device = 0, atlas = 0;
@@ -358,10 +359,12 @@ static enum hg_status add_memory(struct many *m, bool apart, json_t *to, struct 
             status = read_some(m, m->seat_count, err);
         const json_int_t rss = member(stats, "process", "rss_bytes"),
                          own = member(stats, "targets", "bytes");
-        resident = apart ? resident + rss : rss;
         targets += own;
-        device = member(stats, "device", "used_bytes") + (apart ? device : 0);
-        atlas = member(stats, "light", "atlas_bytes") + (apart ? atlas : 0);
+        if (apart || resident == 0) {
+            resident += rss;
+            device += member(stats, "device", "used_bytes");
+            atlas += member(stats, "light", "atlas_bytes");
+        }
         json_array_append_new(each_resident, json_integer(rss));
         json_array_append_new(each_target, json_integer(own));
         json_decref(stats);

@@ -103,6 +103,7 @@ struct hg_view_stats {
     uint64_t step_ns;          // of the newest step that drew something
     uint32_t stage_count;
     struct hg_view_stage stages[HG_VIEW_MAX_STAGES]; // of the newest step
+    bool waits; // the newest step, for paths of other views (path_lease.h)
 };
 
 void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint64_t ns);

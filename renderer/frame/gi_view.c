@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/frame/gather_view.h"
+#include "renderer/frame/path_lease.h"
 #include "renderer/passes/skin.h"
 
 #define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
@@ -179,7 +180,7 @@ enum hg_status hg_gi_view_step(
     view->gi.field = has ? HG_GI_REST : HG_GI_MOVING;
     if (has)
         view->gi.rested = hg_gather_view_key(view);
-    if (had && rests && gathers(view) && !hg_gather_view_is_done(view))
+    if (had && rests && gathers(view) && !hg_gather_view_is_done(view) && hg_path_lease_take(view))
         status = hg_gather_view_step(view, err);
     if (status != HG_OK)
         status = refuse_gathering(view, status, err);

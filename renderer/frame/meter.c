@@ -67,6 +67,13 @@ bool hg_meter_is_due(const struct hg_view_state *view)
            !(e->metered && memcmp(&key, &e->key, sizeof key) == 0);
 }
 
+bool hg_meter_has_begun(const struct hg_view_state *view)
+{
+    const struct hg_meter_key key = present_key(view);
+    return hg_meter_is_due(view) && view->exposure.begun &&
+           memcmp(&key, &view->exposure.begun_key, sizeof key) == 0;
+}
+
 // --- adaptation ----------------------------------------------------------------------------------
 
 bool hg_meter_is_adapting(const struct hg_view_state *view)
@@ -250,4 +257,13 @@ enum hg_status hg_meter_step(
     }
     e->begun = false;
     return is_refusal(status) ? HG_OK : status;
+}
+
+void hg_meter_let_go(struct hg_view_state *view)
+{
+    if (view->path == NULL || !view->final || !view->exposure.metered || view->exposure.begun ||
+        view->settings.mode == HG_VIEW_MODE_PATH || view->settings.path.planes != 0)
+        return;
+    hg_path_destroy(view->path);
+    view->path = NULL;
 }

@@ -29,11 +29,15 @@ void hg_meter_note_camera(struct hg_view_state *view, const struct hg_view_camer
 // Whether the view waits for a value of what it shows now. False: its exposure is stated, or
 // metered.
 bool hg_meter_is_due(const struct hg_view_state *view);
+// It is being metered for what the view shows now.
+bool hg_meter_has_begun(const struct hg_view_state *view);
 // One slice of metering, of a synced scene. It replaces the film of the view, which restarts
 // afterwards. What cannot be path-traced, for lack of memory, is shown with exposure 0, and the log
 // says so.
 enum hg_status hg_meter_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     struct hg_error *err) HG_MUST_CHECK;
+// Ray structures are kept for the next picture that is metered, but where there will be none.
+void hg_meter_let_go(struct hg_view_state *view);
 // What glances (glance.h) share with it: a size of the view's shape with that longer side, the
 // light of an updated sky's sun in stops, and a metered value, which the view then adapts to or
 // takes.

@@ -11,6 +11,7 @@
 #include "renderer/frame/gi_view.h"
 #include "renderer/frame/glance.h"
 #include "renderer/frame/meter.h"
+#include "renderer/frame/path_lease.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/frame/view_pixels.h"
 #include "renderer/geometry/pose_snapshot.h"
@@ -116,6 +117,7 @@ void hg_view_state_finish(struct hg_view_state *view)
         return;
     struct hg_gpu *gpu = view->context->gpu;
     destroy_extras(view);
+    hg_path_lease_end(view);
     hg_path_destroy(view->path);
     hg_gather_view_finish(view);
     hg_graph_destroy(view->targets.graph);
@@ -633,22 +635,14 @@ static enum hg_status meter(struct hg_view_state *view, uint32_t max_samples, st
     return hg_meter_step(view, &request, err);
 }
 
-// Ray structures are kept for the next picture that is metered, but where there will be none.
-static void let_go_of_meter(struct hg_view_state *view)
-{
-    if (view->path == NULL || !view->final || !view->exposure.metered || view->exposure.begun ||
-        view->settings.mode == HG_VIEW_MODE_PATH || keeps_planes(view))
-        return;
-    hg_path_destroy(view->path);
-    view->path = NULL;
-}
-
 static enum hg_status draw_mode(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
     if (meters(view)) {
+        if (!hg_path_lease_take(view))
+            return HG_OK;
         const enum hg_status status = meter(view, max_samples, err);
-        let_go_of_meter(view);
+        hg_meter_let_go(view);
         return status;
     }
     if (view->settings.mode == HG_VIEW_MODE_PATH)
@@ -668,9 +662,12 @@ enum hg_status hg_view_state_step(
         max_samples <= 1 && !view->final && memcmp(&key, &view->accumulation.key, sizeof key) != 0;
     const bool adapts = hg_view_state_only_adapts(view);
     view->stats.stage_count = 0;
+    view->stats.waits = false;
     const uint32_t most = max_samples > 0 ? max_samples : 1;
     if (moves || view->accumulation.phase != HG_VIEW_DIRECT) // whose pixels are as they were drawn
         hg_meter_adapt(view, adapts);
+    if (moves)
+        hg_path_lease_note_motion(view);
     enum hg_status status = adapts ? HG_OK : draw_mode(view, most, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK)

@@ -33,6 +33,14 @@ struct hg_frame_context {
     struct hg_debug_overrides overrides;
 };
 
+// A view whose paths take memory while it rests (frame/path_lease.h).
+enum { HG_PATH_LEASES = 2 };
+struct hg_view_state;
+struct hg_path_lease {
+    struct hg_view_state *view; // NULL: nobody has it
+    uint64_t used_ns;           // newest step
+};
+
 struct hg_scene_gpu {
     struct hg_scene_gpu *next;
     struct hg_scene *scene;
@@ -51,6 +59,7 @@ struct hg_scene_gpu {
     struct hg_gi *gi;     // made on first use; NULL: none yet
     struct hg_irradiance *irradiance;   // the same
     struct hg_radiance_cache *radiance; // the same
+    struct hg_path_lease leases[HG_PATH_LEASES];
 };
 
 // The scene's rooms, made on first use; one reference.

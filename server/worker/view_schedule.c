@@ -118,10 +118,12 @@ static bool wants_step(const struct session *session, const struct view_slot *vi
     return wanted;
 }
 
-// A picture that has all but its exposure, which adapts with time: no need to step all the while.
+// A picture that has all but its exposure, which adapts with time, or that waits for other views:
+// no need to step all the while.
 static bool may_wait(const struct session *session, const struct view_slot *view, uint64_t *wait_ns)
 {
-    if (!view->progress.info.adapts || hg_view_slot_is_stale(session, view) || is_final(view))
+    const struct hg_frame_info *info = &view->progress.info;
+    if (!(info->adapts || info->waits) || hg_view_slot_is_stale(session, view) || is_final(view))
         return false;
     const uint64_t now = hg_clock_now_ns(), due = view->progress.stepped_ns + ADAPTATION_NS;
     if (now<due && * wait_ns> due - now)
