@@ -126,7 +126,7 @@ static bool may_wait(const struct session *session, const struct view_slot *view
     if (!(info->adapts || info->waits) || hg_view_slot_is_stale(session, view) || is_final(view))
         return false;
     const uint64_t now = hg_clock_now_ns(), due = view->progress.stepped_ns + ADAPTATION_NS;
-    if (now<due && * wait_ns> due - now)
+    if (now < due && due - now < *wait_ns)
         *wait_ns = due - now;
     return now < due;
 }
