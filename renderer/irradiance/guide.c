@@ -110,7 +110,14 @@ struct hg_irradiance_guide *hg_irradiance_guide_ask(
     return g;
 }
 
-// Octahedral coordinates of a unit vector, -1 .. 1, to the bin that they are in.
+// Of an octahedral coordinate, -1 .. 1; what is no number is in the first.
+static uint32_t row_of(float coordinate)
+{
+    const float row = (coordinate + 1) * (0.5f * HG_GUIDE_SIDE), last = HG_GUIDE_SIDE - 1;
+    return row > 0 ? (uint32_t)(row < last ? row : last) : 0;
+}
+
+// The bin that a unit vector is in.
 static uint32_t bin_of(const float way[3])
 {
     const float scale = 1 / (fabsf(way[0]) + fabsf(way[1]) + fabsf(way[2]));
@@ -120,10 +127,7 @@ static uint32_t bin_of(const float way[3])
         v = copysignf(1 - fabsf(u), v);
         u = folded;
     }
-    const float half = 0.5f * HG_GUIDE_SIDE, last = HG_GUIDE_SIDE - 1;
-    const uint32_t x = (uint32_t)hg_clampf(u * half + half, 0, last);
-    const uint32_t y = (uint32_t)hg_clampf(v * half + half, 0, last);
-    return y * HG_GUIDE_SIDE + x;
+    return row_of(v) * HG_GUIDE_SIDE + row_of(u);
 }
 
 void hg_irradiance_guide_add(struct hg_irradiance_guide *g, const float way[3], float luminance)

@@ -226,6 +226,7 @@ static void test_guides_know_and_forget(void **state)
     assert_true(guide->all < before / 8);
     hg_irradiance_guide_add(guide, up, NAN); // what is no number changes nothing
     hg_irradiance_guide_add(guide, up, INFINITY);
+    hg_irradiance_guide_add(guide, (const float[3]){NAN, 0, 0}, 1); // nor is anything hurt
     assert_true(isfinite(guide->all) && guide->all < before / 8);
 
     hg_irradiance_guides_clear(&guides);
