@@ -143,7 +143,7 @@ static enum hg_status measure(
     struct siege *s, enum beside beside, const struct hg_siege_class *class, struct hg_error *err)
 {
     uint32_t count = 0;
-    enum hg_status status = class->equal_rate ? restart_daemon(s, err) : HG_OK;
+    enum hg_status status = class->own_daemons ? restart_daemon(s, err) : HG_OK;
     if (status)
         return status;
     struct hg_siege_client *frames = add_client(s, &count, "honest-token-1");

@@ -27,8 +27,9 @@ struct hg_siege_class {
     enum hg_status (*attack)(struct hg_siege_client *client, struct hg_error *err);
     enum hg_status (*behave)(struct hg_siege_client *client, struct hg_error *err);
     // Attackers make as many rounds a second as those that behave make in the same run; apart from
-    // that, as many as they can. Each phase has a daemon of its own.
+    // that, as many as they can.
     bool equal_rate;
+    bool own_daemons; // each phase has one: attacks have effects that last
 };
 
 extern const struct hg_siege_class hg_siege_classes[];

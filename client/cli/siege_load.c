@@ -265,13 +265,13 @@ static enum hg_status visit(struct hg_siege_client *c, struct hg_error *err)
 }
 
 const struct hg_siege_class hg_siege_classes[] = {
-    {"pings that are not read", pings, ping, false},
-    {"frames that are not read", frames_unread, frame, false},
-    {"eight pictures at once", settle_all, settle, false},
-    {"picks", picks, pick, true},
-    {"edits", edits, edit, true},
-    {"uploads", uploads, upload, false},
-    {"connections", knock, visit, true},
+    {"pings that are not read", pings, ping, false, false},
+    {"frames that are not read", frames_unread, frame, false, false},
+    {"eight pictures at once", settle_all, settle, false, false},
+    {"picks", picks, pick, true, false},
+    {"edits", edits, edit, true, false},
+    {"uploads", uploads, upload, false, false},
+    {"connections", knock, visit, true, true},
 };
 const uint32_t hg_siege_class_count = sizeof hg_siege_classes / sizeof *hg_siege_classes;
 
