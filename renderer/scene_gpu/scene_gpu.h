@@ -37,7 +37,7 @@ struct hg_frame_context {
 enum { HG_PATH_LEASES = 2 };
 struct hg_view_state;
 struct hg_path_lease {
-    struct hg_view_state *view; // NULL: nobody has it
+    struct hg_view_state *view; // NULL: free
     uint64_t used_ns;           // newest step
 };
 

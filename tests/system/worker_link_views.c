@@ -83,15 +83,19 @@ static uint32_t take_until_settled(struct rig *rig, uint64_t revision)
     }
 }
 
+// Of the view, with so many frames of credit; the answer is rig's message.
+static void subscribe(struct rig *rig, uint32_t frames)
+{
+    const struct hgp_subscribe ask = {.view = VIEW, .credit_frames = frames};
+    link_expect(rig, link_ask(rig, 1, HGP_T_subscribe, &ask), HGP_T_ok);
+}
+
 static void test_a_subscription_keeps_to_its_credit_and_ends_settled(void **state)
 {
     struct rig *rig = *state;
     link_attach(rig, 1, "a");
     make_scene_and_view(rig);
-    link_expect(rig,
-        link_ask(
-            rig, 1, HGP_T_subscribe, &(struct hgp_subscribe){.view = VIEW, .credit_frames = 1}),
-        HGP_T_ok);
+    subscribe(rig, 1);
     uint64_t revision = rig->message.ok.revision;
     assert_non_null(next_subscribed(rig, 100));
     assert_null(next_subscribed(rig, 2)); // the credit is used up
@@ -123,10 +127,7 @@ static void test_a_camera_that_moves_gets_pictures_of_one_sample(void **state)
     struct rig *rig = *state;
     link_attach(rig, 1, "a");
     make_scene_and_view(rig);
-    link_expect(rig,
-        link_ask(
-            rig, 1, HGP_T_subscribe, &(struct hgp_subscribe){.view = VIEW, .credit_frames = 200}),
-        HGP_T_ok);
+    subscribe(rig, 200);
     take_until_settled(rig, rig->message.ok.revision);
     for (uint32_t i = 1; i <= 5; i++) {
         const struct hgp_view_camera camera = {

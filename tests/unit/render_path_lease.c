@@ -108,7 +108,7 @@ static void test_one_moves_on(void **state)
     assert_goes_on();
 }
 
-// Nobody waits for it, and it keeps its buffers for a second.
+// No other view waits for it, and it keeps its buffers for a second.
 static void test_a_long_motion(void **state)
 {
     (void)state;
