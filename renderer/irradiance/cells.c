@@ -26,6 +26,7 @@
 #define PLACE_BITS  16 // of each coordinate; farther away they repeat
 #define VIEW_SHIFT  (AXIS_BITS + LEVEL_BITS)
 #define PLACE_SHIFT (VIEW_SHIFT + VIEW_BITS)
+#define SUMS        (sizeof(struct hg_irradiance_sums) / sizeof(float))
 #define VIEW_MASK   ((UINT64_C(1) << VIEW_BITS) - 1)
 
 // --- life ----------------------------------------------------------------------------------------
@@ -51,6 +52,7 @@ void hg_irradiance_cells_clear(struct hg_irradiance_cells *cells)
 {
     memset(cells->cells, 0, HG_IRRADIANCE_CELLS * sizeof *cells->cells);
     memset(cells->keys, 0, HG_IRRADIANCE_KEY_BYTES);
+    memset(cells->answers, 0, sizeof cells->answers);
     cells->count = 0;
 }
 
@@ -103,35 +105,52 @@ static uint64_t key_of(const int32_t at[3], int level, uint32_t axis, uint32_t v
     return key;
 }
 
-static int32_t cube_of(float at) // what is no number is at 0
+// Rounded down; what is no number is at 0. (floorf is a call.)
+static int32_t cube_of(float at)
 {
-    return at == at ? (int32_t)hg_clampf(floorf(at), -0x1p30f, 0x1p30f) : 0;
+    const float bound = 0x1p30f, high = at < bound ? at : bound;
+    const float in = high > -bound ? high : -bound;
+    const int32_t whole = at == at ? (int32_t)in : 0;
+    return whole - ((float)whole > in);
 }
 
-static uint64_t key_of_cube(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *p, const int32_t at[3], int level)
-{
-    return key_of(at, level, axis_of(p->normal), view_of(cells, at, level, p->eye));
-}
-
-// The key of the cube that a point lies in, at any level.
-static uint64_t key_at(
-    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p, int level)
-{
-    const float scale = 1 / cells->sides[level];
+// The cube that a point lies in, at its level.
+struct cube {
     int32_t at[3];
+    int level;
+    uint32_t axis;
+};
+
+static struct cube cube_at(
+    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p)
+{
+    const float scale = 1 / cells->sides[p->level];
+    struct cube c = {.level = p->level, .axis = axis_of(p->normal)};
     for (int a = 0; a < 3; a++)
-        at[a] = cube_of(p->position[a] * scale);
-    return key_of_cube(cells, p, at, level);
+        c.at[a] = cube_of(p->position[a] * scale);
+    return c;
+}
+
+static struct cube around(const struct cube *c, int levels)
+{
+    struct cube out = {.level = c->level + levels, .axis = c->axis};
+    for (int a = 0; a < 3; a++)
+        out.at[a] = c->at[a] >> levels;
+    return out;
+}
+
+static uint64_t key_of_cube(
+    const struct hg_irradiance_cells *cells, const struct cube *c, const float *eye)
+{
+    return key_of(c->at, c->level, c->axis, view_of(cells, c->at, c->level, eye));
 }
 
 uint64_t hg_irradiance_key(
     const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point, int larger)
 {
-    struct hg_irradiance_point p = *point;
-    const int level = point->level + larger;
-    p.eye = NULL;
-    return key_at(cells, &p, level < HG_IRRADIANCE_LEVELS ? level : HG_IRRADIANCE_LEVELS - 1);
+    const int room = HG_IRRADIANCE_LEVELS - 1 - point->level;
+    const struct cube c = cube_at(cells, point), wide = around(&c, larger < room ? larger : room);
+    return key_of_cube(cells, &wide, NULL);
 }
 
 static uint32_t first_slot(uint64_t key)
@@ -211,16 +230,19 @@ static uint32_t find_like(
 {
     uint32_t slot = find_other_view(cells, key);
     for (int step = 1; step >= -1 && slot == HG_IRRADIANCE_NONE; step -= 2) {
-        const int level = p->level + step;
-        if (level >= 0 && level < HG_IRRADIANCE_LEVELS)
-            slot = find(cells, key_at(cells, p, level));
+        struct hg_irradiance_point other = *p;
+        other.level += step;
+        if (other.level < 0 || other.level >= HG_IRRADIANCE_LEVELS)
+            continue;
+        const struct cube c = cube_at(cells, &other);
+        slot = find(cells, key_of_cube(cells, &c, p->eye));
     }
     return slot;
 }
 
-static uint32_t make(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p)
+static uint32_t make(
+    struct hg_irradiance_cells *cells, const struct hg_irradiance_point *p, uint64_t key)
 {
-    const uint64_t key = key_at(cells, p, p->level);
     const uint32_t slot = make_room(cells, key), like = find_like(cells, p, key);
     if (slot == HG_IRRADIANCE_NONE)
         return slot;
@@ -237,31 +259,59 @@ static uint32_t make(struct hg_irradiance_cells *cells, const struct hg_irradian
     return slot;
 }
 
-static uint32_t ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point)
+// In the picture and its light.
+static void use(const struct hg_irradiance_cells *cells, struct hg_irradiance_cell *c)
 {
-    uint32_t slot = find(cells, key_at(cells, point, point->level));
-    if (slot == HG_IRRADIANCE_NONE)
-        slot = make(cells, point);
-    if (slot == HG_IRRADIANCE_NONE)
-        return slot;
-    struct hg_irradiance_cell *c = &cells->cells[slot];
     c->used = cells->picture;
     if (c->light != cells->light) {
         fade(&c->sums, OLD_SAMPLES);
         c->rays = 0;
     }
     c->light = cells->light;
+}
+
+static uint32_t ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point,
+    uint64_t key, struct hg_irradiance_answer *last)
+{
+    if (last->key == key && last->picture == cells->picture && last->light == cells->light)
+        return last->cell;
+    uint32_t slot = find(cells, key);
+    if (slot == HG_IRRADIANCE_NONE)
+        slot = make(cells, point, key);
+    if (slot != HG_IRRADIANCE_NONE)
+        use(cells, &cells->cells[slot]);
+    *last = (struct hg_irradiance_answer){key, slot, cells->picture, cells->light};
     return slot;
 }
 
-bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point,
+struct hg_irradiance_query hg_irradiance_query(
+    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point)
+{
+    const struct cube cube = cube_at(cells, point), wide = around(&cube, LARGER);
+    struct hg_irradiance_query q = {.point = *point, .key = key_of_cube(cells, &cube, point->eye)};
+    if (wide.level < HG_IRRADIANCE_LEVELS)
+        q.larger = key_of_cube(cells, &wide, point->eye);
+    __builtin_prefetch(&cells->keys[first_slot(q.key)]);
+    __builtin_prefetch(&cells->keys[first_slot(q.larger)]);
+    return q;
+}
+
+bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_query *query,
     struct hg_irradiance_place *out)
 {
-    struct hg_irradiance_point larger = *point;
+    struct hg_irradiance_answer *last = &cells->answers[query->point.eye ? 2 : 0];
+    struct hg_irradiance_point larger = query->point;
     larger.level += LARGER;
-    out->cell = ask(cells, point);
-    out->larger = larger.level < HG_IRRADIANCE_LEVELS ? ask(cells, &larger) : HG_IRRADIANCE_NONE;
+    out->cell = ask(cells, &query->point, query->key, &last[0]);
+    out->larger =
+        query->larger != 0 ? ask(cells, &larger, query->larger, &last[1]) : HG_IRRADIANCE_NONE;
     return out->cell != HG_IRRADIANCE_NONE;
+}
+
+struct hg_irradiance_turn hg_irradiance_take_turn(struct hg_irradiance_cells *cells, uint32_t cell)
+{
+    struct hg_irradiance_cell *c = &cells->cells[cell];
+    return (struct hg_irradiance_turn){c->key, c->rays++};
 }
 
 void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
@@ -284,73 +334,100 @@ void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradi
 // --- lookup --------------------------------------------------------------------------------------
 
 // As at most so many samples.
-static void add_sums(const struct hg_irradiance_cells *cells, uint32_t slot, const float weight[2],
-    struct hg_irradiance_sums *out)
+static void add_sums(
+    const struct hg_irradiance_cells *cells, uint32_t slot, float most, float out[8])
 {
-    const struct hg_irradiance_cell *c = &cells->cells[slot];
-    const float most = c->light != cells->light ? fminf(weight[1], OLD_SAMPLES) : weight[1];
-    const float w = c->sums.samples > most ? weight[0] * most / c->sums.samples : weight[0];
-    for (int k = 0; k < 3; k++) {
-        out->gathered[k] += w * c->sums.gathered[k];
-        out->without[k] += w * c->sums.without[k];
-    }
-    out->samples += w * c->sums.samples;
-}
-
-static uint32_t find_cube(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, const int32_t at[3], int level)
-{
-    return find(cells, key_of_cube(cells, point, at, level));
-}
-
-static void find_corners(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, const int32_t low[3], struct hg_irradiance_corners *c)
-{
-    const int level = point->level + LARGER;
-    const uint32_t axis = axis_of(point->normal);
-    if (c->are_known && memcmp(low, c->low, sizeof c->low) == 0 && c->level == point->level &&
-        c->axis == axis)
+    if (slot == HG_IRRADIANCE_NONE)
         return;
-    *c = (struct hg_irradiance_corners){
-        .low = {low[0], low[1], low[2]}, .level = point->level, .axis = axis, .are_known = true};
+    const struct hg_irradiance_cell *c = &cells->cells[slot];
+    const float *in = c->sums.gathered;
+    if (c->light != cells->light)
+        most = most < OLD_SAMPLES ? most : OLD_SAMPLES;
+    const float weight = c->sums.samples > most ? most / c->sums.samples : 1;
+    for (int k = 0; k < (int)SUMS; k++)
+        out[k] += weight * in[k];
+}
+
+// Of the cells at the eight corners, then of what is around them: most have the same around.
+static void make_keys(const struct hg_irradiance_cells *cells, const struct cube *low,
+    const float *eye, uint64_t keys[16])
+{
+    struct cube before = {.level = -1};
     for (int i = 0; i < 8; i++) {
-        const int32_t at[3] = {low[0] + (i & 1), low[1] + (i >> 1 & 1), low[2] + (i >> 2)};
-        const int32_t around[3] = {at[0] >> LARGER, at[1] >> LARGER, at[2] >> LARGER};
-        c->cells[i] = find_cube(cells, point, at, point->level);
-        c->larger[i] = level < HG_IRRADIANCE_LEVELS ? find_cube(cells, point, around, level)
-                                                    : HG_IRRADIANCE_NONE;
+        struct cube cube = *low;
+        cube.at[0] += i & 1;
+        cube.at[1] += i >> 1 & 1;
+        cube.at[2] += i >> 2;
+        const struct cube wide = around(&cube, LARGER);
+        const bool same = memcmp(&wide, &before, sizeof wide) == 0;
+        before = wide;
+        keys[i] = key_of_cube(cells, &cube, eye);
+        if (same)
+            keys[8 + i] = keys[7 + i];
+        else
+            keys[8 + i] = wide.level < HG_IRRADIANCE_LEVELS ? key_of_cube(cells, &wide, eye) : 0;
+        __builtin_prefetch(&cells->keys[first_slot(keys[i])]);
+        if (!same)
+            __builtin_prefetch(&cells->keys[first_slot(keys[8 + i])]);
     }
 }
 
-// A cell, and what is around it, which is less noise and says more where a cell is new.
-static void add_corner(const struct hg_irradiance_cells *cells, const uint32_t slots[2],
-    float weight, struct hg_irradiance_sums *out)
+// A cell, and what is around it, which is less noise and says more where a cell is new. All of them
+// are asked for before the first is read: what they take is waiting for memory.
+static void add_corners(const struct hg_irradiance_cells *cells, const struct cube *low,
+    const float *eye, struct hg_irradiance_corners *c)
 {
-    if (slots[0] != HG_IRRADIANCE_NONE)
-        add_sums(cells, slots[0], (const float[2]){weight, MOST_SAMPLES}, out);
-    if (slots[1] != HG_IRRADIANCE_NONE)
-        add_sums(cells, slots[1], (const float[2]){weight, LARGER_SAMPLES}, out);
+    uint64_t keys[16];
+    uint32_t slots[16];
+    make_keys(cells, low, eye, keys);
+    for (int i = 0; i < 16; i++) {
+        const bool same = i > 8 && keys[i] == keys[i - 1];
+        slots[i] = same ? slots[i - 1] : keys[i] != 0 ? find(cells, keys[i]) : HG_IRRADIANCE_NONE;
+        if (!same && slots[i] != HG_IRRADIANCE_NONE)
+            __builtin_prefetch(&cells->cells[slots[i]].sums);
+    }
+    for (int i = 0; i < 8; i++) {
+        add_sums(cells, slots[i], MOST_SAMPLES, c->sums[i]);
+        add_sums(cells, slots[8 + i], LARGER_SAMPLES, c->sums[i]);
+    }
+}
+
+static const struct hg_irradiance_corners *find_corners(const struct hg_irradiance_cells *cells,
+    const struct cube *low, const float *eye, struct hg_irradiance_lookups *lookups)
+{
+    const uint32_t place = (uint32_t)low->at[0] + 5 * (uint32_t)low->at[1] +
+                           19 * (uint32_t)low->at[2] + 7 * low->axis + (uint32_t)low->level;
+    struct hg_irradiance_corners *c = &lookups->corners[place % HG_IRRADIANCE_LOOKUPS];
+    const bool same = c->are_known && c->level == low->level && c->axis == low->axis &&
+                      memcmp(low->at, c->low, sizeof c->low) == 0;
+    if (same)
+        return c;
+    *c = (struct hg_irradiance_corners){.low = {low->at[0], low->at[1], low->at[2]},
+        .level = low->level,
+        .axis = low->axis,
+        .are_known = true};
+    add_corners(cells, low, eye, c);
+    return c;
 }
 
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, struct hg_irradiance_corners *corners,
+    const struct hg_irradiance_point *point, struct hg_irradiance_lookups *lookups,
     struct hg_irradiance_sums *out)
 {
     const float scale = 1 / cells->sides[point->level];
-    int32_t low[3];
-    float f[3];
-    *out = (struct hg_irradiance_sums){0};
+    struct cube low = {.level = point->level, .axis = axis_of(point->normal)};
+    float f[3], sums[8] = {0};
     for (int a = 0; a < 3; a++) {
         const float at = point->position[a] * scale - 0.5f;
-        low[a] = cube_of(at);
-        f[a] = hg_clampf(at - (float)low[a], 0, 1);
+        low.at[a] = cube_of(at);
+        f[a] = hg_clampf(at - (float)low.at[a], 0, 1);
     }
-    find_corners(cells, point, low, corners);
+    const struct hg_irradiance_corners *c = find_corners(cells, &low, point->eye, lookups);
     for (int i = 0; i < 8; i++) {
         const float w =
             (i & 1 ? f[0] : 1 - f[0]) * (i & 2 ? f[1] : 1 - f[1]) * (i & 4 ? f[2] : 1 - f[2]);
-        const uint32_t slots[2] = {corners->cells[i], corners->larger[i]};
-        if (w > 0.01f)
-            add_corner(cells, slots, w, out);
+        for (int k = 0; k < 8; k++)
+            sums[k] += w * c->sums[i][k];
     }
+    memcpy(out, sums, sizeof *out);
 }

@@ -39,6 +39,13 @@ struct hg_irradiance_cell {
     uint32_t light; // number of the light that its samples are of
 };
 
+// What was asked last in a picture: points asked for one after the other mostly lie in one cell.
+struct hg_irradiance_answer { // by kind: diffuse or lobe, the cell or the larger one
+    uint64_t key;
+    uint32_t cell, picture, light;
+};
+#define HG_IRRADIANCE_ANSWERS 4
+
 struct hg_irradiance_cells {          // zeroed: none
     struct hg_irradiance_cell *cells; // [HG_IRRADIANCE_CELLS]
     uint64_t *keys;                   // theirs, so that a search reads one line of cache
@@ -46,6 +53,7 @@ struct hg_irradiance_cells {          // zeroed: none
     float sides[HG_IRRADIANCE_LEVELS];
     uint32_t picture, light;
     uint32_t count;
+    struct hg_irradiance_answer answers[HG_IRRADIANCE_ANSWERS];
 };
 
 enum hg_status hg_irradiance_cells_init(
@@ -66,27 +74,48 @@ int hg_irradiance_level(const struct hg_irradiance_cells *cells, float metres);
 uint64_t hg_irradiance_key(
     const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point, int larger);
 
+// Asks the memory for where the cells of a point are, so that whoever asks for many points does not
+// wait for each.
+struct hg_irradiance_query {
+    struct hg_irradiance_point point;
+    uint64_t key, larger; // larger 0: there is none
+};
+struct hg_irradiance_query hg_irradiance_query(
+    const struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point);
+
 struct hg_irradiance_place {
     uint32_t cell, larger; // HG_IRRADIANCE_NONE: there is no room
 };
 // The cells of a point, which are made if there are none. Their samples of another light than
 // `light` count as few from then on. False: there is no room.
-bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_point *point,
+bool hg_irradiance_ask(struct hg_irradiance_cells *cells, const struct hg_irradiance_query *query,
     struct hg_irradiance_place *out);
+// A point of a cell's sequence: each turn is taken once.
+struct hg_irradiance_turn {
+    uint64_t key;
+    uint32_t number;
+};
+struct hg_irradiance_turn hg_irradiance_take_turn(struct hg_irradiance_cells *cells, uint32_t cell);
+
+// To cells of one kind (diffuse, lobe) from one thread at a time.
 void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
     const float gathered[3], const float without[3]);
-// What a lookup found, for the next one, whose point may lie between the same cells. Zeroed:
+// What lookups found, for the next ones, whose points may lie between the same cells. Zeroed:
 // nothing. Of one set of cells, to which nothing is added meanwhile, and one eye.
 struct hg_irradiance_corners {
     int32_t low[3];
     int level;
     uint32_t axis;
     bool are_known;
-    uint32_t cells[8], larger[8];
+    float sums[8][8]; // of each corner: struct hg_irradiance_sums, as much of it as counts; 0
+};
+#define HG_IRRADIANCE_LOOKUPS 32
+struct hg_irradiance_lookups {
+    struct hg_irradiance_corners corners[HG_IRRADIANCE_LOOKUPS];
 };
 // Sums of the eight cells around a point, interpolated. All zero: nothing is known.
 void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
-    const struct hg_irradiance_point *point, struct hg_irradiance_corners *corners,
+    const struct hg_irradiance_point *point, struct hg_irradiance_lookups *lookups,
     struct hg_irradiance_sums *out);
 
 #endif

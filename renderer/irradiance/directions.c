@@ -24,13 +24,12 @@ void hg_irradiance_surface_at(const struct hg_gi_texels *texels, const uint32_t 
 }
 
 // Halton points, turned (Cranley and Patterson 1976).
-static void next_point(struct hg_irradiance_cell *cell, float xi[3])
+static void point_of(const struct hg_irradiance_turn *turn, float xi[3])
 {
     static const uint32_t bases[3] = {2, 3, 5};
-    const uint64_t bits = hg_hash_mix(0x6972u, cell->key);
-    const uint32_t number = cell->rays++;
+    const uint64_t bits = hg_hash_mix(0x6972u, turn->key);
     for (int a = 0; a < 3; a++) {
-        xi[a] = hg_radical_inverse(number + 1, bases[a]) +
+        xi[a] = hg_radical_inverse(turn->number + 1, bases[a]) +
                 (float)(bits >> (20 * a) & 0xfffff) * (1.0f / 0x100000);
         xi[a] -= floorf(xi[a]);
     }
@@ -46,12 +45,13 @@ static void over_cosine(const float normal[3], const float xi[3], float out[3])
         out[a] = x * t[a] + y * b[a] + z * normal[a];
 }
 
-void hg_irradiance_choose(struct hg_irradiance_cell *cell, const struct hg_irradiance_surface *s,
-    const struct hg_irradiance_distribution *guided, struct hg_irradiance_direction *out)
+void hg_irradiance_choose(const struct hg_irradiance_turn *turn,
+    const struct hg_irradiance_surface *s, const struct hg_irradiance_distribution *guided,
+    struct hg_irradiance_direction *out)
 {
     const float lobe = s->rough ? LOBES : 0, guide = guided ? GUIDED * (1 - lobe) : 0;
     float density = 0, value = 0;
-    next_point(cell, out->xi);
+    point_of(turn, out->xi);
     if (out->xi[2] < lobe) {
         const struct hg_lobe_sample l =
             hg_lobe_take(s->roughness, s->f0, s->mirror, s->view, out->xi);

@@ -37,8 +37,9 @@ struct hg_irradiance_direction {
     float diffuse, mirrored; // weights of what comes from there
     float xi[3];             // in [0, 1), that it was chosen by
 };
-// The next one of a cell's sequence. guided: NULL where nothing is known of where light comes from.
-void hg_irradiance_choose(struct hg_irradiance_cell *cell, const struct hg_irradiance_surface *s,
-    const struct hg_irradiance_distribution *guided, struct hg_irradiance_direction *out);
+// turn: of a cell (cells.h). guided: NULL where nothing is known of where light comes from.
+void hg_irradiance_choose(const struct hg_irradiance_turn *turn,
+    const struct hg_irradiance_surface *s, const struct hg_irradiance_distribution *guided,
+    struct hg_irradiance_direction *out);
 
 #endif

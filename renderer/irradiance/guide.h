@@ -34,6 +34,7 @@ struct hg_irradiance_guides {           // zeroed: none
     struct hg_irradiance_guide *guides; // [HG_GUIDES]
     float middle[3][HG_GUIDE_BINS];     // of a bin, unit
     float solid[HG_GUIDE_BINS];         // solid angle of a bin, relative
+    struct hg_irradiance_guide *last;   // asked for in the picture; NULL: none
 };
 
 uint64_t hg_irradiance_guides_bytes(void); // that they take

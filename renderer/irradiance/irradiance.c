@@ -26,17 +26,31 @@
 #define GREY       0.02f // of the brightest channel, that a dark one is taken to have
 #define MOST_RATIO 16.0f
 #define FAR        1e6f  // metres to where orthographic cameras see lobes from
+#define CANDIDATES 32u   // that are asked for together
+#define BATCH      256u  // rays of a job
+#define TILE_X     16u   // texels of a job, which share lookups
+#define TILE_Y     8u
 #define LIFT       2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
 
 struct sample {
+    uint32_t at[2];                           // texel
     struct hg_irradiance_place diffuse, lobe; // lobe.cell HG_IRRADIANCE_NONE: mirrors otherwise
-    struct hg_irradiance_direction direction;
+    struct hg_irradiance_turn turn;
     struct hg_irradiance_guide *guide; // NULL: no room
+    struct hg_irradiance_direction direction;
     float position[3];
     float without[3]; // probe light
     float brought[3]; // radiance
     float peak[3];    // irradiance over pi of a peak of the environment, if nothing is in the way
+    uint32_t patch;   // of what it met
     bool lost, open;  // behind the triangle; met nothing
+};
+
+// A texel whose turn it is.
+struct candidate {
+    uint32_t at[2];
+    bool rough, seldom; // seldom: not its turn in a cell with rays enough
+    struct hg_irradiance_query diffuse, lobe;
 };
 
 struct hg_irradiance {
@@ -48,7 +62,6 @@ struct hg_irradiance {
     uint64_t light;
     uint32_t doublings;
     struct sample *samples; // [MOST_RAYS]
-    uint32_t *met;          // [MOST_RAYS] samples whose ray met a surface
     uint32_t count;
     struct hg_gpu_buffer rays, hits, peaks, hidden;
     struct hg_gi_patches patches;
@@ -89,7 +102,7 @@ uint64_t hg_irradiance_bytes(void)
                            sizeof(struct hg_gi_lit) + 3 * sizeof(float) +
                            HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     const uint64_t ray = 2 * sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
-                         sizeof(struct sample) + 2 * sizeof(uint32_t);
+                         sizeof(struct sample) + sizeof(uint32_t);
     return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + HG_IRRADIANCE_KEY_BYTES +
            hg_irradiance_guides_bytes() + MOST_RAYS * (patch + ray);
 }
@@ -104,11 +117,10 @@ enum hg_status hg_irradiance_create(
     r->gpu = gpu;
     r->jobs = jobs;
     r->samples = hg_calloc(MOST_RAYS, sizeof *r->samples);
-    r->met = hg_calloc(MOST_RAYS, sizeof *r->met);
     enum hg_status status = hg_irradiance_cells_init(&r->cells, FINEST);
     if (status == HG_OK)
         status = hg_irradiance_guides_init(&r->guides);
-    if (!r->samples || !r->met || status != HG_OK)
+    if (!r->samples || status != HG_OK)
         status = hg_error_set(err, HG_E_NOMEM, "irradiance", NULL, "out of host memory");
     if (status == HG_OK)
         status = make_buffers(r, err);
@@ -132,7 +144,6 @@ void hg_irradiance_destroy(struct hg_irradiance *r)
     hg_irradiance_cells_finish(&r->cells);
     hg_irradiance_guides_finish(&r->guides);
     hg_free(r->samples);
-    hg_free(r->met);
     hg_free(r);
 }
 
@@ -157,6 +168,92 @@ static bool find_point(
         hg_irradiance_level(&w->r->cells, pixel * (float)w->p->texels.height * (1 / ACROSS));
     return true;
 }
+
+static bool is_rough(const struct work *w, const uint32_t at[2])
+{
+    const size_t texel = (size_t)at[1] * w->columns + at[0];
+    return w->p->lobes && hg_irradiance_is_rough(w->p->mirrors + 2 * texel);
+}
+
+static void take_sample(
+    struct hg_irradiance *r, const struct candidate *c, const struct hg_irradiance_place *place)
+{
+    struct sample *s = &r->samples[r->count++];
+    *s = (struct sample){.at = {c->at[0], c->at[1]},
+        .diffuse = *place,
+        .lobe = {HG_IRRADIANCE_NONE, HG_IRRADIANCE_NONE},
+        .turn = hg_irradiance_take_turn(&r->cells, place->cell)};
+    if (c->rough)
+        (void)hg_irradiance_ask(&r->cells, &c->lobe, &s->lobe);
+    s->guide = hg_irradiance_guide_ask(&r->guides,
+        hg_irradiance_key(&r->cells, &c->diffuse.point, WIDER), r->cells.picture, r->cells.light);
+}
+
+// False: the texel sends no ray in this picture.
+static bool is_candidate(
+    const struct work *w, const uint32_t at[2], uint32_t turns, struct candidate *out)
+{
+    const struct hg_irradiance_cells *cells = &w->r->cells;
+    const uint32_t rank = hg_dither_rank(at[0], at[1], TURN_BITS);
+    struct hg_irradiance_point point;
+    float depth;
+    if (rank % turns != cells->picture % turns || !find_point(w, at, &point, &depth))
+        return false;
+    out->at[0] = at[0];
+    out->at[1] = at[1];
+    out->seldom = (rank / turns + cells->picture / turns) % SELDOM != 0;
+    out->diffuse = hg_irradiance_query(cells, &point);
+    out->rough = is_rough(w, at);
+    point.eye = w->eye;
+    if (out->rough)
+        out->lobe = hg_irradiance_query(cells, &point);
+    return true;
+}
+
+static void take_samples(
+    struct hg_irradiance *r, const struct candidate *candidates, uint32_t count)
+{
+    for (uint32_t i = 0; i < count && r->count < MOST_RAYS; i++) {
+        const struct candidate *c = &candidates[i];
+        struct hg_irradiance_place place;
+        if (!hg_irradiance_ask(&r->cells, &c->diffuse, &place))
+            continue;
+        if (!c->seldom || r->cells.cells[place.cell].rays < ENOUGH)
+            take_sample(r, c, &place);
+    }
+}
+
+static void choose_row(const struct work *w, uint32_t y, uint32_t turns)
+{
+    struct candidate candidates[CANDIDATES];
+    uint32_t count = 0;
+    for (uint32_t x = 0; x < w->columns; x++) {
+        count += is_candidate(w, (const uint32_t[2]){x, y}, turns, &candidates[count]);
+        if (count < CANDIDATES && x + 1 < w->columns)
+            continue;
+        take_samples(w->r, candidates, count);
+        count = 0;
+    }
+}
+
+// In the order of texels: what cells count does not depend on threads.
+static void choose(const struct work *w)
+{
+    struct hg_irradiance *r = w->r;
+    const float most = (w->p->share > 0 ? w->p->share : 1) * MOST_RAYS;
+    const float texels = (float)w->columns * (float)w->rows;
+    const float room = hg_clampf(most / fmaxf(texels, 1), 1, MOST_EACH);
+    const uint32_t each = (uint32_t)room;
+    uint32_t turns = 1;
+    while (turns < MOST_TURNS && texels > most * (float)turns)
+        turns *= 2;
+    r->count = 0;
+    for (uint32_t k = 0; k < each; k++)
+        for (uint32_t y = 0; y < w->rows && r->count < MOST_RAYS; y++)
+            choose_row(w, y, turns);
+}
+
+// --- where rays go -------------------------------------------------------------------------------
 
 static struct hg_gpu_ray ray_of(const struct sample *s, const float direction[3])
 {
@@ -190,108 +287,81 @@ static void surface_at(
     out->rough &= w->p->lobes;
 }
 
-// guide: the key of its cube.
-static void choose_direction(struct hg_irradiance *r, struct sample *s,
-    const struct hg_irradiance_surface *on, uint64_t guide)
-{
-    struct hg_irradiance_distribution d;
-    s->guide = hg_irradiance_guide_ask(&r->guides, guide, r->cells.picture, r->cells.light);
-    const bool guided =
-        s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on->normal, &d);
-    hg_irradiance_choose(&r->cells.cells[s->diffuse.cell], on, guided ? &d : NULL, &s->direction);
-}
-
 // Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it
 // is in path mode.
-static void send(const struct work *w, const uint32_t at[2],
-    const struct hg_irradiance_place *place, const struct hg_irradiance_point *point, float depth)
+static void send(const struct work *w, uint32_t i)
 {
     struct hg_irradiance *r = w->r;
-    const size_t texel = (size_t)at[1] * w->columns + at[0];
-    struct sample *s = &r->samples[r->count];
+    struct sample *s = &r->samples[i];
+    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)r->rays.mapped + i;
     struct hg_irradiance_surface on;
-    struct hg_irradiance_point seen = *point;
-    surface_at(w, at, &on);
-    seen.eye = w->eye;
-    *s = (struct sample){.diffuse = *place, .lobe = {HG_IRRADIANCE_NONE, HG_IRRADIANCE_NONE}};
-    if (on.rough)
-        (void)hg_irradiance_ask(&r->cells, &seen, &s->lobe);
-    hg_mad3(point->position, on.facet, LIFT * depth, s->position);
-    hg_gi_rgb9e5_read(w->p->looked_up[4 * texel], s->without);
-    choose_direction(r, s, &on, hg_irradiance_key(&r->cells, point, WIDER));
+    struct hg_irradiance_point point;
+    struct hg_irradiance_distribution d;
+    float depth;
+    (void)find_point(w, s->at, &point, &depth);
+    surface_at(w, s->at, &on);
+    hg_mad3(point.position, on.facet, LIFT * depth, s->position);
+    hg_gi_rgb9e5_read(w->p->looked_up[4 * ((size_t)s->at[1] * w->columns + s->at[0])], s->without);
+    const bool guided =
+        s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on.normal, &d);
+    hg_irradiance_choose(&s->turn, &on, guided ? &d : NULL, &s->direction);
     s->lost = hg_dot3(s->direction.way, on.facet) < 0;
-    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)r->rays.mapped + r->count;
     *ray = ray_of(s, s->direction.way);
     if (s->lost)
         ray->t_max = -1;
     if (w->p->world.environment->has_peaks)
-        choose_peak(w, r->count, &on);
-    r->count++;
+        choose_peak(w, i, &on);
 }
 
-// Rays of the texel at this place of the picture, if it is its turn.
-static void choose_texel(const struct work *w, const uint32_t at[2], uint32_t turns)
+static void send_batch(void *user, size_t batch)
 {
-    struct hg_irradiance *r = w->r;
-    const uint32_t rank = hg_dither_rank(at[0], at[1], TURN_BITS);
-    struct hg_irradiance_point point;
-    float depth;
-    if (rank % turns != r->cells.picture % turns || !find_point(w, at, &point, &depth))
-        return;
-    struct hg_irradiance_place place;
-    if (!hg_irradiance_ask(&r->cells, &point, &place))
-        return;
-    const bool enough = r->cells.cells[place.cell].rays >= ENOUGH;
-    if (!enough || (rank / turns + r->cells.picture / turns) % SELDOM == 0)
-        send(w, at, &place, &point, depth);
-}
-
-// In the order of texels: what cells count does not depend on threads.
-static void choose(const struct work *w)
-{
-    struct hg_irradiance *r = w->r;
-    const float most = (w->p->share > 0 ? w->p->share : 1) * MOST_RAYS;
-    const float texels = (float)w->columns * (float)w->rows;
-    const float room = hg_clampf(most / fmaxf(texels, 1), 1, MOST_EACH);
-    const uint32_t each = (uint32_t)room;
-    uint32_t turns = 1;
-    while (turns < MOST_TURNS && texels > most * (float)turns)
-        turns *= 2;
-    r->count = 0;
-    for (uint32_t k = 0; k < each; k++)
-        for (uint32_t y = 0; y < w->rows; y++)
-            for (uint32_t x = 0; x < w->columns && r->count < MOST_RAYS; x++)
-                choose_texel(w, (const uint32_t[2]){x, y}, turns);
+    const struct work *w = user;
+    const uint32_t first = (uint32_t)batch * BATCH;
+    for (uint32_t i = first; i < first + BATCH && i < w->r->count; i++)
+        send(w, i);
 }
 
 // --- what rays bring -----------------------------------------------------------------------------
 
-// Surfaces that rays met; the rest has its light.
-static void meet(const struct work *w)
+// The surface that a ray met; what met none has the environment's light.
+static void meet(const struct work *w, uint32_t i)
 {
     struct hg_irradiance *r = w->r;
+    struct sample *s = &r->samples[i];
+    const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)r->hits.mapped + i;
+    struct hg_gi_surface surface;
+    if (s->open)
+        hg_gi_environment_even(
+            w->p->world.environment, w->p->sources, s->direction.way, s->brought);
+    if (s->open || s->lost)
+        return;
+    hg_gi_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
+    struct hg_gi_patch *patch = &r->patches.points[s->patch];
+    hg_mad3(s->position, s->direction.way, hit->t, patch->position);
+    hg_copy3(surface.normal, patch->normal);
+    hg_copy3(surface.material->albedo, patch->albedo);
+    for (int c = 0; c < 3; c++) // what has one side shines to that side
+        patch->emission[c] = surface.back ? 0 : surface.material->emission[c];
+}
+
+static void meet_batch(void *user, size_t batch)
+{
+    const struct work *w = user;
+    const uint32_t first = (uint32_t)batch * BATCH;
+    for (uint32_t i = first; i < first + BATCH && i < w->r->count; i++)
+        meet(w, i);
+}
+
+static void number_patches(struct hg_irradiance *r)
+{
     const struct hg_gpu_hit *hits = r->hits.mapped;
     r->patches.count = 0;
     for (uint32_t i = 0; i < r->count; i++) {
         struct sample *s = &r->samples[i];
-        struct hg_gi_surface surface;
-        if (s->lost)
-            continue;
-        if (hits[i].draw == HG_HIT_NONE) {
-            hg_gi_environment_even(
-                w->p->world.environment, w->p->sources, s->direction.way, s->brought);
-            s->open = true;
-            r->stats.misses++;
-            continue;
-        }
-        hg_gi_surface_at(w->p->world.surfaces, &hits[i], s->direction.way, &surface);
-        struct hg_gi_patch *patch = &r->patches.points[r->patches.count];
-        r->met[r->patches.count++] = i;
-        hg_mad3(s->position, s->direction.way, hits[i].t, patch->position);
-        hg_copy3(surface.normal, patch->normal);
-        hg_copy3(surface.material->albedo, patch->albedo);
-        for (int c = 0; c < 3; c++) // what has one side shines to that side
-            patch->emission[c] = surface.back ? 0 : surface.material->emission[c];
+        s->open = !s->lost && hits[i].draw == HG_HIT_NONE;
+        r->stats.misses += s->open;
+        s->patch = r->patches.count;
+        r->patches.count += !s->lost && !s->open;
     }
 }
 
@@ -321,51 +391,69 @@ static void add_lobe(const struct work *w, const struct sample *s)
         hg_irradiance_add(&w->r->cells, &s->lobe, light, (const float[3]){weight, seen, all});
 }
 
-static void add(const struct work *w)
+// Three that know nothing of each other, each in the order of samples.
+enum sums { DIFFUSE, LOBES, GUIDES, SUMS };
+
+static void add(void *user, size_t to)
 {
+    const struct work *w = user;
     struct hg_irradiance *r = w->r;
     const uint32_t *hidden = r->hidden.mapped;
     const bool peaks = w->p->world.environment->has_peaks;
-    for (uint32_t k = 0; k < r->patches.count; k++)
-        hg_copy3(r->patches.radiance[k], r->samples[r->met[k]].brought);
     for (uint32_t i = 0; i < r->count; i++) {
         const struct sample *s = &r->samples[i];
-        if (s->guide && !s->lost)
-            hg_irradiance_guide_add(s->guide, s->direction.way, hg_luminance(s->brought));
-        add_diffuse(w, s, peaks && !hidden[i]);
-        if (s->lobe.cell != HG_IRRADIANCE_NONE)
+        if (to == DIFFUSE)
+            add_diffuse(w, s, peaks && !hidden[i]);
+        else if (to == LOBES && s->lobe.cell != HG_IRRADIANCE_NONE)
             add_lobe(w, s);
+        else if (to == GUIDES && s->guide && !s->lost)
+            hg_irradiance_guide_add(s->guide, s->direction.way, hg_luminance(s->brought));
     }
 }
 
-static enum hg_status gather(const struct work *w, struct hg_error *err)
+// Of surfaces; what met none, or is lost, has what it brought.
+static void bring(struct hg_irradiance *r)
+{
+    for (uint32_t i = 0; i < r->count; i++) {
+        struct sample *s = &r->samples[i];
+        if (!s->lost && !s->open)
+            hg_copy3(r->patches.radiance[s->patch], s->brought);
+    }
+}
+
+static enum hg_status gather(struct work *w, struct hg_error *err)
 {
     struct hg_irradiance *r = w->r;
     struct hg_trace *trace = w->p->world.trace;
     const struct hg_gi_patch_lighting with = {
         r->jobs, w->p->sources, &w->p->world, r->cells.picture};
     struct hg_trace_wave wave = {.rays = &r->rays, .hits = &r->hits, .count = r->count};
+    const size_t batches = (r->count + BATCH - 1) / BATCH;
+    hg_jobs_for(r->jobs, batches, send_batch, w);
     enum hg_status status = r->count > 0 ? hg_trace_closest(trace, &wave, err) : HG_OK;
     if (status != HG_OK)
         return status;
-    meet(w);
+    number_patches(r);
+    hg_jobs_for(r->jobs, batches, meet_batch, w);
     status = hg_gi_patches_light(&r->patches, &with, &r->stats.shadow_rays, err);
     wave = (struct hg_trace_wave){.rays = &r->peaks, .blocked = &r->hidden, .count = r->count};
     if (status == HG_OK && r->count > 0 && w->p->world.environment->has_peaks)
         status = hg_trace_blocked(trace, &wave, err);
-    if (status == HG_OK)
-        add(w);
-    return status;
+    if (status != HG_OK)
+        return status;
+    bring(r);
+    hg_jobs_for(r->jobs, SUMS, add, w);
+    return HG_OK;
 }
 
 // --- what they change ----------------------------------------------------------------------------
 
 static void apply_diffuse(const struct work *w, const struct hg_irradiance_point *point,
-    struct hg_irradiance_corners *corners, uint32_t *word)
+    struct hg_irradiance_lookups *lookups, uint32_t *word)
 {
     struct hg_irradiance_sums sums;
     float light[3];
-    hg_irradiance_look_up(&w->r->cells, point, corners, &sums);
+    hg_irradiance_look_up(&w->r->cells, point, lookups, &sums);
     if (!(sums.samples > 0))
         return;
     hg_gi_rgb9e5_read(*word, light);
@@ -381,13 +469,13 @@ static void apply_diffuse(const struct work *w, const struct hg_irradiance_point
 // What a rough surface mirrors: light of surfaces, and the share of the environment in the upper
 // bits of the next word.
 static void apply_lobe(const struct work *w, const struct hg_irradiance_point *point,
-    struct hg_irradiance_corners *corners, uint32_t words[2])
+    struct hg_irradiance_lookups *lookups, uint32_t words[2])
 {
     struct hg_irradiance_point seen = *point;
     struct hg_irradiance_sums sums;
     float light[3];
     seen.eye = w->eye;
-    hg_irradiance_look_up(&w->r->cells, &seen, corners, &sums);
+    hg_irradiance_look_up(&w->r->cells, &seen, lookups, &sums);
     if (!(sums.without[0] > 0))
         return;
     const float known = sums.samples / (sums.samples + BELIEVED), scale = known / sums.without[0];
@@ -400,23 +488,37 @@ static void apply_lobe(const struct work *w, const struct hg_irradiance_point *p
     words[1] = (words[1] & 0xffffff) | (uint32_t)(hg_clampf(open, 0, 255) + 0.5f) << 24;
 }
 
-static void apply_row(void *user, size_t y)
+static void apply_at(const struct work *w, const uint32_t at[2],
+    struct hg_irradiance_lookups *diffuse, struct hg_irradiance_lookups *lobes)
+{
+    const size_t texel = (size_t)at[1] * w->columns + at[0];
+    uint32_t *words = w->words + 4 * texel;
+    struct hg_irradiance_point point;
+    float depth;
+    if (!find_point(w, at, &point, &depth))
+        return;
+    if (w->p->diffuse)
+        apply_diffuse(w, &point, diffuse, words);
+    if (is_rough(w, at))
+        apply_lobe(w, &point, lobes, words + 1);
+}
+
+// Texels beside and below each other mostly lie between the same cells.
+static void apply_tile(void *user, size_t tile)
 {
     const struct work *w = user;
-    struct hg_irradiance_corners diffuse = {0}, lobes = {0};
-    for (uint32_t x = 0; x < w->columns; x++) {
-        const uint32_t at[2] = {x, (uint32_t)y};
-        uint32_t *words = w->words + 4 * (y * w->columns + x);
-        const uint32_t *mirror = w->p->mirrors + 2 * (y * w->columns + x);
-        struct hg_irradiance_point point;
-        float depth;
-        if (!find_point(w, at, &point, &depth))
-            continue;
-        if (w->p->diffuse)
-            apply_diffuse(w, &point, &diffuse, words);
-        if (w->p->lobes && hg_irradiance_is_rough(mirror))
-            apply_lobe(w, &point, &lobes, words + 1);
-    }
+    const uint32_t across = (w->columns + TILE_X - 1) / TILE_X;
+    const uint32_t x0 = (uint32_t)tile % across * TILE_X, y0 = (uint32_t)tile / across * TILE_Y;
+    struct hg_irradiance_lookups diffuse = {0}, lobes = {0};
+    for (uint32_t y = y0; y < y0 + TILE_Y && y < w->rows; y++)
+        for (uint32_t x = x0; x < x0 + TILE_X && x < w->columns; x++)
+            apply_at(w, (const uint32_t[2]){x, y}, &diffuse, &lobes);
+}
+
+static void apply(struct work *w)
+{
+    const size_t across = (w->columns + TILE_X - 1) / TILE_X;
+    hg_jobs_for(w->r->jobs, across * ((w->rows + TILE_Y - 1) / TILE_Y), apply_tile, w);
 }
 
 // --- the picture ---------------------------------------------------------------------------------
@@ -455,7 +557,7 @@ enum hg_status hg_irradiance_run(struct hg_irradiance *r,
     choose(&w);
     const enum hg_status status = gather(&w, err);
     if (status == HG_OK)
-        hg_jobs_for(r->jobs, w.rows, apply_row, &w);
+        apply(&w);
     r->stats.rays = r->count;
     r->stats.cells = r->cells.count;
     r->stats.ns = hg_clock_now_ns() - begin;

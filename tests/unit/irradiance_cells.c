@@ -34,10 +34,16 @@ static struct hg_irradiance_point at(float x, float y, float z, int level)
 }
 
 // HG_IRRADIANCE_NONE: there is no room.
+static bool find(const struct hg_irradiance_point *point, struct hg_irradiance_place *place)
+{
+    const struct hg_irradiance_query query = hg_irradiance_query(&cells, point);
+    return hg_irradiance_ask(&cells, &query, place);
+}
+
 static uint32_t ask(const struct hg_irradiance_point *point)
 {
     struct hg_irradiance_place place;
-    return hg_irradiance_ask(&cells, point, &place) ? place.cell : HG_IRRADIANCE_NONE;
+    return find(point, &place) ? place.cell : HG_IRRADIANCE_NONE;
 }
 
 // So many samples of light and of half as much without.
@@ -47,16 +53,16 @@ static void fill(const struct hg_irradiance_point *point, float light, int sampl
     const float without[3] = {light / 2, light, 3 * light / 2};
     for (int i = 0; i < samples; i++) {
         struct hg_irradiance_place place;
-        assert_true(hg_irradiance_ask(&cells, point, &place));
+        assert_true(find(point, &place));
         hg_irradiance_add(&cells, &place, gathered, without);
     }
 }
 
 static struct hg_irradiance_sums look(const struct hg_irradiance_point *point)
 {
-    struct hg_irradiance_corners corners = {0};
+    struct hg_irradiance_lookups lookups = {0};
     struct hg_irradiance_sums sums;
-    hg_irradiance_look_up(&cells, point, &corners, &sums);
+    hg_irradiance_look_up(&cells, point, &lookups, &sums);
     return sums;
 }
 
@@ -99,7 +105,7 @@ static void test_between(void **state)
     struct hg_irradiance_place place;
     fill(&a, 1, 100);
     fill(&b, 3, 100);
-    assert_true(hg_irradiance_ask(&cells, &a, &place));
+    assert_true(find(&a, &place));
     const struct hg_irradiance_sums *both = &cells.cells[place.larger].sums;
     const float around = both->gathered[0] / both->samples, counts = look(&a).samples - 100;
     assert_true(around > 1 && around < 3 && counts > 0 && counts < 100);
@@ -115,12 +121,12 @@ static void test_between(void **state)
     }
     assert_true(look(&nothing).samples == 0);
     // One after the other along a line, with what the one before has found.
-    struct hg_irradiance_corners corners = {0};
+    struct hg_irradiance_lookups lookups = {0};
     for (int i = 0; i <= 60; i++) {
         const struct hg_irradiance_point p = at(-1 + 0.1f * (float)i, 0.5f, 0.4f, 2);
         const struct hg_irradiance_sums alone = look(&p);
         struct hg_irradiance_sums next;
-        hg_irradiance_look_up(&cells, &p, &corners, &next);
+        hg_irradiance_look_up(&cells, &p, &lookups, &next);
         assert_memory_equal(&next, &alone, sizeof next);
     }
     hg_irradiance_cells_clear(&cells);
