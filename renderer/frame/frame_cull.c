@@ -233,8 +233,12 @@ enum hg_status hg_frame_cull_cuts(struct hg_draw *draw, VkRect2D part, struct hg
 enum hg_status hg_frame_cull_prefetch(struct hg_draw *draw, struct hg_error *err)
 {
     const VkExtent2D size = whole_of(draw);
-    const struct hg_culling_view look = camera_view(draw, size, (VkRect2D){{0, 0}, size});
+    struct hg_culling_view look = camera_view(draw, size, (VkRect2D){{0, 0}, size});
     struct hg_jobs *jobs = draw->context->jobs;
+    const struct hg_culling_lens lens = centres_of(draw);
+    // Most triangles show at no pixel of so small a picture.
+    if (hg_gpu_strategy(draw->context->gpu)->host_triangle_cull)
+        look.lens = &lens;
     hg_culling_reset(draw->culling);
     const enum hg_status status =
         hg_culling_add(draw->culling, draw->scene_gpu->geometry, &look, jobs, err);

@@ -13,7 +13,8 @@
 #define WIDER       1.3         // than the view: turns are foreseen only nearly
 #define HORIZON_NS  300000000u  // how far ahead, or two changes of the camera
 #define STEADY_NS   1500000000u // longest time between three places that belong to one movement
-#define SHARE       16          // of the time is spent, one part in so many
+#define SHARE       16          // of the time is spent, one part in so many,
+#define IDLE_SHARE  32          // and where the picture before found nothing that was missing
 #define TURN_MOST   0.8         // radians ahead
 #define FASTER_MOST 4.0         // from one change to the next, in a steady movement
 
@@ -138,11 +139,12 @@ static enum hg_status make_all(
     return status;
 }
 
-static enum hg_status draw_picture(struct hg_draw *draw, struct hg_error *err)
+// missing: pages and parts of geometry that are not resident.
+static enum hg_status draw_picture(struct hg_draw *draw, uint32_t *missing, struct hg_error *err)
 {
     struct hg_page_cache *pages = hg_textures_cache(draw->scene_gpu->textures);
     struct hg_gpu *gpu = draw->context->gpu;
-    struct hg_page_demand demand;
+    struct hg_page_demand demand = {0};
     struct hg_gpu_cmd *cmd;
     enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
     if (status != HG_OK)
@@ -157,6 +159,7 @@ static enum hg_status draw_picture(struct hg_draw *draw, struct hg_error *err)
     status = hg_gpu_submit_and_wait(gpu, cmd, err);
     if (status == HG_OK)
         hg_page_cache_collect(pages, HG_PAGES_PREFETCH, &demand);
+    *missing = demand.missing + hg_culling_set(draw->culling, 0)->missing;
     return status;
 }
 
@@ -200,10 +203,11 @@ enum hg_status hg_prefetch_draw(
     look_ahead.culling = a->culling;
     look_ahead.targets = &a->targets;
     look_ahead.frame = &a->frame;
-    status = draw_picture(&look_ahead, err);
+    uint32_t missing = 0;
+    status = draw_picture(&look_ahead, &missing, err);
     const uint64_t end = hg_clock_now_ns();
     a->begun_ns = start;
-    a->next_ns = end + SHARE * (end - start);
+    a->next_ns = end + (missing > 0 ? SHARE : IDLE_SHARE) * (end - start);
     a->drawn++;
     hg_view_stats_add_stage(draw->stats, "prefetch", end - start);
     return status;

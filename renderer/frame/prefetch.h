@@ -4,7 +4,8 @@
 // Two consistent camera changes predict its next position by linear extrapolation of place and
 // rotation. From there a picture of 1/8 size with 1.3 times the field of view is drawn now and
 // then; its missing pages are loaded with lower priority than those of displayed pictures. Prefetch
-// takes a small share of the time, and at most half of the unused slots.
+// takes a small share of the time, half of that while nothing is missing, and at most half of the
+// unused slots.
 #ifndef HG_RENDERER_FRAME_PREFETCH_H
 #define HG_RENDERER_FRAME_PREFETCH_H
 
