@@ -92,7 +92,7 @@ void hg_control_queued(struct hg_control *c, uint64_t number, uint64_t begin_ns,
 void hg_control_sent(struct hg_control *c, const struct hg_control_sent *sent);
 void hg_control_delivered(struct hg_control *c, const struct hg_control_delivery *d);
 // When the rendering of the next frame may begin: a time that is not after now_ns, or one that is,
-// or UINT64_MAX: not before something is delivered.
+// or UINT64_MAX: not before something is delivered. All that was delivered until now_ns is known.
 uint64_t hg_control_due_ns(struct hg_control *c, uint64_t now_ns);
 struct hg_control_choice hg_control_choose(
     struct hg_control *c, const struct hg_control_goal *goal);

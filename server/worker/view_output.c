@@ -176,10 +176,10 @@ static void deliver_waits(struct render_state *s, struct session *session, struc
 }
 
 static void deliver_subscription(
-    struct render_state *s, struct session *session, struct view_slot *view)
+    struct render_state *s, struct session *session, struct view_slot *view, uint64_t heard_ns)
 {
     const uint64_t now_ns = hg_clock_now_ns();
-    if (!hg_rate_wants(view) || now_ns < hg_rate_due_ns(view) ||
+    if (!hg_rate_wants(view) || now_ns < hg_rate_due_ns(view, heard_ns) ||
         !hg_encode_stream_has_room(view->encoder))
         return;
     struct view_subscription *sub = &view->subscription;
@@ -205,10 +205,11 @@ static void deliver_subscription(
     sub->still_due_ns = rest_ns ? now_ns + rest_ns : 0;
 }
 
-void hg_output_deliver(struct render_state *s, struct session *session, struct view_slot *view)
+void hg_output_deliver(
+    struct render_state *s, struct session *session, struct view_slot *view, uint64_t heard_ns)
 {
     deliver_waits(s, session, view);
-    deliver_subscription(s, session, view);
+    deliver_subscription(s, session, view, heard_ns);
 }
 
 void hg_output_fail(struct render_state *s, struct session *session, struct view_slot *view,

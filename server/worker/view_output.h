@@ -9,7 +9,8 @@
 uint32_t hg_output_formats(const struct render_state *s, const struct view_slot *view);
 // Sends the newest frame to waiting requests and to the subscription, as far as it is due and the
 // view's encode stream has room; otherwise it is retried when there is.
-void hg_output_deliver(struct render_state *s, struct session *session, struct view_slot *view);
+void hg_output_deliver(
+    struct render_state *s, struct session *session, struct view_slot *view, uint64_t heard_ns);
 // Fails all waiting requests; the view idles until something changes.
 void hg_output_fail(struct render_state *s, struct session *session, struct view_slot *view,
     const struct hg_error *err);

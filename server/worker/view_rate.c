@@ -57,20 +57,20 @@ static uint64_t frame_due_ns(const struct view_slot *view)
     return view->subscription.sent_ns + (uint64_t)(1e9 / (double)view->subscription.max_fps);
 }
 
-uint64_t hg_rate_due_ns(struct view_slot *view)
+uint64_t hg_rate_due_ns(struct view_slot *view, uint64_t heard_ns)
 {
     const struct view_subscription *sub = &view->subscription;
     const bool is_sent = sub->sent_number == view->progress.info.number;
-    return later(
-        later(frame_due_ns(view), hg_rate_begin_ns(view)), is_sent ? sub->still_due_ns : 0);
+    return later(later(frame_due_ns(view), hg_rate_begin_ns(view, heard_ns)),
+        is_sent ? sub->still_due_ns : 0);
 }
 
-uint64_t hg_rate_begin_ns(struct view_slot *view)
+uint64_t hg_rate_begin_ns(struct view_slot *view, uint64_t heard_ns)
 {
     hg_rate_note_sent(view);
     const uint64_t due_ns = frame_due_ns(view), work_ns = (uint64_t)view->control.work_ns;
-    return later(hg_control_due_ns(&view->control, hg_clock_now_ns()),
-        due_ns > work_ns ? due_ns - work_ns : 0);
+    return later(
+        hg_control_due_ns(&view->control, heard_ns), due_ns > work_ns ? due_ns - work_ns : 0);
 }
 
 uint64_t hg_rate_encoded_ns(const struct view_slot *view)

@@ -13,9 +13,11 @@ void hg_rate_add_credit(struct view_slot *view, uint32_t frames);
 // yet.
 bool hg_rate_wants(const struct view_slot *view);
 // When max_fps and the network let it go; UINT64_MAX: not before a frame has been delivered.
-uint64_t hg_rate_due_ns(struct view_slot *view);
+// heard_ns: until when that was taken note of. What a client says while a step is drawn waits for
+// the step's end, so until then no frame is late for want of it.
+uint64_t hg_rate_due_ns(struct view_slot *view, uint64_t heard_ns);
 // When the next picture in motion may begin, likewise.
-uint64_t hg_rate_begin_ns(struct view_slot *view);
+uint64_t hg_rate_begin_ns(struct view_slot *view, uint64_t heard_ns);
 // When the newest frame of a view in motion has to be out, so that the next one keeps the chosen
 // frame rate; 0: no frame of it is waited for like that.
 uint64_t hg_rate_encoded_ns(const struct view_slot *view);

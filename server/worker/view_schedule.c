@@ -131,10 +131,16 @@ static bool may_wait(const struct session *session, const struct view_slot *view
     return now < due;
 }
 
-// Whether a picture in motion may begin: it is drawn when it can be sent, of what is newest then.
-static bool is_due(struct view_slot *view, uint64_t *wait_ns)
+// Until when what the client says is known.
+static uint64_t heard_ns(const struct session *session, const struct view_slot *view)
 {
-    const uint64_t now = hg_clock_now_ns(), due = hg_rate_begin_ns(view);
+    return hg_session_is_waiting(session) ? view->progress.began_ns : hg_clock_now_ns();
+}
+
+// Whether a picture in motion may begin: it is drawn when it can be sent, of what is newest then.
+static bool is_due(const struct session *session, struct view_slot *view, uint64_t *wait_ns)
+{
+    const uint64_t now = hg_clock_now_ns(), due = hg_rate_begin_ns(view, heard_ns(session, view));
     const uint64_t left = due > now ? due - now : 0;
     if (left && left < *wait_ns)
         *wait_ns = left;
@@ -152,7 +158,8 @@ static bool has_work(const struct session *session, struct view_slot *view, uint
         return false;
     if (may_wait(session, view, wait_ns))
         return false;
-    if (watched && !view->waits && hg_view_slot_is_stale(session, view) && !is_due(view, wait_ns))
+    if (watched && !view->waits && hg_view_slot_is_stale(session, view) &&
+        !is_due(session, view, wait_ns))
         return false;
     if (wants_step(session, view))
         return true;
@@ -165,7 +172,7 @@ static bool has_work(const struct session *session, struct view_slot *view, uint
         return true;
     if (!hg_rate_wants(view))
         return false;
-    uint64_t now = hg_clock_now_ns(), due = hg_rate_due_ns(view);
+    uint64_t now = hg_clock_now_ns(), due = hg_rate_due_ns(view, heard_ns(session, view));
     if (now >= due)
         return true;
     *wait_ns = *wait_ns < due - now ? *wait_ns : due - now;
@@ -221,6 +228,7 @@ static void set_budget(
 static void work(
     struct render_state *s, struct session *session, struct view_slot *view, uint64_t step_ns)
 {
+    const uint64_t known_ns = heard_ns(session, view); // nothing is heard before the end
     struct hg_error err = {0};
     enum hg_status status = HG_OK;
     view->progress.failed = false;
@@ -241,7 +249,7 @@ static void work(
         hg_output_fail(s, session, view, &err);
         return;
     }
-    hg_output_deliver(s, session, view);
+    hg_output_deliver(s, session, view, known_ns);
 }
 
 // A step that takes much longer than those of its tenant usually do makes something for all

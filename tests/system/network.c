@@ -17,7 +17,14 @@
 #include "tests/support/shaper.h"
 #include "tests/system/daemon.h"
 
-enum { WIDTH = 640, HEIGHT = 360, MOST_UNDER_WAY = 32, WARM_FRAMES = 5 };
+enum {
+    WIDTH = 640,
+    HEIGHT = 360,
+    LARGE_WIDTH = 2560,
+    LARGE_HEIGHT = 1440,
+    MOST_UNDER_WAY = 32,
+    WARM_FRAMES = 5
+};
 enum { COLUMNS = 64, ROWS = 36, CORNERS = 6 }; // of the picture's pattern
 #define MS        UINT64_C(1000000)
 #define SECOND_NS UINT64_C(1000000000)
@@ -90,7 +97,7 @@ static enum hg_status build_pattern(struct hg_viewer *v, struct hg_error *err)
     return status ? status : helio_call(v->h, HGP_T_node_set, &node, NULL, err);
 }
 
-static struct rig *begin(const struct shaper_options *options)
+static struct rig *begin_of(uint32_t width, uint32_t height, const struct shaper_options *options)
 {
     struct rig *rig = calloc(1, sizeof *rig);
     char path[TEST_FOLDER_MAX + 8];
@@ -101,8 +108,8 @@ static struct rig *begin(const struct shaper_options *options)
     rig->viewer.options = (struct hg_viewer_options){.url = rig->url,
         .build = build_pattern,
         .plain = true,
-        .width = WIDTH,
-        .height = HEIGHT,
+        .width = width,
+        .height = height,
         .poses = 300,
         .poses_per_s = 60,
         .target_fps = 30,
@@ -114,6 +121,11 @@ static struct rig *begin(const struct shaper_options *options)
     while (rig->viewer.sample_count < WARM_FRAMES && hg_clock_now_ns() < until_ns)
         check(hg_viewer_run(&rig->viewer, hg_clock_now_ns() + 20 * MS, true, &err), &err);
     return rig;
+}
+
+static struct rig *begin(const struct shaper_options *options)
+{
+    return begin_of(WIDTH, HEIGHT, options);
 }
 
 static void end(struct rig *rig)
@@ -211,6 +223,21 @@ static void test_stalls(void **state)
     end(rig);
 }
 
+// What the client says while a picture is drawn is not late when it is heard afterwards: pictures
+// that take longer than a frame may be late are sent, not drawn in vain.
+static void test_large_pictures_are_sent(void **state)
+{
+    (void)state;
+    struct rig *rig = begin_of(LARGE_WIDTH, LARGE_HEIGHT, &(struct shaper_options){0});
+    move(rig, SECOND_NS);
+    const uint64_t held = flow(rig, "held"), sent = flow(rig, "sent");
+    move(rig, 4 * SECOND_NS);
+    assert_true(flow(rig, "sent") - sent >= 4);
+    assert_true(4 * (flow(rig, "held") - held) <= flow(rig, "sent") - sent);
+    rest(rig);
+    end(rig);
+}
+
 static void test_a_hidden_view_costs_nothing(void **state)
 {
     (void)state;
@@ -234,6 +261,7 @@ int main(void)
         cmocka_unit_test(test_a_rate_that_falls_and_rises),
         cmocka_unit_test(test_a_long_round_trip),
         cmocka_unit_test(test_stalls),
+        cmocka_unit_test(test_large_pictures_are_sent),
         cmocka_unit_test(test_a_hidden_view_costs_nothing),
     };
     return cmocka_run_group_tests(tests, start_daemon, stop_daemon);
