@@ -13,8 +13,11 @@ enum { MOTION_LEVEL = 1, STILL_LEVEL = 6 };
 enum { HEADER_BYTES = 20 };
 
 // Of 255: what a tile with loss may be off, besides its loss. Indirect light changes by as much all
-// over the picture when one thing does, and JPEG loses more than that below quality 95.
-enum { UNSEEN_LEVELS = 1 };
+// over the picture when one thing does. Where a tile is even JPEG loses little, and a step between
+// two tiles would be seen; where it has contrast both are hidden by that (visual masking; Legge and
+// Foley 1980), and JPEG loses in proportion to it and to its quantisation.
+enum { UNSEEN_LEVELS = 1, MOST_UNSEEN_LEVELS = 4 };
+#define UNSEEN_SHARE 0.0625f // of a tile's range of levels, at quality 50
 
 // What is sent of a tile.
 enum tile { SAME, EXACT, JPEG };
@@ -105,6 +108,30 @@ static bool is_same(const struct tiles *t, const struct rect *r, const uint8_t *
     return true;
 }
 
+// Steps of quantisation over those of quality 50, as the IJG's library scales them.
+static float quantisation(uint8_t quality)
+{
+    return quality < 50 ? 50.0f / (float)(quality > 0 ? quality : 1)
+                        : 2.0f - (float)(quality < 100 ? quality : 100) / 50.0f;
+}
+
+static int unseen_levels(
+    const struct tiles *t, const struct rect *r, const uint8_t *pixels, uint8_t quality)
+{
+    int least = 255, most = 0;
+    for (uint32_t y = 0; y < r->height; y++) {
+        const uint8_t *row = pixels + offset_of(t, r->x, r->y + y);
+        for (uint32_t x = 0; x < r->width; x++) { // green is most of what is bright
+            const int level = row[4 * (size_t)x + 1];
+            least = level < least ? level : least;
+            most = level > most ? level : most;
+        }
+    }
+    const float more = UNSEEN_SHARE * quantisation(quality) * (float)(most - least);
+    const int levels = UNSEEN_LEVELS + (int)more;
+    return levels < MOST_UNSEEN_LEVELS ? levels : MOST_UNSEEN_LEVELS;
+}
+
 // JPEG files have no alpha.
 static bool is_opaque(const struct tiles *t, const struct rect *r, const uint8_t *pixels)
 {
@@ -122,7 +149,8 @@ static enum tile choose(const struct tiles *t, const struct encode_request *requ
 {
     const uint8_t *pixels = request->pixels->data;
     const bool may_stay = t->is_sent && !request->key_frame && (jpeg || !t->lossy[index]);
-    if (may_stay && is_same(t, r, pixels, jpeg ? UNSEEN_LEVELS : 0))
+    const int off = jpeg ? unseen_levels(t, r, pixels, request->quality) : 0;
+    if (may_stay && is_same(t, r, pixels, off))
         return SAME;
     return jpeg && is_opaque(t, r, pixels) ? JPEG : EXACT;
 }

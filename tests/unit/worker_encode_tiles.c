@@ -255,7 +255,7 @@ static void test_slow_light_is_sent_at_last(void **state)
     begin(&s, 96, 80);
     for (size_t i = 0; i < s.request.pixels->size; i++)
         if (i % 4 < 3)
-            s.request.pixels->data[i] = (uint8_t)(60 + s.request.pixels->data[i] / 2);
+            s.request.pixels->data[i] = (uint8_t)(60 + s.request.pixels->data[i] % 8);
     send(&s, false);
     uint64_t sent = 0;
     for (uint32_t n = 0; n < 10; n++) {
@@ -274,6 +274,39 @@ static void test_slow_light_is_sent_at_last(void **state)
     send(&s, false);
     assert_true(is_exact(&s) && !s.out.lossy);
     end(&s);
+}
+
+// Of two halves, of which the right one has contrast: what covers it is sent when it changes by
+// `right` levels, what covers the even one by 2.
+static void check_contrast(uint8_t quality, int right)
+{
+    struct stage s;
+    const uint64_t half = 48 * 80;
+    int off = 0;
+    begin(&s, 96, 80);
+    s.request.quality = quality;
+    for (size_t i = 0; i < s.request.pixels->size; i++)
+        if (i % 4 < 3)
+            s.request.pixels->data[i] = (uint8_t)(i / 4 % 96 < 48 ? 100 : i / 4 % 2 ? 60 : 220);
+    send(&s, true);
+    for (int n = 0; n < 2 * right; n++) {
+        brighten(&s, 1);
+        off = off + 1 == right ? 0 : off + 1;
+        assert_int_equal(send(&s, true), (n % 2 ? half : 0) + (off == 0 ? half : 0));
+    }
+    send(&s, false);
+    assert_true(is_exact(&s));
+    end(&s);
+}
+
+static void test_contrast_hides_light(void **state)
+{
+    (void)state;
+    check_contrast(50, 5);
+    check_contrast(80, 5);
+    check_contrast(90, 4);
+    check_contrast(95, 3);
+    check_contrast(100, 2);
 }
 
 // Of alpha nothing is lost, as JPEG has none.
@@ -378,6 +411,7 @@ int main(void)
         cmocka_unit_test(test_exact_after_any_edits),
         cmocka_unit_test(test_exact_after_loss),
         cmocka_unit_test(test_slow_light_is_sent_at_last),
+        cmocka_unit_test(test_contrast_hides_light),
         cmocka_unit_test(test_alpha_is_kept),
         cmocka_unit_test(test_places_keep_their_colours),
         cmocka_unit_test(test_an_edit_costs_a_tenth),
