@@ -30,6 +30,7 @@ void hg_gi_build_finish(struct hg_gi_build *b, struct hg_gpu *gpu)
 {
     hg_gi_field_finish(&b->field, gpu);
     hg_free(b->list);
+    hg_free(b->is_new);
     *b = (struct hg_gi_build){0};
 }
 
@@ -198,32 +199,55 @@ static void seed(void *user, size_t i)
 }
 
 // Of the listed ones those that are new.
-static void keep_new(struct hg_gi_build *b, const bool *is_new)
+static void list_new(struct hg_gi_build *b)
 {
     uint32_t kept = 0;
+    list_probes(b);
     for (uint32_t i = 0; i < b->listed; i++)
-        if (is_new[b->list[i]])
+        if (b->is_new[b->list[i]])
             b->list[kept++] = b->list[i];
     b->listed = kept;
 }
 
+enum hg_status hg_gi_build_begin_new(struct hg_gi_build *b, struct hg_error *err)
+{
+    hg_free(b->is_new);
+    b->is_new = hg_calloc(b->field.count, sizeof *b->is_new);
+    if (!b->is_new)
+        return hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
+    memset(b->is_new, true, b->field.count * sizeof *b->is_new);
+    b->listed = b->next = 0; // what is new is not known before the first round
+    b->round = 0;
+    return HG_OK;
+}
+
+static void finish_new(struct hg_gi_build *b, struct hg_jobs *jobs)
+{
+    hg_jobs_for(jobs, b->listed, seed, &(struct seeding){&b->field, b->list});
+    hg_free(b->is_new);
+    b->is_new = NULL;
+    list_probes(b);
+}
+
 enum hg_status hg_gi_build_settle_new(struct hg_gi_build *b,
-    const struct hg_gi_build_params *params, const bool *is_new, struct hg_error *err)
+    const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
-    for (b->round = 0; b->round < PLACE_ROUNDS && status == HG_OK; b->round++) {
-        list_probes(b);
-        keep_new(b, is_new);
-        while (b->next < b->listed && status == HG_OK) {
+    if (b->round == 0 && b->next == 0)
+        list_new(b);
+    while (b->is_new && *rays > 0 && status == HG_OK) {
+        if (b->next < b->listed) {
             const struct hg_gi_wave w = wave_of(b, params);
             status = hg_gi_waves_run(params->waves, &w, err);
             b->next += w.count;
+            *rays = less(*rays, (uint64_t)w.count * w.rays);
+            continue;
         }
+        b->round++;
+        list_new(b);
+        if (b->round == PLACE_ROUNDS)
+            finish_new(b, params->waves->params.jobs);
     }
-    list_probes(b);
-    keep_new(b, is_new);
-    hg_jobs_for(params->waves->params.jobs, b->listed, seed, &(struct seeding){&b->field, b->list});
-    list_probes(b);
     return status;
 }
 

@@ -16,6 +16,7 @@ struct hg_gi_build { // zeroed: none
     uint32_t end;                        // rounds of the schedule; 0: not known yet
     double log_light[HG_GI_WARM_WINDOW]; // after the newest rounds
     uint64_t updates;                    // of the moving field since the last change, of all probes
+    bool *is_new;                        // [field.count] that settle; NULL: none do
 };
 
 // What waves are cast with.
@@ -41,11 +42,12 @@ enum hg_status hg_gi_build_place(
 enum hg_status hg_gi_build_advance(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
 
-// The probes of a moving grid that are new find their places, and begin with the light of coarser
-// grids. is_new: [count]. Device errors.
+// All probes of a moving grid that was placed just now are new. HG_E_NOMEM.
+enum hg_status hg_gi_build_begin_new(struct hg_gi_build *build, struct hg_error *err) HG_MUST_CHECK;
+// Those that are new find their places, by about *rays rays, which are taken off, and begin with
+// the light of coarser grids. Device errors.
 enum hg_status hg_gi_build_settle_new(struct hg_gi_build *build,
-    const struct hg_gi_build_params *params, const bool *is_new,
-    struct hg_error *err) HG_MUST_CHECK;
+    const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
 // What the probes of a moving grid hold is out of date; moved: geometry has changed.
 void hg_gi_build_outdate(struct hg_gi_build *build, bool moved);
 // A wave of updates: *rays 0 when none are needed until the next change. Device errors.

@@ -7,7 +7,8 @@
 #include "base/alloc.h"
 #include "renderer/math/vec.h"
 
-#define BUSY 64 // touches of any, for which a camera's grids are not taken by another one
+#define BUSY       64     // touches of any, for which a camera's grids are not taken by another one
+#define PLACE_RAYS 16384u // of a picture, that place probes of the grids to come
 
 // --- which cameras -------------------------------------------------------------------------------
 
@@ -17,6 +18,13 @@ static void drop(struct hg_gi_finer *f, uint32_t from, struct hg_gpu *gpu)
         hg_gi_build_finish(&f->builds[i], gpu);
     f->at.count = f->at.count < from ? f->at.count : from;
     f->known = false;
+}
+
+static void drop_moving(struct hg_gi_camera *c, struct hg_gpu *gpu)
+{
+    drop(&c->moving, 0, gpu);
+    drop(&c->next, 0, gpu);
+    c->has_next = false;
 }
 
 const struct hg_gi_camera *hg_gi_cameras_find(const struct hg_gi_cameras *c, uint64_t view)
@@ -56,7 +64,7 @@ struct hg_gi_camera *hg_gi_cameras_acquire(
         if (found->touched > 0 && c->touches - found->touched < BUSY)
             return NULL;
         drop(&found->rest, 0, gpu);
-        drop(&found->moving, 0, gpu);
+        drop_moving(found, gpu);
         *found = (struct hg_gi_camera){.view = view};
     }
     found->touched = c->touches;
@@ -75,7 +83,8 @@ uint64_t hg_gi_cameras_bytes(const struct hg_gi_cameras *c)
 {
     uint64_t bytes = 0;
     for (uint32_t i = 0; i < HG_GI_CAMERAS; i++)
-        bytes += bytes_of(&c->cameras[i].rest) + bytes_of(&c->cameras[i].moving);
+        bytes += bytes_of(&c->cameras[i].rest) + bytes_of(&c->cameras[i].moving) +
+                 bytes_of(&c->cameras[i].next);
     return bytes;
 }
 
@@ -88,7 +97,7 @@ void hg_gi_cameras_drop_rest(struct hg_gi_cameras *c, struct hg_gpu *gpu)
 void hg_gi_cameras_drop_moving(struct hg_gi_cameras *c, struct hg_gpu *gpu)
 {
     for (uint32_t i = 0; i < HG_GI_CAMERAS; i++)
-        drop(&c->cameras[i].moving, 0, gpu);
+        drop_moving(&c->cameras[i], gpu);
 }
 
 // --- where finer grids stand ---------------------------------------------------------------------
@@ -261,7 +270,7 @@ enum hg_status hg_gi_camera_rest(struct hg_gi_camera *c, const struct hg_gi_came
     if (status != HG_OK)
         drop(&c->rest, 0, gpu);
     else if (is_done(&c->rest))
-        drop(&c->moving, 0, gpu);
+        drop_moving(c, gpu);
     return status;
 }
 
@@ -300,48 +309,28 @@ static struct hg_gi_build *find_build(struct hg_gi_finer *f, uint32_t fineness, 
 // Probes of a grid that comes to another place: those that stay keep their light. So do those of
 // the field of rest, which the picture before may have had, though it is not of this light any
 // more.
-static enum hg_status take_probes(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
-    uint32_t i, struct hg_gi_finer *old, bool *is_new)
+static enum hg_status take_probes(
+    struct hg_gi_camera *c, const struct hg_gi_camera_params *params, uint32_t i)
 {
-    struct hg_gi_build *b = &c->moving.builds[i];
-    const struct hg_gi_box *box = &c->moving.at.boxes[i];
+    struct hg_gi_build *b = &c->next.builds[i];
+    const struct hg_gi_box *box = &c->next.at.boxes[i];
     uint32_t k;
-    const struct hg_gi_build *from = find_build(old, box->fineness, &k);
+    const struct hg_gi_build *from = find_build(&c->moving, box->fineness, &k);
     if (from != NULL)
-        hg_gi_box_take(&b->field, box, &from->field, &old->at.boxes[k], is_new);
+        hg_gi_box_take(&b->field, box, &from->field, &c->moving.at.boxes[k], b->is_new);
     from = params->on_lattice ? find_build(&c->rest, box->fineness, &k) : NULL;
     if (from == NULL || !hg_gi_build_is_done(from))
         return HG_OK;
     bool *were_new = hg_calloc(b->field.count, sizeof *were_new);
     if (!were_new)
         return HG_E_NOMEM;
-    memcpy(were_new, is_new, b->field.count * sizeof *is_new);
-    hg_gi_box_take(&b->field, box, &from->field, &c->rest.at.boxes[k], is_new);
+    memcpy(were_new, b->is_new, b->field.count * sizeof *were_new);
+    hg_gi_box_take(&b->field, box, &from->field, &c->rest.at.boxes[k], b->is_new);
     for (uint32_t probe = 0; probe < b->field.count && !params->at_rest; probe++)
-        if (were_new[probe] && !is_new[probe])
+        if (were_new[probe] && !b->is_new[probe])
             b->field.updates[probe] = 0;
     hg_free(were_new);
     return HG_OK;
-}
-
-static enum hg_status move_grid(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
-    uint32_t i, struct hg_gi_finer *old, struct hg_error *err)
-{
-    struct hg_gi_build *b = &c->moving.builds[i];
-    const struct hg_gi_build_params build = {params->waves, params->sources, &b->field};
-    struct hg_gi_field grid;
-    grid_at(params, &c->moving, i, &grid);
-    bool *is_new = hg_calloc(grid.count, sizeof *is_new);
-    if (!is_new)
-        return hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
-    memset(is_new, true, grid.count * sizeof *is_new);
-    enum hg_status status = hg_gi_build_place(b, &grid, err);
-    if (status == HG_OK && take_probes(c, params, i, old, is_new) != HG_OK)
-        status = hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
-    if (status == HG_OK)
-        status = hg_gi_build_settle_new(b, &build, is_new, err);
-    hg_free(is_new);
-    return status;
 }
 
 static void link_grid(struct hg_gi_finer *f, uint32_t i, const struct hg_gi_camera_params *params)
@@ -349,34 +338,122 @@ static void link_grid(struct hg_gi_finer *f, uint32_t i, const struct hg_gi_came
     f->builds[i].field.coarser = i > 0 ? &f->builds[i - 1].field : &params->whole->field;
 }
 
+// The moving grid that stands where the next one of this box does; NULL: none.
+static struct hg_gi_build *find_same(struct hg_gi_camera *c, uint32_t i)
+{
+    uint32_t k;
+    struct hg_gi_build *same = find_build(&c->moving, c->next.at.boxes[i].fineness, &k);
+    const bool stays = same && memcmp(&c->moving.at.boxes[k], &c->next.at.boxes[i],
+                                   sizeof c->next.at.boxes[i]) == 0;
+    return stays ? same : NULL;
+}
+
+// The grid that the next one of this box is lit by before it is updated.
+static const struct hg_gi_field *coarser_of_next(
+    struct hg_gi_camera *c, const struct hg_gi_camera_params *params, uint32_t i)
+{
+    if (i == 0)
+        return &params->whole->field;
+    const struct hg_gi_build *same = find_same(c, i - 1);
+    return same ? &same->field : &c->next.builds[i - 1].field;
+}
+
+static enum hg_status begin_grid(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
+    uint32_t i, struct hg_error *err)
+{
+    struct hg_gi_build *b = &c->next.builds[i];
+    struct hg_gi_field grid;
+    grid_at(params, &c->next, i, &grid);
+    enum hg_status status = hg_gi_build_place(b, &grid, err);
+    if (status == HG_OK)
+        status = hg_gi_build_begin_new(b, err);
+    if (status == HG_OK && take_probes(c, params, i) != HG_OK)
+        status = hg_error_set(err, HG_E_NOMEM, "probes", NULL, "out of host memory");
+    return status;
+}
+
+static enum hg_status begin_next(
+    struct hg_gi_camera *c, const struct hg_gi_camera_params *params, struct hg_error *err)
+{
+    const struct hg_gi_placement *before = c->moving.known      ? &c->moving.at
+                                           : params->on_lattice ? &c->rest.at
+                                                                : NULL;
+    enum hg_status status = find_placement(params, before, &c->next.at, err);
+    if (status != HG_OK)
+        return status;
+    c->has_next = true;
+    c->next.key = *params->key;
+    for (uint32_t i = 0; i < c->next.at.count && status == HG_OK; i++)
+        if (!find_same(c, i))
+            status = begin_grid(c, params, i, err);
+    return status;
+}
+
+// Places probes of the next grids, from the coarsest on. *rays is not 0 after that: all have found
+// their places.
+static enum hg_status settle_next(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
+    uint64_t *rays, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i<c->next.at.count && * rays> 0 && status == HG_OK; i++) {
+        struct hg_gi_build *b = &c->next.builds[i];
+        if (!b->is_new)
+            continue;
+        const struct hg_gi_build_params build = {params->waves, params->sources, &b->field};
+        b->field.coarser = coarser_of_next(c, params, i);
+        status = hg_gi_build_settle_new(b, &build, rays, err);
+        if (status == HG_OK && b->is_new)
+            *rays = 0;
+    }
+    return status;
+}
+
+static void take_next(struct hg_gi_camera *c, const struct hg_gi_camera_params *params)
+{
+    struct hg_gi_finer *n = &c->next;
+    const bool changed = memcmp(&n->key, params->key, sizeof n->key) != 0;
+    const bool moved = n->key.geometry != params->key->geometry;
+    for (uint32_t i = 0; i < n->at.count; i++) {
+        struct hg_gi_build *same = find_same(c, i);
+        if (same) {
+            n->builds[i] = *same;
+            *same = (struct hg_gi_build){0};
+        } else if (changed) {
+            hg_gi_build_outdate(&n->builds[i], moved);
+        }
+    }
+    drop(&c->moving, 0, params->waves->params.gpu);
+    c->moving = *n;
+    c->next = (struct hg_gi_finer){0};
+    c->has_next = false;
+    for (uint32_t i = 0; i < c->moving.at.count; i++)
+        link_grid(&c->moving, i, params);
+}
+
+// Whether the camera has grids to go on with meanwhile, and both fit into memory.
+static bool may_take_time(const struct hg_gi_camera *c, const struct hg_gi_camera_params *params)
+{
+    const bool has_none = params->at_rest && c->rest.known && c->rest.at.count == 0;
+    return (c->moving.known || has_none) && params->waves->params.budget_bytes == 0;
+}
+
 static enum hg_status follow(
     struct hg_gi_camera *c, const struct hg_gi_camera_params *params, struct hg_error *err)
 {
-    struct hg_gi_finer *f = &c->moving, old;
-    struct hg_gi_placement p;
-    const bool known = f->known, changed = memcmp(&f->key, params->key, sizeof f->key) != 0;
+    struct hg_gi_finer *f = &c->moving;
+    const bool changed = memcmp(&f->key, params->key, sizeof f->key) != 0;
     const bool moved = f->key.geometry != params->key->geometry;
-    const struct hg_gi_placement *before = params->on_lattice ? &c->rest.at : NULL;
-    enum hg_status status = find_placement(params, known ? &f->at : before, &p, err);
-    if (status != HG_OK)
-        return status;
-    old = *f;
-    *f = (struct hg_gi_finer){.at = p};
+    uint64_t rays = may_take_time(c, params) ? PLACE_RAYS : UINT64_MAX;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < f->at.count && changed; i++)
+        hg_gi_build_outdate(&f->builds[i], moved);
+    if (!c->has_next)
+        status = begin_next(c, params, err);
+    if (status == HG_OK)
+        status = settle_next(c, params, &rays, err);
+    if (status == HG_OK && rays > 0)
+        take_next(c, params);
     note(f, params);
-    for (uint32_t i = 0; i < p.count && status == HG_OK; i++) {
-        uint32_t k;
-        struct hg_gi_build *same = find_build(&old, p.boxes[i].fineness, &k);
-        if (same && changed)
-            hg_gi_build_outdate(same, moved);
-        if (same && memcmp(&old.at.boxes[k], &p.boxes[i], sizeof *p.boxes) == 0) {
-            f->builds[i] = *same;
-            *same = (struct hg_gi_build){0};
-            link_grid(f, i, params);
-        } else {
-            status = move_grid(c, params, i, &old, err);
-        }
-    }
-    drop(&old, 0, params->waves->params.gpu);
     return status;
 }
 
@@ -412,7 +489,7 @@ static enum hg_status update(struct hg_gi_camera *c, const struct hg_gi_camera_p
 bool hg_gi_camera_is_still(
     const struct hg_gi_camera *c, const struct hg_gi_key *key, const struct hg_gi_eye *eye)
 {
-    bool still = c != NULL && is_for(&c->moving, key, eye);
+    bool still = c != NULL && is_for(&c->moving, key, eye) && !c->has_next;
     for (uint32_t i = 0; still && i < c->moving.at.count; i++)
         still = !hg_gi_build_wants_updates(&c->moving.builds[i]);
     return still;
@@ -428,11 +505,11 @@ enum hg_status hg_gi_camera_move(struct hg_gi_camera *c, const struct hg_gi_came
     enum hg_status status = try_rest(c, params, &rests, err);
     if (status != HG_OK || rests)
         return status;
-    if (!is_for(&c->moving, params->key, params->eye))
+    if (c->has_next || !is_for(&c->moving, params->key, params->eye))
         status = follow(c, params, err);
     if (status == HG_OK)
         status = update(c, params, rays, err);
     if (status != HG_OK)
-        drop(&c->moving, 0, params->waves->params.gpu);
+        drop_moving(c, params->waves->params.gpu);
     return status;
 }

@@ -4,7 +4,8 @@
 // Grids of the field of rest are built from coarse to fine, each lit by itself and coarser ones,
 // when the whole scene's is complete: what they hold depends on the scene and the camera alone.
 // Moving ones follow the camera; probes that stay keep their light, others begin with that of the
-// coarser grids.
+// coarser grids. Placing a grid takes hundreds of thousands of rays, so the new grids are placed
+// over some pictures, in which the camera has the old ones.
 #ifndef HG_RENDERER_GI_CAMERAS_H
 #define HG_RENDERER_GI_CAMERAS_H
 
@@ -24,6 +25,8 @@ struct hg_gi_finer { // zeroed: none
 struct hg_gi_camera {
     uint64_t view, touched; // touched: 0 = none
     struct hg_gi_finer rest, moving;
+    struct hg_gi_finer next; // what the moving ones become once its probes have found their places
+    bool has_next;
     uint32_t turn; // of the moving grids: which one is updated next
 };
 
