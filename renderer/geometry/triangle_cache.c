@@ -91,12 +91,12 @@ static enum hg_status make(struct hg_geometry *g, uint64_t bytes, struct hg_erro
     struct hg_triangle_cache *f = &g->facets;
     if (grow(f, g->draw_count) != HG_OK)
         return hg_error_set(err, HG_E_NOMEM, "facets", NULL, "no memory");
-    const VkBuffer old = f->buffer.handle;
+    const uint64_t before = f->buffer.size_bytes;
     enum hg_status status =
         hg_gpu_buffer_reserve(g->gpu, HG_GPU_BUFFER_TEXELS, bytes, "facets", &f->buffer, err);
     if (status != HG_OK)
         return status;
-    if (f->buffer.handle != old)
+    if (f->buffer.size_bytes != before)
         memset(f->keys, 0, f->key_capacity * sizeof *f->keys);
     list_jobs(g);
     uint64_t written = 0;

@@ -106,6 +106,7 @@ enum hg_status hg_gpu_buffer_create(struct hg_gpu *gpu, enum hg_gpu_buffer_kind 
 // Retires and zeroes *buffer; accepts a zeroed one.
 void hg_gpu_buffer_destroy(struct hg_gpu *gpu, struct hg_gpu_buffer *buffer);
 // Makes *buffer at least size_bytes large (grows by half, contents are lost); keeps it otherwise.
+// Another size tells that it is a new one: a new buffer may have the handle of the one before.
 enum hg_status hg_gpu_buffer_reserve(struct hg_gpu *gpu, enum hg_gpu_buffer_kind kind,
     uint64_t size_bytes, const char *name, struct hg_gpu_buffer *buffer,
     struct hg_error *err) HG_MUST_CHECK;

@@ -48,10 +48,10 @@ enum hg_status hg_gpu_array_write(struct hg_gpu *gpu, struct hg_gpu_array *table
         table->size_bytes = 0;
         return HG_OK;
     }
-    const VkBuffer old = table->buffer.handle;
+    const uint64_t before = table->buffer.size_bytes;
     enum hg_status status = hg_gpu_buffer_reserve(
         gpu, HG_GPU_BUFFER_DEVICE, size_bytes, table->name, &table->buffer, err);
-    if (table->buffer.handle != old)
+    if (table->buffer.size_bytes != before)
         table->size_bytes = 0;
     if (status == HG_OK && hg_grow(&table->shadow, &table->capacity, size_bytes, 1) != HG_OK)
         status = hg_error_set(err, HG_E_NOMEM, table->name, NULL, "no memory");

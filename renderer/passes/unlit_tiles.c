@@ -40,11 +40,11 @@ static enum hg_status reserve(struct hg_unlit_tiles *tiles, struct hg_gpu *gpu,
     if (status == HG_OK)
         status = hg_gpu_buffer_reserve(
             gpu, HG_GPU_BUFFER_DEVICE, 4 * words + 8 * runs, "unlit tiles", &tiles->cells, err);
-    const VkBuffer before = tiles->levels.handle;
+    const uint64_t before = tiles->levels.size_bytes;
     if (status == HG_OK) // 1 + 1/4 + ... < 4/3
         status = hg_gpu_buffer_reserve(gpu, HG_GPU_BUFFER_DEVICE, side * side * 4 * 4 / 3 + 4,
             "unlit levels", &tiles->levels, err);
-    if (tiles->levels.handle != before)
+    if (tiles->levels.size_bytes != before)
         tiles->seen = 0;
     return status;
 }
