@@ -203,6 +203,7 @@ export class View extends EventTarget {
         if (fit.camera) {
             await this.follow(fit.camera);
         } else {
+            this.node = 0n;
             this.camera = makeCamera(fit);
             this.sendCamera(true);
         }

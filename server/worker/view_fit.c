@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/log.h"
 #include "renderer/camera/camera.h"
 #include "renderer/camera/framing.h"
 #include "renderer/scene/extent.h"
@@ -167,6 +168,13 @@ void hg_view_fit_fill(
     camera->vfov_rad = found.vfov_rad;
 }
 
+// Through which a view looks; false: it was removed, or has no camera any more.
+static bool is_camera(const struct hg_scene *scene, uint64_t id)
+{
+    const struct hg_node *node = (const struct hg_node *)hg_scene_find(scene, HG_OBJECT_NODE, id);
+    return node && node->camera;
+}
+
 enum hg_status hg_view_fit_follow(
     const struct session *session, struct view_slot *view, struct hg_error *err)
 {
@@ -175,6 +183,11 @@ enum hg_status hg_view_fit_follow(
     if (set->camera_revision == scene->revision || (set->camera_given && !set->camera_node))
         return HG_OK;
     hg_scene_update(scene);
+    if (set->camera_given && !is_camera(scene, set->camera_node)) {
+        hg_info(SESSION, "view %u: the camera that it looked through is gone: it shows the scene",
+            view->number);
+        set->camera_given = false;
+    }
     if (!set->camera_given) {
         const struct hg_node *node = find_camera(scene, aspect_of(view), NULL);
         set->camera_node = node ? node->head.id : 0;

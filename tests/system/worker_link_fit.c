@@ -342,6 +342,25 @@ static void test_a_view_without_a_camera_shows_the_scene(void **state)
     assert_memory_equal(before, take_frame(rig)->hash, 32);
 }
 
+// A view that looked through a camera which is removed shows the scene, as one without a camera.
+static void test_a_camera_may_be_removed(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_view_camera through = {.view = VIEW, .has_camera = true, .camera = EYE};
+    const struct hgp_object_remove remove = {.kind = HGP_object_kind_NODE, .object = EYE};
+    uint8_t fitted[32];
+    link_attach(rig, 1, "a");
+    set_view(rig, 96, 64);
+    set_box(rig, BOX, (float[3]){1, 2, 1});
+    memcpy(fitted, take_frame(rig)->hash, 32);
+    place_camera(rig, 1, (float[4]){0, 0, 0, 1}, (float[3]){1, 1, 1});
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_camera, &through), HGP_T_ok);
+    assert_memory_not_equal(fitted, take_frame(rig)->hash, 32);
+    link_expect(rig, link_ask(rig, 1, HGP_T_object_remove, &remove), HGP_T_ok);
+    check_fill(take_frame(rig));
+    assert_memory_equal(fitted, rig->message.frame.hash, 32);
+}
+
 static void expect_same_as_environment(
     struct rig *rig, enum hgp_environment_kind kind, enum hgp_environment_kind other)
 {
@@ -402,6 +421,7 @@ int main(void)
         cmocka_unit_test_teardown(test_a_turntable_stays_in_the_picture, link_detach),
         cmocka_unit_test_teardown(test_a_camera_that_sees_nothing_is_passed_over, link_detach),
         cmocka_unit_test_teardown(test_a_view_without_a_camera_shows_the_scene, link_detach),
+        cmocka_unit_test_teardown(test_a_camera_may_be_removed, link_detach),
         cmocka_unit_test_teardown(test_a_scene_without_an_environment_is_lit, link_detach),
     };
     return cmocka_run_group_tests(tests, link_start_with_cache, link_stop);
