@@ -118,8 +118,9 @@ export class ViewPanel {
             { ENV: "Environment", BLUR: "Out of focus", COLOR: "Lit colour",
                 DISPLAY: "Plain colour" }),
         (background) => on.set({ background }));
-        const pick = h("input", { type: "color", value: "#808080", id: "background-color",
+        const pick = h("input", { type: "color", id: "background-color",
             on: { input: () => on.later({ background_color: linearOf(pick.value) }) } });
+        this.backgroundColor = pick;
         rows.ground = selectRow("Shadow ground", choices(["NONE", "Y", "Z"],
             { NONE: "None", Y: "Y is up", Z: "Z is up" }), (ground) => on.set({ ground }));
         return section("Background", false, rows.background.row,
@@ -150,6 +151,8 @@ export class ViewPanel {
         rows.auto.set(params.exposure_mode !== "FIXED");
         rows.ev.set(params.exposure_ev ?? 0);
         rows.background.set(params.background ?? "ENV");
+        if (document.activeElement !== this.backgroundColor)
+            this.backgroundColor.value = hexOfLinear(params.background_color ?? [0, 0, 0]);
         rows.ground.set(params.ground ?? "NONE");
         rows.debug.set(params.debug_view ?? "OFF");
         this.updateLens(camera);
@@ -176,6 +179,15 @@ export function linearOf(hex) {
     });
 }
 
+// And back; what is brighter than white is white.
+export function hexOfLinear(color) {
+    return "#" + color.map((v) => {
+        const c = Math.min(1, Math.max(0, v));
+        const s = c <= 0.0031308 ? 12.92 * c : 1.055 * c ** (1 / 2.4) - 0.055;
+        return Math.round(255 * s).toString(16).padStart(2, "0");
+    }).join("");
+}
+
 // ---- what is in the scene ----------------------------------------------------------------------
 
 export class ScenePanel {
@@ -200,7 +212,8 @@ export class ScenePanel {
     showCount() {
         const { scene } = this;
         const listed = scene.nodes.size < scene.total
-            ? `the first ${scene.nodes.size} of ${scene.total} nodes` : `${scene.total} nodes`;
+            ? `the first ${scene.nodes.size} of ${scene.total} nodes`
+            : scene.total === 1 ? "1 node" : `${scene.total} nodes`;
         this.count.textContent = this.search.value
             ? `${this.tree.rows.length} of ${listed}` : listed;
     }

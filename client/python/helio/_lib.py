@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
+import difflib
 import enum
 import os
 from ctypes import (POINTER, c_bool, c_char, c_char_p, c_double, c_float, c_int, c_int32, c_size_t,
@@ -99,6 +100,9 @@ def _text(value: Any, keep: List[Any]) -> Str:
 
 def encode(name: str, values: Mapping[str, Any], keep: List[Any]) -> Any:
     """The C struct of a message. `keep` holds what it points at: it has to live as long."""
+    if name not in structs:
+        near = difflib.get_close_matches(name, numbers)
+        raise ValueError("there is no message %r%s" % (name, "; is it %s?" % " or ".join(near) if near else ""))
     out = structs[name]()
     rows = {row[0]: row for row in RECORDS[name][2]}
     for field, value in values.items():

@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import ctypes
 import math
-from typing import TYPE_CHECKING, Any, Dict, Iterator, Optional, Sequence
+import os
+from typing import TYPE_CHECKING, Any, Dict, Iterator, Optional, Sequence, Tuple
 
 from . import _lib
 from ._lib import lib
@@ -11,6 +12,12 @@ from ._enums import Encoding
 
 if TYPE_CHECKING:
     from .scene import Scene
+
+
+_ENDS: Dict[Encoding, Tuple[str, ...]] = {
+    Encoding.PNG8: (".png",), Encoding.PNG16: (".png",), Encoding.JPEG: (".jpg", ".jpeg"),
+    Encoding.JPEG_444: (".jpg", ".jpeg"), Encoding.EXR_HALF: (".exr",), Encoding.EXR_FLOAT: (".exr",)}
+_PICTURE_ENDS = (".png", ".jpg", ".jpeg", ".exr", ".tif", ".tiff", ".webp", ".bmp", ".hdr")
 
 
 class Frame:
@@ -37,7 +44,13 @@ class Frame:
             ", settled" if self.settled else "")
 
     def save(self, path: str) -> None:
-        """Writes the data as it is: a file, where the encoding is that of files."""
+        """Writes the data as it is: a file, where the encoding is that of files. A name that ends as
+        those of another kind of picture is refused."""
+        ends = _ENDS.get(self.encoding, ())
+        end = os.path.splitext(path)[1].lower()
+        if end in _PICTURE_ENDS and end not in ends:
+            raise ValueError("%s: the frame is %s, whose files end with %s; frame(encoding=...) asks for another" % (
+                path, self.encoding.name, " or ".join(ends) or "something else"))
         with open(path, "wb") as f:
             f.write(self.data)
 

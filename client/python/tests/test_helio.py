@@ -67,6 +67,9 @@ class Tables(unittest.TestCase):
             _lib.encode("view_set", {"view": 1, "mode": "fast"}, [])
         with self.assertRaises(ValueError):
             _lib.encode("view_camera", {"view": 1, "eye": (1, 2)}, [])
+        with self.assertRaises(ValueError) as caught:
+            _lib.encode("node_sett", {"node": 1}, [])
+        self.assertIn("node_set", str(caught.exception))
 
 
 class Errors(unittest.TestCase):
@@ -139,6 +142,9 @@ class Rendering(unittest.TestCase):
         self.assertEqual(self.session.compare(png.data, png.data), 999)
         with tempfile.TemporaryDirectory() as folder:
             png.save(os.path.join(folder, "a.png"))
+            with self.assertRaises(ValueError):
+                png.save(os.path.join(folder, "a.jpg"))
+            self.assertFalse(os.path.exists(os.path.join(folder, "a.jpg")))
             self.assertEqual(os.path.getsize(os.path.join(folder, "a.png")), len(png.data))
 
     def test_numpy(self):
