@@ -548,6 +548,7 @@ static enum hg_status draw_preview(
     struct hg_draw_request request = *asked;
     request.samples = request.max_samples = 1;
     request.flags |= HG_DRAW_ACCUMULATE; // the film is shown over it
+    view->gi.gathered = view->gi.gathered && hg_gather_view_is_done(view); // else of another state
     restart(view);
     const enum hg_status status = draw_shown(view, &request, true, err);
     view->accumulation.samples = 0;

@@ -96,21 +96,20 @@ enum hg_status hg_gi_build_place(
     return HG_OK;
 }
 
-enum hg_status hg_gi_build_surround(
-    struct hg_gi_build *b, struct hg_gi_waves *waves, struct hg_error *err)
+enum hg_status hg_gi_build_surround(struct hg_gi_build *b, struct hg_gi_waves *waves,
+    const struct hg_gi_bounds *box, struct hg_error *err)
 {
     struct hg_gi_field grid = {0};
-    float min[3], max[3];
     b->round = b->next = b->listed = b->end = 0;
-    if (!hg_geometry_bounds(waves->params.geometry, min, max)) {
+    if (!box) {
         hg_gi_field_finish(&b->field, NULL);
         b->round = b->end = MOST_ROUNDS;
         return HG_OK;
     }
-    enum hg_status status = check_budget(&waves->params, min, max, err);
+    enum hg_status status = check_budget(&waves->params, box->min, box->max, err);
     if (status != HG_OK)
         return status;
-    hg_gi_field_grid(&grid, min, max);
+    hg_gi_field_grid(&grid, box->min, box->max);
     status = hg_gi_build_place(b, &grid, err);
     if (status == HG_OK)
         hg_gi_occupy(&b->field, &waves->surfaces);
@@ -257,6 +256,7 @@ void hg_gi_build_outdate(struct hg_gi_build *b, bool moved)
     if (moved) { // surfaces may come anywhere
         const uint32_t next = b->next;
         hg_gi_field_doubt_distances(&b->field);
+        b->field.follows = true;
         memset(b->field.needed, true, b->field.count * sizeof *b->field.needed);
         list_probes(b);
         b->next = b->listed > 0 ? next % b->listed : 0;
@@ -276,6 +276,41 @@ static uint32_t choose(struct hg_gi_build *b, uint32_t probes[HG_GI_WAVE_PROBES]
     return count;
 }
 
+static enum hg_status run_updates(struct hg_gi_build *b, const struct hg_gi_build_params *params,
+    const uint32_t *probes, uint32_t count, struct hg_error *err)
+{
+    const bool first = b->updates < (uint64_t)FIRST_ROUNDS * b->listed;
+    const struct hg_gi_wave w = {.sources = params->sources,
+        .field = &b->field,
+        .light = params->light,
+        .probes = probes,
+        .count = count,
+        .rays = first ? FIRST_RAYS : MOVE_RAYS,
+        .round = MOVE_ROUND + (uint32_t)(b->updates / b->listed),
+        .keep = -1};
+    b->updates += count;
+    return hg_gi_waves_run(params->waves, &w, err);
+}
+
+enum hg_status hg_gi_build_light_new(
+    struct hg_gi_build *b, const struct hg_gi_build_params *params, struct hg_error *err)
+{
+    uint32_t probes[HG_GI_WAVE_PROBES], count = 0;
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < b->listed && status == HG_OK; i++) {
+        const uint32_t probe = b->list[i];
+        if (!hg_gi_probe_is_lit(&b->field, probe) && b->field.coarser)
+            hg_gi_probe_seed(&b->field, probe);
+        else if (!hg_gi_probe_is_lit(&b->field, probe))
+            probes[count++] = probe;
+        if (count == 0 || (count < HG_GI_WAVE_PROBES && i + 1 < b->listed))
+            continue;
+        status = run_updates(b, params, probes, count, err);
+        count = 0;
+    }
+    return status;
+}
+
 enum hg_status hg_gi_build_update(struct hg_gi_build *b, const struct hg_gi_build_params *params,
     uint64_t *rays, struct hg_error *err)
 {
@@ -288,17 +323,8 @@ enum hg_status hg_gi_build_update(struct hg_gi_build *b, const struct hg_gi_buil
     if (count == 0)
         return HG_OK;
     const bool first = b->updates < (uint64_t)FIRST_ROUNDS * b->listed;
-    const struct hg_gi_wave w = {.sources = params->sources,
-        .field = &b->field,
-        .light = params->light,
-        .probes = probes,
-        .count = count,
-        .rays = first ? FIRST_RAYS : MOVE_RAYS,
-        .round = MOVE_ROUND + (uint32_t)(b->updates / b->listed),
-        .keep = -1};
-    *rays = (uint64_t)w.count * w.rays;
-    b->updates += count;
-    return hg_gi_waves_run(params->waves, &w, err);
+    *rays = (uint64_t)count * (first ? FIRST_RAYS : MOVE_RAYS);
+    return run_updates(b, params, probes, count, err);
 }
 
 bool hg_gi_build_wants_updates(const struct hg_gi_build *b)

@@ -7,6 +7,10 @@
 
 #define HG_GI_WARM_WINDOW 4
 
+struct hg_gi_bounds {
+    float min[3], max[3];
+};
+
 struct hg_gi_build { // zeroed: none
     struct hg_gi_field field;
     struct hg_gi_key key;
@@ -31,10 +35,10 @@ bool hg_gi_build_has_key(const struct hg_gi_build *build, const struct hg_gi_key
 bool hg_gi_build_is_done(const struct hg_gi_build *build); // the schedule is
 bool hg_gi_build_is_placed(const struct hg_gi_build *build);
 
-// Empty probes around the scene as it is now; none where there is nothing to put them around.
-// HG_E_LIMIT (budget, before memory is taken), HG_E_NOMEM.
-enum hg_status hg_gi_build_surround(
-    struct hg_gi_build *build, struct hg_gi_waves *waves, struct hg_error *err) HG_MUST_CHECK;
+// Empty probes around a box (relative to the geometry's origin); NULL: none, as there is nothing to
+// put them around. HG_E_LIMIT (budget, before memory is taken), HG_E_NOMEM.
+enum hg_status hg_gi_build_surround(struct hg_gi_build *build, struct hg_gi_waves *waves,
+    const struct hg_gi_bounds *box, struct hg_error *err) HG_MUST_CHECK;
 // Empty probes of a grid (hg_gi_field_place_grid). HG_E_NOMEM.
 enum hg_status hg_gi_build_place(
     struct hg_gi_build *build, const struct hg_gi_field *grid, struct hg_error *err) HG_MUST_CHECK;
@@ -50,6 +54,10 @@ enum hg_status hg_gi_build_settle_new(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
 // What the probes of a moving grid hold is out of date; moved: geometry has changed.
 void hg_gi_build_outdate(struct hg_gi_build *build, bool moved);
+// Probes that have had no light so far, such as no surface needed before it moved, get some.
+// Device errors.
+enum hg_status hg_gi_build_light_new(struct hg_gi_build *build,
+    const struct hg_gi_build_params *params, struct hg_error *err) HG_MUST_CHECK;
 // A wave of updates: *rays 0 when none are needed until the next change. Device errors.
 enum hg_status hg_gi_build_update(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;

@@ -408,26 +408,41 @@ static enum hg_status settle_next(struct hg_gi_camera *c, const struct hg_gi_cam
     return status;
 }
 
-static void take_next(struct hg_gi_camera *c, const struct hg_gi_camera_params *params)
+// Surfaces that moved may need probes that have had no light so far.
+static enum hg_status outdate(struct hg_gi_build *b, bool moved,
+    const struct hg_gi_camera_params *params, struct hg_error *err)
 {
+    const struct hg_gi_build_params build = {params->waves, params->sources, &b->field};
+    hg_gi_build_outdate(b, moved);
+    return hg_gi_build_light_new(b, &build, err);
+}
+
+static enum hg_status take_next(
+    struct hg_gi_camera *c, const struct hg_gi_camera_params *params, struct hg_error *err)
+{
+    bool is_new[HG_GI_FINER] = {false};
     struct hg_gi_finer *n = &c->next;
     const bool changed = memcmp(&n->key, params->key, sizeof n->key) != 0;
     const bool moved = n->key.geometry != params->key->geometry;
     for (uint32_t i = 0; i < n->at.count; i++) {
         struct hg_gi_build *same = find_same(c, i);
+        is_new[i] = !same;
         if (same) {
             n->builds[i] = *same;
             *same = (struct hg_gi_build){0};
-        } else if (changed) {
-            hg_gi_build_outdate(&n->builds[i], moved);
         }
     }
     drop(&c->moving, 0, params->waves->params.gpu);
     c->moving = *n;
     c->next = (struct hg_gi_finer){0};
     c->has_next = false;
-    for (uint32_t i = 0; i < c->moving.at.count; i++)
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < c->moving.at.count && status == HG_OK; i++) {
         link_grid(&c->moving, i, params);
+        if (changed && is_new[i])
+            status = outdate(&c->moving.builds[i], moved, params, err);
+    }
+    return status;
 }
 
 // Whether the camera has grids to go on with meanwhile, and both fit into memory.
@@ -445,14 +460,14 @@ static enum hg_status follow(
     const bool moved = f->key.geometry != params->key->geometry;
     uint64_t rays = may_take_time(c, params) ? PLACE_RAYS : UINT64_MAX;
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < f->at.count && changed; i++)
-        hg_gi_build_outdate(&f->builds[i], moved);
-    if (!c->has_next)
+    for (uint32_t i = 0; i < f->at.count && changed && status == HG_OK; i++)
+        status = outdate(&f->builds[i], moved, params, err);
+    if (status == HG_OK && !c->has_next)
         status = begin_next(c, params, err);
     if (status == HG_OK)
         status = settle_next(c, params, &rays, err);
     if (status == HG_OK && rays > 0)
-        take_next(c, params);
+        status = take_next(c, params, err);
     note(f, params);
     return status;
 }

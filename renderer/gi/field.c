@@ -121,6 +121,7 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     hg_gi_field_finish(f, NULL);
     next.offsets = hg_calloc(next.count, sizeof *next.offsets);
     next.inside = hg_calloc(next.count, sizeof *next.inside);
+    next.covered = hg_calloc(next.count, sizeof *next.covered);
     next.needed = hg_calloc(next.count, sizeof *next.needed);
     next.updates = hg_calloc(next.count, sizeof *next.updates);
     next.irradiance = hg_calloc(next.count, sizeof *next.irradiance);
@@ -129,8 +130,8 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     next.words = hg_calloc((size_t)next.count * PROBE_WORDS, sizeof *next.words);
     next.stale = hg_calloc(next.count, sizeof *next.stale);
     *f = next;
-    if (!f->offsets || !f->inside || !f->needed || !f->updates || !f->irradiance || !f->moments ||
-        !f->means || !f->words || !f->stale) {
+    if (!f->offsets || !f->inside || !f->covered || !f->needed || !f->updates || !f->irradiance ||
+        !f->moments || !f->means || !f->words || !f->stale) {
         hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
     }
@@ -153,6 +154,7 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
         hg_gpu_buffer_destroy(gpu, &f->buffer);
     hg_free(f->offsets);
     hg_free(f->inside);
+    hg_free(f->covered);
     hg_free(f->needed);
     hg_free(f->updates);
     hg_free(f->irradiance);
@@ -166,9 +168,10 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
 static uint64_t host_bytes(uint32_t probes)
 {
     const struct hg_gi_field *f = NULL;
-    return probes * (sizeof *f->offsets + sizeof *f->inside + sizeof *f->needed +
-                        sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments +
-                        sizeof *f->means + sizeof *f->stale + PROBE_WORDS * 4ull);
+    return probes *
+           (sizeof *f->offsets + sizeof *f->inside + sizeof *f->covered + sizeof *f->needed +
+               sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments + sizeof *f->means +
+               sizeof *f->stale + PROBE_WORDS * 4ull);
 }
 
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
@@ -342,6 +345,10 @@ void hg_gi_probe_gather(
 {
     struct hg_gi_irradiance *to = &f->irradiance[probe];
     const struct hg_gi_lobes *lobes = &f->lobes;
+    uint32_t backs = 0;
+    for (uint32_t i = 0; i < brought->count; i++)
+        backs += brought->rays[i].back;
+    f->covered[probe] = f->follows && 2 * backs > brought->count;
     keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
     for (uint32_t i = 0; i < brought->count; i++) {
         const struct hg_gi_ray *ray = &brought->rays[i];
@@ -376,8 +383,7 @@ double hg_gi_field_log_light(const struct hg_gi_field *f, const uint32_t *probes
     return count > 0 ? sum / count : 0;
 }
 
-// Rays have come from all around: every direction has its share.
-static bool is_lit(const struct hg_gi_field *f, uint32_t probe)
+bool hg_gi_probe_is_lit(const struct hg_gi_field *f, uint32_t probe)
 {
     const float *weight = f->irradiance[probe].weight;
     return weight[0] > 0 && weight[IRRADIANCE_TEXELS / 2 + IRRADIANCE_SIDE / 2] > 0;
@@ -432,7 +438,7 @@ static uint32_t find_corners(const struct hg_gi_field *f, const float lifted[3],
             cell[a] = base[a] + off < f->counts[a] ? base[a] + off : f->counts[a] - 1;
         }
         c->probe = (cell[2] * f->counts[1] + cell[1]) * f->counts[0] + cell[0];
-        if (c->weight <= 0 || !hg_gi_probe_is_awake(f, c->probe))
+        if (c->weight <= 0 || !hg_gi_probe_is_read(f, c->probe))
             continue;
         hg_gi_probe_position(f, c->probe, c->at);
         hg_sub3(lifted, c->at, c->from);
@@ -510,6 +516,7 @@ void hg_gi_probe_copy(
 {
     memcpy(f->offsets[probe], from->offsets[k], sizeof f->offsets[probe]);
     f->inside[probe] = from->inside[k];
+    f->covered[probe] = from->covered[k];
     f->needed[probe] = from->needed[k];
     f->updates[probe] = from->updates[k];
     f->irradiance[probe] = from->irradiance[k];
@@ -546,9 +553,9 @@ void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
 
 static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
 {
-    uint32_t word = f->inside[probe]                                     ? HG_PROBE_INSIDE
-                    : hg_gi_probe_is_awake(f, probe) && is_lit(f, probe) ? HG_PROBE_AWAKE
-                                                                         : 0;
+    const bool inside = f->inside[probe] || f->covered[probe];
+    const bool awake = hg_gi_probe_is_read(f, probe) && hg_gi_probe_is_lit(f, probe);
+    uint32_t word = inside ? HG_PROBE_INSIDE : awake ? HG_PROBE_AWAKE : 0;
     for (int a = 0; a < 3; a++)
         word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) << (10 * a);
     return word;

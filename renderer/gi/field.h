@@ -43,7 +43,9 @@ struct hg_gi_field { // zeroed: none
     const struct hg_gi_field *coarser; // for what lies beyond the grid; NULL: it is the coarsest
     uint32_t salt;                     // fields of different ones have other random numbers
     float (*offsets)[3]; // [count] from the grid, in spacings
-    bool *inside;        // [count] of something solid
+    bool *inside;        // [count] of something solid, where probes were placed
+    bool *covered;       // [count] by something solid that moved there; lookups pass them
+    bool follows;        // geometry has moved since probes were placed
     bool *needed;        // [count] surfaces are near (occupancy.h); set by who places the field
     uint32_t *updates;   // [count] since what they hold was last out of date
     struct hg_gi_irradiance *irradiance;
@@ -85,11 +87,17 @@ uint64_t hg_gi_field_bytes(const struct hg_gi_field *field);
 // What a field of so many probes takes, on the host and the device together.
 uint64_t hg_gi_field_bytes_of(uint32_t probes);
 
-// The probe takes part: it is updated, and lookups read it once it has been.
+// The probe takes part: it is updated, and lookups read it once it has been, unless it is covered.
 static inline bool hg_gi_probe_is_awake(const struct hg_gi_field *field, uint32_t probe)
 {
     return field->needed[probe] && !field->inside[probe];
 }
+static inline bool hg_gi_probe_is_read(const struct hg_gi_field *field, uint32_t probe)
+{
+    return hg_gi_probe_is_awake(field, probe) && !field->covered[probe];
+}
+// Rays have come to it from all around: every direction has its share.
+bool hg_gi_probe_is_lit(const struct hg_gi_field *field, uint32_t probe);
 void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float out[3]);
 // Moves a probe out of and away from what its rays met, and says whether it is inside of something.
 // Of a grid with a coarser one: needed where surfaces are so near that lookups read it. last: the

@@ -1,6 +1,7 @@
 // gi.c - the fields of a scene: that of rest, and the moving one. See gi.h.
 #include "renderer/gi/gi.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -9,6 +10,11 @@
 #include "renderer/gi/cameras.h"
 #include "renderer/gi/sights.h"
 #include "renderer/math/vec.h"
+
+#define BEYOND       0.26f // spacings that a scene may reach beyond its outermost probes: just placed
+#define MOST_COARSER 2.0f // times the spacing that it would have now
+#define WIDEST       1.5f // likewise, of one that holds what was there before
+#define MARGIN       0.1f // of the longest side, around a scene that moves
 
 struct hg_gi {
     struct hg_gi_waves waves;
@@ -72,6 +78,12 @@ static enum hg_status upload(struct hg_gi *gi, struct hg_gi_build *b, struct hg_
     return b->field.count > 0 ? hg_gi_field_upload(&b->field, p->gpu, p->jobs, err) : HG_OK;
 }
 
+// Of the scene as it is now. NULL: there is nothing.
+static const struct hg_gi_bounds *find_bounds(const struct hg_gi *gi, struct hg_gi_bounds *out)
+{
+    return hg_geometry_bounds(gi->waves.params.geometry, out->min, out->max) ? out : NULL;
+}
+
 static enum hg_status rest_whole(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, uint64_t *rays, struct hg_error *err)
 {
@@ -85,7 +97,8 @@ static enum hg_status rest_whole(struct hg_gi *gi, const struct hg_gi_key *key,
         if (gi->on_rest)
             hg_gi_cameras_drop_moving(&gi->cameras, gi->waves.params.gpu);
         gi->on_rest = false;
-        status = hg_gi_build_surround(b, &gi->waves, err);
+        struct hg_gi_bounds box;
+        status = hg_gi_build_surround(b, &gi->waves, find_bounds(gi, &box), err);
         b->key = *key;
         b->keyed = true;
     }
@@ -143,13 +156,13 @@ static enum hg_status take_rest(struct hg_gi *gi, const struct hg_gi_key *key, s
     return HG_OK;
 }
 
-static enum hg_status surround(
-    struct hg_gi *gi, const struct hg_lighting_sources *sources, struct hg_error *err)
+static enum hg_status surround(struct hg_gi *gi, const struct hg_gi_bounds *box,
+    const struct hg_lighting_sources *sources, struct hg_error *err)
 {
     struct hg_gi_build *b = &gi->moving;
     const struct hg_gi_build_params params = {&gi->waves, sources, &b->field};
     hg_gi_cameras_drop_moving(&gi->cameras, gi->waves.params.gpu);
-    enum hg_status status = hg_gi_build_surround(b, &gi->waves, err);
+    enum hg_status status = hg_gi_build_surround(b, &gi->waves, box, err);
     b->updates = 0;
     while (status == HG_OK && b->field.count > 0 && !hg_gi_build_is_placed(b)) {
         uint64_t rays = 1;
@@ -158,25 +171,71 @@ static enum hg_status surround(
     return status;
 }
 
+// Whether the grid still serves the scene, whose bounds change with each pose of an animation.
+static bool fits(const struct hg_gi_field *f, const struct hg_gi_bounds *box)
+{
+    struct hg_gi_field now = {0};
+    if (!box)
+        return f->count == 0;
+    if (f->count == 0)
+        return false;
+    hg_gi_field_grid(&now, box->min, box->max);
+    bool holds = f->spacing <= MOST_COARSER * now.spacing;
+    for (int a = 0; a < 3; a++) {
+        const float first = f->origin[a] - BEYOND * f->spacing,
+                    last = f->origin[a] + ((float)f->counts[a] - 1 + BEYOND) * f->spacing;
+        holds = holds && box->min[a] >= first && box->max[a] <= last;
+    }
+    return holds;
+}
+
+// A scene that outgrows its grid does so again, to and fro: the next one holds both, unless that
+// makes it much coarser, and has room to all sides.
+static void widen(const struct hg_gi_field *old, struct hg_gi_bounds *box)
+{
+    struct hg_gi_field now = {0}, both = {0};
+    struct hg_gi_bounds wide = *box;
+    for (int a = 0; a < 3; a++) {
+        const float last = old->origin[a] + ((float)old->counts[a] - 1) * old->spacing;
+        wide.min[a] = fminf(wide.min[a], old->origin[a]);
+        wide.max[a] = fmaxf(wide.max[a], last);
+    }
+    hg_gi_field_grid(&now, box->min, box->max);
+    hg_gi_field_grid(&both, wide.min, wide.max);
+    if (both.spacing <= WIDEST * now.spacing)
+        *box = wide;
+    float longest = 0;
+    for (int a = 0; a < 3; a++)
+        longest = fmaxf(longest, box->max[a] - box->min[a]);
+    for (int a = 0; a < 3; a++) {
+        box->min[a] -= MARGIN * longest;
+        box->max[a] += MARGIN * longest;
+    }
+}
+
 // Its probes are put around a scene once, and again where the scene has outgrown them.
 static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, struct hg_error *err)
 {
     struct hg_gi_build *b = &gi->moving;
-    float min[3], max[3];
-    struct hg_gi_field now = {0};
+    struct hg_gi_bounds now;
     enum hg_status status = HG_OK;
     if (hg_gi_build_has_key(b, key))
         return HG_OK;
-    if (hg_geometry_bounds(gi->waves.params.geometry, min, max))
-        hg_gi_field_grid(&now, min, max);
-    if (gi->on_rest && hg_gi_build_is_done(&gi->rest) && is_same_grid(&gi->rest.field, &now))
+    const struct hg_gi_bounds *box = find_bounds(gi, &now);
+    if (gi->on_rest && hg_gi_build_is_done(&gi->rest) && fits(&gi->rest.field, box))
         status = take_rest(gi, key, err);
-    else if (!is_same_grid(&b->field, &now) ||
-             !hg_gi_build_is_placed(b)) // an error may have cut it
-        status = surround(gi, sources, err);
-    else
+    else if (!fits(&b->field, box) || !hg_gi_build_is_placed(b)) { // an error may have cut it
+        const struct hg_gi_field *old = gi->on_rest ? &gi->rest.field : &b->field;
+        if (box && old->count > 0)
+            widen(old, &now);
+        status = surround(gi, box, sources, err);
+    } else
         hg_gi_build_outdate(b, b->key.geometry != key->geometry);
+    // All have light before any is looked up.
+    const struct hg_gi_build_params params = {&gi->waves, sources, &b->field};
+    if (status == HG_OK)
+        status = hg_gi_build_light_new(b, &params, err);
     b->key = *key;
     b->keyed = status == HG_OK;
     return status;

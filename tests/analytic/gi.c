@@ -145,6 +145,40 @@ static void test_open_furnace(void **state)
     }
 }
 
+// A white ball that is all of a scene grows and shrinks from picture to picture, and the bounds of
+// the scene with it: it has the light of the sky in each of them.
+static void test_furnace_in_motion(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_error err = {0};
+    const struct gi_shot shot = {.eye = {0, 0, 2.5f}, .gi = HG_GI_PROBES, .samples = 4};
+    const int middle[4] = {3, 3, 5, 5};
+    double least = 1e9, most = 0;
+    rig_scene(rig);
+    struct hg_node *node = rig_sphere(rig, gi_grey(rig, 1, 0), (const float[3]){0}, 0.5f, 24);
+    gi_sky(rig, 1);
+    struct hg_view *view = gi_open_view(rig, &shot);
+    gi_settle(view, 4);
+    for (int i = 1; i <= 40; i++) {
+        struct hg_frame_info info;
+        struct hg_refbuf *pixels;
+        for (int a = 0; a < 3; a++)
+            node->scale[a] = 1.2f + 0.6f * fabsf(sinf(0.3f * (float)i));
+        hg_scene_touch(rig->scene, &node->head);
+        hg_scene_publish(rig->scene);
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+        assert_false(info.settled);
+        test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+        const double white = gi_mean_of_bytes(pixels, middle);
+        least = fmin(least, white);
+        most = fmax(most, white);
+        hg_refbuf_unref(pixels);
+    }
+    print_message("a ball that grows under a sky of 1: %.3f to %.3f\n", least, most);
+    assert_true(least > 0.75 && most < 1.05);
+    hg_view_destroy(view);
+}
+
 // An environment with a lamp in it that few rays would find: 3 degrees wide, a third of all light.
 static void lamp_in_environment(struct rig *rig)
 {
@@ -530,6 +564,50 @@ static void test_motion_has_thin_things(void **state)
     hg_view_destroy(view);
 }
 
+// What a view shows whose camera turned in path mode, before paths are there.
+static struct hg_refbuf *take_preview(struct rig *rig, enum hg_view_gi gi)
+{
+    struct hg_error err = {0};
+    struct hg_frame_info info;
+    struct hg_refbuf *pixels;
+    struct gi_shot shot = inside;
+    shot.gi = gi;
+    struct hg_view *view = gi_open_view(rig, &shot);
+    gi_settle(view, 8);
+    const struct hg_view_params params = {.width = GI_WIDTH,
+        .height = GI_HEIGHT,
+        .tonemap = HG_TONEMAP_LINEAR,
+        .background = HG_BACKGROUND_NONE,
+        .samples = 8,
+        .mode = HG_MODE_PATH,
+        .gi = gi,
+        .filter = HG_FILTER_BOX};
+    struct hg_view_camera camera = {.vfov_rad = 1.2f};
+    memcpy(camera.eye, inside.eye, sizeof camera.eye);
+    memcpy(camera.target, inside.target, sizeof camera.target);
+    camera.target[0] += 1;
+    test_ok(hg_view_set_params(view, &params, &err), &err);
+    test_ok(hg_view_set_camera(view, &camera, &err), &err);
+    test_ok(hg_view_step(view, 1, &info, &err), &err);
+    assert_int_equal(info.samples, 0);
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+    hg_view_destroy(view);
+    return pixels;
+}
+
+// Light that was gathered for the pixels of the picture before is not in it.
+static void test_preview_of_paths(void **state)
+{
+    struct rig *rig = *state;
+    panel_room(rig);
+    struct hg_refbuf *rays = take_preview(rig, HG_GI_RAYS),
+                     *probes = take_preview(rig, HG_GI_PROBES);
+    assert_true(gi_mean_of_bytes(rays, gi_all) > 0.01);
+    assert_memory_equal(rays->data, probes->data, rays->size);
+    hg_refbuf_unref(rays);
+    hg_refbuf_unref(probes);
+}
+
 // Nothing of it is in pictures that do not ask for it.
 static void test_none_is_as_before(void **state)
 {
@@ -556,6 +634,7 @@ int main(void)
         cmocka_unit_test(test_closed_box),
         cmocka_unit_test(test_furnace_room),
         cmocka_unit_test(test_open_furnace),
+        cmocka_unit_test(test_furnace_in_motion),
         cmocka_unit_test(test_lamp_in_environment),
         cmocka_unit_test(test_court),
         cmocka_unit_test(test_panel_room),
@@ -566,6 +645,7 @@ int main(void)
         cmocka_unit_test(test_shown_on_the_way),
         cmocka_unit_test(test_motion_agrees),
         cmocka_unit_test(test_motion_has_thin_things),
+        cmocka_unit_test(test_preview_of_paths),
         cmocka_unit_test(test_none_is_as_before),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
