@@ -253,6 +253,8 @@ enum hg_status hg_gi_build_settle_new(struct hg_gi_build *b,
 void hg_gi_build_outdate(struct hg_gi_build *b, bool moved)
 {
     b->updates = 0;
+    if (b->field.count == 0)
+        return;
     if (moved) { // surfaces may come anywhere
         const uint32_t next = b->next;
         hg_gi_field_doubt_distances(&b->field);
