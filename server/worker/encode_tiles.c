@@ -149,8 +149,9 @@ static enum tile choose(const struct tiles *t, const struct encode_request *requ
 {
     const uint8_t *pixels = request->pixels->data;
     const bool may_stay = t->is_sent && !request->key_frame && (jpeg || !t->lossy[index]);
-    const int off = jpeg ? unseen_levels(t, r, pixels, request->quality) : 0;
-    if (may_stay && is_same(t, r, pixels, off))
+    if (may_stay && is_same(t, r, pixels, 0))
+        return SAME;
+    if (may_stay && jpeg && is_same(t, r, pixels, unseen_levels(t, r, pixels, request->quality)))
         return SAME;
     return jpeg && is_opaque(t, r, pixels) ? JPEG : EXACT;
 }

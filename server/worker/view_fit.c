@@ -184,8 +184,7 @@ enum hg_status hg_view_fit_follow(
         return HG_OK;
     hg_scene_update(scene);
     if (set->camera_given && !is_camera(scene, set->camera_node)) {
-        hg_info(SESSION, "view %u: the camera that it looked through is gone: it shows the scene",
-            view->number);
+        hg_info(SESSION, "view %u: its camera was removed: it shows the scene", view->number);
         set->camera_given = false;
     }
     if (!set->camera_given) {

@@ -24,7 +24,8 @@ void hg_view_fit_describe(const struct hg_node *node, struct hgp_view_fitted *ou
 
 // Before a step and before the view's camera is read: brings a camera that depends on the scene up
 // to date. That is one of a node, whose pose may have changed, and the default one: the scene's
-// first camera that sees geometry, else the whole scene fitted.
+// first camera that sees geometry, else the whole scene fitted. A view whose node was removed, or
+// has no camera any more, has the default one from then on.
 enum hg_status hg_view_fit_follow(
     const struct session *session, struct view_slot *view, struct hg_error *err) HG_MUST_CHECK;
 

@@ -33,13 +33,13 @@ static struct hg_irradiance_point at(float x, float y, float z, int level)
     return (struct hg_irradiance_point){{x, y, z}, {0, 1, 0}, level, NULL};
 }
 
-// HG_IRRADIANCE_NONE: there is no room.
 static bool find(const struct hg_irradiance_point *point, struct hg_irradiance_place *place)
 {
     const struct hg_irradiance_query query = hg_irradiance_query(&cells, point);
     return hg_irradiance_ask(&cells, &query, place);
 }
 
+// HG_IRRADIANCE_NONE: there is no room.
 static uint32_t ask(const struct hg_irradiance_point *point)
 {
     struct hg_irradiance_place place;
@@ -95,6 +95,23 @@ static void test_who_shares(void **state)
     assert_int_equal(cells.count, 2 * 5); // each has a larger one
     hg_irradiance_cells_clear(&cells);
     assert_int_equal(cells.count, 0);
+}
+
+// Each point of a cell's sequence is taken once, and again from the first one on in another light.
+static void test_turns(void **state)
+{
+    (void)state;
+    const struct hg_irradiance_point p = at(0.1f, 0.1f, 0.1f, 0);
+    const uint32_t cell = ask(&p);
+    for (uint32_t i = 0; i < 3; i++) {
+        const struct hg_irradiance_turn turn = hg_irradiance_take_turn(&cells, cell);
+        assert_int_equal(turn.number, i);
+        assert_true(turn.key == cells.cells[cell].key);
+    }
+    cells.light++;
+    assert_int_equal(ask(&p), cell);
+    assert_int_equal(hg_irradiance_take_turn(&cells, cell).number, 0);
+    hg_irradiance_cells_clear(&cells);
 }
 
 static void test_between(void **state)
@@ -273,9 +290,10 @@ static void test_far(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels),
-        cmocka_unit_test(test_who_shares), cmocka_unit_test(test_between),
-        cmocka_unit_test(test_new_cells), cmocka_unit_test(test_another_light),
-        cmocka_unit_test(test_larger), cmocka_unit_test(test_views), cmocka_unit_test(test_follows),
-        cmocka_unit_test(test_full), cmocka_unit_test(test_far)};
+        cmocka_unit_test(test_who_shares), cmocka_unit_test(test_turns),
+        cmocka_unit_test(test_between), cmocka_unit_test(test_new_cells),
+        cmocka_unit_test(test_another_light), cmocka_unit_test(test_larger),
+        cmocka_unit_test(test_views), cmocka_unit_test(test_follows), cmocka_unit_test(test_full),
+        cmocka_unit_test(test_far)};
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
