@@ -6,6 +6,7 @@
 #include "base/json.h"
 #include "base/spill.h"
 #include "renderer/frame/gi_view.h"
+#include "renderer/frame/governor.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/view_bytes.h"
 #include "renderer/internal.h"
@@ -309,15 +310,14 @@ static void put_trace(struct hg_writer *w, const struct hg_view_state *s)
 // What pictures in motion are drawn with.
 static void put_motion(struct hg_writer *w, const struct hg_view_state *s)
 {
-    const float target_ms = hg_view_target_ms(s);
-    const struct hg_quality_choice c = hg_quality_choose(&s->motion.quality, target_ms);
+    const struct hg_quality_choice c = hg_governor_choice(s);
     const VkExtent2D drawn = s->motion.temporal.drawn;
     const struct hg_temporal *history = s->motion.temporal.history;
     hg_json_put(w,
         ",\"motion\":{\"width\":%u,\"height\":%u,\"probe_rays\":%u,\"error_factor\":%.3f,"
         "\"checkerboard\":%s,\"target_ms\":%.2f,\"bytes\":%llu}",
         drawn.width, drawn.height, hg_gi_view_rays(s), (double)c.factor,
-        c.checkerboard ? "true" : "false", (double)target_ms,
+        c.checkerboard ? "true" : "false", (double)hg_view_target_ms(s),
         (unsigned long long)(history != NULL ? hg_temporal_bytes(history) : 0));
 }
 

@@ -7,6 +7,7 @@
 #include "base/clock.h"
 #include "base/json.h"
 #include "renderer/bench/bench.h"
+#include "renderer/frame/governor.h"
 #include "renderer/internal.h"
 
 #define DEFAULT_POSES  16
@@ -144,8 +145,7 @@ static enum hg_status draw_frame(
     struct hg_refbuf *pixels = NULL;
     memcpy(camera.eye, pose->eye, sizeof camera.eye);
     memcpy(camera.target, pose->target, sizeof camera.target);
-    const struct hg_quality_choice now =
-        hg_quality_choose(&run->view->state.motion.quality, run->bench->target_ms);
+    const struct hg_quality_choice now = hg_governor_choice(&run->view->state);
     const uint64_t start = hg_clock_now_ns(), cpu = hg_clock_cpu_ns();
     enum hg_status status = hg_view_set_camera(run->view, &camera, err);
     if (status == HG_OK)

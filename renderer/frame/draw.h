@@ -36,6 +36,7 @@ enum hg_draw_flag {
     HG_DRAW_EXACT = 1 << 5,          // samples are counted per pixel, inside the area on top
     HG_DRAW_BEHIND = 1 << 6,         // the opaque scene behind transmissive surfaces
     HG_DRAW_MOVES = 1 << 10,         // another picture follows: shadows of some lamps may wait
+    HG_DRAW_STILL = 1 << 11,         // the view has come to rest
     HG_DRAW_MOTION = 1 << 7,         // depth is read back for motion vectors (temporal_view.h)
     HG_DRAW_MOTION_IDS = 1 << 8,     // and the visibility buffer: something moved by itself
     HG_DRAW_MOTION_POSED = 1 << 9,   // and where posed surfaces were

@@ -5,6 +5,10 @@
 #include "renderer/frame/frame.h"
 #include "shaders/shared/features.h"
 
+// Pictures in motion of a view at rest: what a pixel shows is made of several of them, so that each
+// is filtered over its share of it.
+#define STILL_MIPS 1.0f
+
 _Static_assert(sizeof(struct hg_gpu_frame) <= HG_FRAME_BLOCK_BYTES, "frame block");
 _Static_assert(sizeof(struct hg_gpu_history) <= HG_FRAME_HISTORY_BYTES, "history");
 
@@ -44,6 +48,8 @@ static void fill_textures(struct hg_draw *draw, struct hg_gpu_textures *out)
         out->bias -= log2f((float)draw->request->smaller);
     if (draw->request->drawn.width > 0)
         out->bias += log2f(hg_frame_scale(draw));
+    if (hg_draw_is(draw, HG_DRAW_STILL) && hg_draw_is(draw, HG_DRAW_MOTION))
+        out->bias -= STILL_MIPS;
     out->mode = mode;
     out->run = s->pages.run;
     out->progress = hg_draw_is(draw, HG_DRAW_BEHIND)  ? s->behind.progress.address

@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/log.h"
 #include "renderer/frame/gather_view.h"
+#include "renderer/frame/governor.h"
 #include "renderer/frame/path_lease.h"
 #include "renderer/passes/skin.h"
 
@@ -80,6 +81,12 @@ static bool gathers(const struct hg_view_state *view)
     return view->settings.gi == HG_VIEW_GI_RAYS && !is_refused(view, &view->gi.gather_refused);
 }
 
+// What is shown has reflections and light of nearby surfaces, which the field of rest alone lacks.
+static bool lasts(const struct hg_view_state *view)
+{
+    return view->motion.still > 0 && gathers(view);
+}
+
 bool hg_gi_view_is_done(const struct hg_view_state *view)
 {
     return !hg_gi_view_is_on(view) ||
@@ -107,7 +114,7 @@ static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
 
 uint32_t hg_gi_view_rays(const struct hg_view_state *view)
 {
-    const float share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
+    const float share = hg_governor_choice(view).rays;
     const uint32_t views = view->motion.sharing > 0 ? view->motion.sharing : 1;
     const uint32_t rays = (uint32_t)(share * MOVE_RAYS) / views; // of one field for all of them
     return rays > LEAST_RAYS ? rays : LEAST_RAYS;
@@ -176,7 +183,7 @@ enum hg_status hg_gi_view_step(
         return refuse_field(view, status, err);
     view->gi.field_refused.is_set = false;
     const bool has = had || hg_gi_view_has_rest(view),
-               shows = has && !has_rested(view) && !view->final;
+               shows = has && !has_rested(view) && !view->final && !lasts(view);
     view->gi.field = has ? HG_GI_REST : HG_GI_MOVING;
     if (has)
         view->gi.rested = hg_gather_view_key(view);

@@ -9,6 +9,7 @@
 #include "base/log.h"
 #include "renderer/frame/frame_batch.h"
 #include "renderer/frame/gi_view.h"
+#include "renderer/frame/governor.h"
 #include "renderer/passes/probe_light.h"
 #include "shaders/shared/gi.h"
 
@@ -100,7 +101,7 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
     if (r->world.trace == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
-    r->share = hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).rays;
+    r->share = hg_governor_choice(view).rays;
     r->light_of = light_of(view);
     r->gathers =
         (view->settings.gi == HG_VIEW_GI_RAYS || !view->context->overrides.reflect_dense) &&

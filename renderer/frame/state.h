@@ -162,6 +162,7 @@ struct hg_view_state {
     struct { // of pictures in motion
         float budget_ms;  // target of the frame time where the settings have none; 0 = none either
         uint32_t sharing; // views of the scene that move, this one included; 0 = it alone
+        uint32_t still;   // of its pictures of a state that has come to rest; 0 = it moves
         struct hg_quality quality;
         struct hg_temporal_view temporal;
         struct hg_reflect_view reflections;

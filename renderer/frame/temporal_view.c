@@ -7,6 +7,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
+#include "renderer/frame/governor.h"
 #include "renderer/passes/posed_motion.h"
 #include "renderer/temporal/sharpen.h"
 #include "shaders/shared/debug.h"
@@ -148,8 +149,9 @@ static VkRect2D find_posed(const struct hg_view_state *view, const struct hg_dra
 static struct hg_quality_choice choose(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
-    struct hg_quality_choice choice =
-        hg_quality_choose(&view->motion.quality, hg_view_target_ms(view));
+    struct hg_quality_choice choice = hg_governor_choice(view);
+    if (view->motion.still > 0)
+        return choice;
     choice.checkerboard |= s->temporal == HG_VIEW_TEMPORAL_CHECKERBOARD;
     choice.scale = choice.checkerboard ? 1.0f : s->scale > 0.0f ? s->scale : choice.scale;
     return choice;

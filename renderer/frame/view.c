@@ -10,6 +10,7 @@
 #include "renderer/frame/gather_view.h"
 #include "renderer/frame/gi_view.h"
 #include "renderer/frame/glance.h"
+#include "renderer/frame/governor.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/path_lease.h"
 #include "renderer/frame/path_view.h"
@@ -19,6 +20,10 @@
 #include "renderer/passes/visibility.h"
 #include "shaders/shared/debug.h"
 #include "shaders/shared/pick.h"
+
+#define STILL_PICTURES      8  // of a view that has come to rest, before it is refined;
+#define MOST_STILL_PICTURES 24 // while textures arrive
+#define SHOWN_SAMPLES       4  // before the refined picture takes their place
 
 // --- images --------------------------------------------------------------------------------------
 
@@ -267,63 +272,6 @@ static bool needs_cascades(struct hg_lighting *lighting)
     return false;
 }
 
-// A triangle takes as long to rasterise as so many pixels (docs/internals/performance.md).
-#define TRIANGLE_PX 3.0f
-
-// Visibility is of pixels and of triangles that the device draws: the share of the former.
-static float share_of_pixels(const struct hg_view_state *view)
-{
-    const VkExtent2D drawn = view->motion.temporal.drawn;
-    const float pixels = drawn.width > 0
-                             ? (float)drawn.width * (float)drawn.height
-                             : (float)view->settings.width * (float)view->settings.height;
-    const uint64_t triangles = view->stats.triangles_drawn - view->stats.triangles_hosted;
-    return pixels / (pixels + TRIANGLE_PX * (float)triangles);
-}
-
-static struct hg_quality_levers levers_of(const struct hg_view_state *view)
-{
-    const struct hg_view_settings *s = &view->settings;
-    const struct hg_geometry *geometry = view->scene_gpu->geometry;
-    const bool scales = s->temporal == HG_VIEW_TEMPORAL_AUTO && !(s->scale > 0.0f);
-    return (struct hg_quality_levers){.scale = scales,
-        .checkerboard = scales && !hg_geometry_blends(geometry),
-        .error = hg_geometry_is_simplified(geometry)};
-}
-
-// Where the time of a step in motion went. Stages of the device run inside of the step.
-static void note_quality(struct hg_view_state *view)
-{
-    static const struct {
-        const char *name;
-        enum hg_quality_part part;
-    } parts[] = {{"probes", HG_QUALITY_RAYS}, {"cull", HG_QUALITY_TRIANGLES},
-        {"host raster", HG_QUALITY_TRIANGLES}, {"skin", HG_QUALITY_TRIANGLES},
-        {"visibility", HG_QUALITY_TRIANGLES}, {"shadow", HG_QUALITY_TRIANGLES},
-        {"probe light", HG_QUALITY_PIXELS}, {"reflections", HG_QUALITY_PIXELS},
-        {"reflection rays", HG_QUALITY_RAYS}, {"mirrors", HG_QUALITY_PIXELS},
-        {"glass", HG_QUALITY_PIXELS}, {"shading", HG_QUALITY_SHADING},
-        {"blend visibility", HG_QUALITY_PIXELS}, {"blend sort", HG_QUALITY_PIXELS},
-        {"blend shading", HG_QUALITY_PIXELS}, {"unlit tiles", HG_QUALITY_PIXELS},
-        {"motion", HG_QUALITY_PIXELS}, {"posed motion", HG_QUALITY_PIXELS}};
-    const struct hg_view_stats *stats = &view->stats;
-    float ms[HG_QUALITY_PARTS] = {0}, known = 0.0f, visibility_ms = 0.0f;
-    for (uint32_t i = 0; i < stats->stage_count; i++)
-        for (size_t k = 0; k < sizeof parts / sizeof parts[0]; k++) {
-            const float stage_ms = (float)((double)stats->stages[i].ns * 1e-6);
-            const bool is = strcmp(stats->stages[i].name, parts[k].name) == 0;
-            ms[parts[k].part] += is ? stage_ms : 0.0f;
-            known += is ? stage_ms : 0.0f;
-            visibility_ms += is && strcmp(parts[k].name, "visibility") == 0 ? stage_ms : 0.0f;
-        }
-    const float of_pixels_ms = visibility_ms * share_of_pixels(view);
-    ms[HG_QUALITY_TRIANGLES] -= of_pixels_ms;
-    ms[HG_QUALITY_PIXELS] += of_pixels_ms;
-    ms[HG_QUALITY_REST] = fmaxf((float)((double)stats->step_ns * 1e-6) - known, 0.0f);
-    const struct hg_quality_levers levers = levers_of(view);
-    hg_quality_note(&view->motion.quality, ms, hg_view_target_ms(view), &levers);
-}
-
 // The request of a step. In motion geometry may be coarser to keep the frame time.
 static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t max_samples)
 {
@@ -331,7 +279,7 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
     const struct hg_tiled_accumulation *a = &view->accumulation;
     const struct hg_view_key key = present_key(view);
     const bool changes = memcmp(&key, &a->key, sizeof key) != 0;
-    const bool moves = max_samples == 1 && !view->final && changes;
+    const bool moves = max_samples == 1 && !view->final && changes && view->motion.still == 0;
     if (key.camera != a->key.camera)
         hg_culling_relax(view->culling);
     struct hg_draw_request request = {.settings = s,
@@ -340,9 +288,9 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
         .max_samples = max_samples,
         .error_px = s->error_px};
     if (moves)
-        request.error_px *=
-            hg_quality_choose(&view->motion.quality, hg_view_target_ms(view)).factor;
+        request.error_px *= hg_governor_choice(view).factor;
     request.flags |= moves ? HG_DRAW_MOVES : 0;
+    request.flags |= view->motion.still > 0 ? HG_DRAW_STILL : 0;
     request.flags |= view->final ? HG_DRAW_FINAL : 0;
     request.flags |= (view->formats & ~1u) != 0 ? HG_DRAW_ACCUMULATE : 0;
     if (max_samples > 1 || view->final || (a->phase == HG_VIEW_EXACT && !moves))
@@ -355,7 +303,9 @@ static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t 
 static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
 {
     const struct hg_draw_request *r = draw->request;
-    const bool moves = changed && r->max_samples == 1 && !hg_draw_is(draw, HG_DRAW_FINAL);
+    const bool refines = hg_draw_is(draw, HG_DRAW_STILL) && !hg_draw_is(draw, HG_DRAW_MOVES);
+    const bool moves =
+        changed && !refines && r->max_samples == 1 && !hg_draw_is(draw, HG_DRAW_FINAL);
     if (!moves)
         return r->flags;
     const bool coarse = needs_cascades(draw->lighting) || hg_lighting_has_pages(draw->lighting);
@@ -445,7 +395,8 @@ static enum hg_status draw_shown(struct hg_view_state *view, const struct hg_dra
         return hg_tiled_accumulation_begin_exact(&draw, err);
     if (status == HG_OK)
         status = run_shown(view, &draw, clipped ? 1 : hg_frame_batch(&draw, count), err);
-    const bool prefetches = changed && request.max_samples == 1 && request.settings->debug == 0;
+    const bool prefetches = changed && request.max_samples == 1 && request.settings->debug == 0 &&
+                            !hg_draw_is(&draw, HG_DRAW_STILL);
     return status == HG_OK && prefetches
                ? hg_prefetch_draw(&view->prefetch, &draw, view->camera_revision, err)
                : status;
@@ -513,29 +464,44 @@ static enum hg_status draw_batch(struct hg_view_state *view, const struct hg_dra
     return status;
 }
 
-static enum hg_status draw(struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
+// The first samples of the refined picture have not the antialiasing of what is shown already.
+static bool is_rougher(const struct hg_view_state *view)
+{
+    const struct hg_tiled_accumulation *a = &view->accumulation;
+    return view->motion.still > 0 && !view->final && a->phase != HG_VIEW_DIRECT &&
+           a->samples < SHOWN_SAMPLES && a->samples < view->settings.samples && a->areas.count <= 1;
+}
+
+static enum hg_status draw(
+    struct hg_view_state *view, uint32_t max_samples, bool sharpens, struct hg_error *err)
 {
     struct hg_tiled_accumulation *a = &view->accumulation;
-    const struct hg_draw_request request = make_request(view, max_samples);
+    struct hg_draw_request request = make_request(view, max_samples);
+    request.flags |= sharpens ? HG_DRAW_MOVES : 0;
     if (keeps_planes(view))
         deform_for_motion(view);
     enum hg_status status = sync(view, &request, err);
     if (status != HG_OK || (bakes(view) && (view->final || is_drawn(view))))
         return status;
     bool waits;
-    status = hg_gi_view_step(view, view->final || is_known(view), &waits, err);
+    status = hg_gi_view_step(view, !sharpens && (view->final || is_known(view)), &waits, err);
+    if (waits && view->motion.still > 0)
+        a->key.gi = hg_gi_view_stage(view); // the light is new, what is shown stays
     if (status != HG_OK || waits)
         return status;
     const struct hg_view_key key = present_key(view);
     // A client subscribed to a view that was rendering in the background, before its first sample.
     const bool blank = hg_tiled_accumulation_is_blank(a) && !view->final;
     const bool changed = (view->stats.number == 0 && a->phase != HG_VIEW_EXACT) ||
-                         memcmp(&key, &a->key, sizeof key) != 0 || blank;
+                         memcmp(&key, &a->key, sizeof key) != 0 || blank || sharpens;
     view->path_begins |= changed;
-    if (changed && max_samples == 1 && !view->final)
+    if (changed && max_samples == 1 && !view->final && (sharpens || view->motion.still == 0))
         status = hg_glance_step(view, err);
+    const uint64_t number = view->stats.number;
     if (status == HG_OK)
         status = draw_batch(view, &request, changed, err);
+    if (status == HG_OK && number > 0 && is_rougher(view))
+        view->stats.number = number;
     if (status == HG_OK)
         a->key = key;
     return status;
@@ -648,8 +614,30 @@ static enum hg_status draw_mode(
     }
     if (view->settings.mode == HG_VIEW_MODE_PATH)
         return draw_path(view, max_samples, err);
-    return keeps_planes(view) && is_drawn(view) && !bakes(view) ? draw_planes(view, err)
-                                                                : draw(view, max_samples, err);
+    return keeps_planes(view) && is_drawn(view) && !bakes(view)
+               ? draw_planes(view, err)
+               : draw(view, max_samples, false, err);
+}
+
+// Of a state that differs by more than the light that has been gathered for it.
+static bool is_other(const struct hg_view_state *view)
+{
+    struct hg_view_key key = present_key(view);
+    key.gi = view->accumulation.key.gi;
+    return memcmp(&key, &view->accumulation.key, sizeof key) != 0;
+}
+
+// Exposure and light of a view at rest take seconds. Pictures like those in motion, but of the
+// whole size and with all rays, come first: history antialiases them, and textures arrive.
+static bool sharpens(const struct hg_view_state *view)
+{
+    const struct hg_view_settings *s = &view->settings;
+    const struct hg_tiled_accumulation *a = &view->accumulation;
+    const uint32_t most =
+        (a->shortfall & HG_SHORT_OF_TEXELS) != 0 ? MOST_STILL_PICTURES : STILL_PICTURES;
+    return !view->final && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 &&
+           s->temporal != HG_VIEW_TEMPORAL_NONE && a->phase == HG_VIEW_DIRECT && is_known(view) &&
+           view->motion.still < most && (!hg_gi_view_is_done(view) || hg_meter_is_due(view));
 }
 
 enum hg_status hg_view_state_step(
@@ -658,23 +646,27 @@ enum hg_status hg_view_state_step(
     if (hg_view_state_settled(view))
         return HG_OK;
     const uint64_t start = hg_clock_now_ns();
-    const struct hg_view_key key = present_key(view);
+    const bool sharp = sharpens(view);
+    view->motion.still = is_other(view) ? 0 : view->motion.still + (sharp ? 1 : 0);
     const bool moves =
-        max_samples <= 1 && !view->final && memcmp(&key, &view->accumulation.key, sizeof key) != 0;
+        max_samples <= 1 && !view->final && !is_known(view) && view->motion.still == 0;
     const bool adapts = hg_view_state_only_adapts(view);
     view->stats.stage_count = 0;
     view->stats.waits = false;
     const uint32_t most = max_samples > 0 ? max_samples : 1;
-    if (moves || view->accumulation.phase != HG_VIEW_DIRECT) // whose pixels are as they were drawn
+    // Pixels of phase DIRECT are as they were drawn.
+    if (moves || sharp || (view->accumulation.phase != HG_VIEW_DIRECT && !is_rougher(view)))
         hg_meter_adapt(view, adapts);
     if (moves)
         hg_path_lease_note_motion(view);
-    enum hg_status status = adapts ? HG_OK : draw_mode(view, most, err);
+    enum hg_status status = adapts  ? HG_OK
+                            : sharp ? draw(view, 1, true, err)
+                                    : draw_mode(view, most, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK)
         hg_view_stats_add_device(&view->stats, view->context->gpu);
     if (status == HG_OK && moves)
-        note_quality(view);
+        hg_governor_note(view);
     if (hg_view_state_settled(view))
         hg_lighting_rest(view->lighting);
     if (status != HG_OK) { // the accumulation may be incomplete

@@ -590,6 +590,73 @@ static void test_posed_edges(void **state)
     assert_true(errors[HG_TEMPORAL_AUTO] < 0.5 * errors[HG_TEMPORAL_NONE]);
 }
 
+// --- coming to rest ------------------------------------------------------------------------------
+
+static struct hg_refbuf *settled_of(struct rig *rig, bool final)
+{
+    hg_view_set_final(rig->view, final);
+    rig_settle(rig, 16);
+    return rig_pixels(rig, HG_PIXEL_RGBA8);
+}
+
+// While light is gathered for a view that has come to rest, pictures of the whole size take the
+// place of those in motion, each nearer to the settled one, and none is rougher than they are from
+// then on. What is settled knows nothing of them.
+static void test_comes_to_rest(void **state)
+{
+    (void)state;
+    struct rig rig;
+    open_rig(&rig, 2);
+    add_fence(&rig);
+    const struct hg_view_params params = {.width = WIDTH,
+        .height = HEIGHT,
+        .samples = 32,
+        .gi = HG_GI_RAYS,
+        .temporal = HG_TEMPORAL_AUTO,
+        .scale = 50,
+        .tonemap = HG_TONEMAP_LINEAR};
+    hg_scene_publish(rig.scene);
+    rig_view(&rig, &params);
+    hg_view_set_final(rig.view, false);
+    struct hg_refbuf *moved = NULL, *still = NULL;
+    for (int i = 0; i < 6; i++) {
+        hg_refbuf_unref(moved);
+        moved = move_to(&rig, STEP_M * (float)i, 0);
+    }
+    assert_int_equal(rig.view->state.motion.temporal.drawn.width, WIDTH / 2);
+    int pictures = 0;
+    uint64_t number = rig.view->state.stats.number;
+    struct hg_frame_info info = rig_step(&rig, 1);
+    for (; info.phase == HG_VIEW_DIRECT; info = rig_step(&rig, 4)) {
+        pictures += info.number > number;
+        if (info.number > number) {
+            hg_refbuf_unref(still);
+            still = rig_pixels(&rig, HG_PIXEL_RGBA8);
+        }
+        number = info.number;
+        assert_int_equal(rig.view->state.motion.temporal.drawn.width, WIDTH);
+    }
+    assert_int_equal(pictures, 8);
+    for (; !info.settled; info = rig_step(&rig, 1)) {
+        assert_true(info.number == number || info.samples >= 4);
+        number = info.number;
+    }
+    struct hg_refbuf *settled = settled_of(&rig, false);
+    const double before = difference(moved, settled), after = difference(still, settled);
+    print_message("levels from the settled picture: %.3f in motion, %.3f at rest\n", before, after);
+    assert_true(after < 0.6 * before);
+    look(&rig, 0, STEP_M);
+    hg_refbuf_unref(settled_of(&rig, true));
+    look(&rig, STEP_M * 5, 0);
+    struct hg_refbuf *final = settled_of(&rig, true);
+    rig_assert_same(settled, final);
+    hg_refbuf_unref(moved);
+    hg_refbuf_unref(still);
+    hg_refbuf_unref(settled);
+    hg_refbuf_unref(final);
+    rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_camera), cmocka_unit_test(test_node),
@@ -599,6 +666,6 @@ int main(void)
         cmocka_unit_test(test_scale_view), cmocka_unit_test(test_same_bytes),
         cmocka_unit_test(test_target), cmocka_unit_test(test_sharpen),
         cmocka_unit_test(test_teleport), cmocka_unit_test(test_ghosts),
-        cmocka_unit_test(test_posed_edges)};
+        cmocka_unit_test(test_posed_edges), cmocka_unit_test(test_comes_to_rest)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
