@@ -9,7 +9,7 @@ cp "$models/worm.glb" "$temp/root"
 # A file whose loader looks for each of its lamps among all nodes: slow enough to be caught at it.
 python3 - "$temp/root/slow.dae" <<'PY'
 import sys
-lamps = range(6000)
+lamps = range(16000)
 head = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><unit meter="1"/></asset><library_geometries><geometry id="G"><mesh><source id="P">
 <float_array id="A" count="9">0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source="#A" count="3"
