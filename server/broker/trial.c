@@ -8,6 +8,7 @@
 #include "server/broker/suspect.h"
 
 static const uint64_t least_patience_ns = 250000000u, most_patience_ns = 3000000000u;
+static const uint64_t slow_patience_ns = 10000000000u; // of what takes that long to end the worker
 static const uint64_t left_ns = 120000000000u; // after its session a load may still run
 
 static uint64_t now_of(const struct hg_session *s)
@@ -115,12 +116,18 @@ bool hg_trial_must_wait(const struct hg_session *s, const struct hg_request *req
     return link->trial.waiting && (hg_trial_holds_all(link) || !leads_to_suspect(request));
 }
 
+static uint64_t least(uint64_t a_ns, uint64_t b_ns)
+{
+    return a_ns < b_ns ? a_ns : b_ns;
+}
+
+// Twice as long as it ran, but others wait meanwhile; less than it ran would clear it each time.
 static uint64_t patience_ns(uint64_t ran_ns)
 {
-    uint64_t ns = 2 * ran_ns;
-    return ns < least_patience_ns  ? least_patience_ns
-           : ns > most_patience_ns ? most_patience_ns
-                                   : ns;
+    const uint64_t ns = least(2 * ran_ns, most_patience_ns);
+    const uint64_t again_ns = least(ran_ns + ran_ns / 2, slow_patience_ns);
+    const uint64_t longer_ns = ns > again_ns ? ns : again_ns;
+    return longer_ns > least_patience_ns ? longer_ns : least_patience_ns;
 }
 
 void hg_trial_begin(struct hg_session *s, const struct hg_request *request)
