@@ -177,23 +177,31 @@ enum hg_status hg_tiled_accumulation_rest(const struct hg_draw *draw, struct hg_
         return start_exact(draw, 0, err);
     if (!lacks(s, HG_SHORT_OF_TEXELS))
         return HG_OK;
-    const uint64_t start = hg_clock_now_ns();
     const bool debug = draw->request->settings->debug != 0;
     if (!debug && (hg_draw_is(draw, HG_DRAW_FINAL) || s->pages.bias > 0.0f ||
                       hg_page_cache_under_way(pages_of(draw)) == 0))
         return start_exact(draw, 0, err);
-    uint64_t most = 4 * draw->stats->step_ns, spent = 0;
+    uint64_t most = 4 * draw->stats->step_ns;
     most = most > REST_LEAST_NS ? most : REST_LEAST_NS;
     most = most < REST_MOST_NS ? most : REST_MOST_NS;
+    const enum hg_status status = hg_tiled_accumulation_await(draw, most, err);
+    if (s->shadows.coarse_texels)
+        forget_shadows(s, draw->lighting);
+    return status;
+}
+
+enum hg_status hg_tiled_accumulation_await(
+    const struct hg_draw *draw, uint64_t most_ns, struct hg_error *err)
+{
+    const uint64_t start = hg_clock_now_ns();
+    uint64_t spent = 0;
     enum hg_status status = HG_OK;
-    while (status == HG_OK && spent < most && hg_page_cache_under_way(pages_of(draw)) > 0) {
-        hg_page_cache_wait(pages_of(draw), most - spent);
+    while (status == HG_OK && spent < most_ns && hg_page_cache_under_way(pages_of(draw)) > 0) {
+        hg_page_cache_wait(pages_of(draw), most_ns - spent);
         status = hg_page_cache_update(pages_of(draw), HG_PAGES_SHOW, UINT64_MAX, err);
         spent = hg_clock_now_ns() - start;
     }
     hg_view_stats_add_stage(draw->stats, "pages", spent);
-    if (s->shadows.coarse_texels)
-        forget_shadows(s, draw->lighting);
     return status;
 }
 

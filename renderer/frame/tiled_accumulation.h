@@ -118,6 +118,9 @@ void hg_tiled_accumulation_note(
 // exact.
 enum hg_status hg_tiled_accumulation_rest(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
+// Waits until the pages that displayed samples missed are there, so long at most.
+enum hg_status hg_tiled_accumulation_await(
+    const struct hg_draw *draw, uint64_t most_ns, struct hg_error *err) HG_MUST_CHECK;
 // After a displayed sample: evaluates what it missed, and the next phase. Switches to exact when
 // nothing was missing.
 enum hg_status hg_tiled_accumulation_shown(

@@ -24,6 +24,7 @@
 #define STILL_PICTURES      8  // of a view that has come to rest, before it is refined;
 #define MOST_STILL_PICTURES 24 // while textures arrive
 #define SHOWN_SAMPLES       4  // before the refined picture takes their place
+#define OPENING_WAIT_NS     500000000u // for texture pages, before the first picture is shown
 
 // --- images --------------------------------------------------------------------------------------
 
@@ -253,25 +254,6 @@ bool hg_view_state_settled(const struct hg_view_state *view)
            !hg_meter_is_adapting(view);
 }
 
-// Where something moved a small part of a cascade is drawn again, which takes little.
-static bool is_costly(const struct hg_shadow_map *map)
-{
-    const uint64_t area =
-        (uint64_t)(map->dirty.x1 - map->dirty.x0) * (map->dirty.y1 - map->dirty.y0);
-    return !map->partly || (float)area * 16 > map->gpu.size_px * map->gpu.size_px;
-}
-
-static bool needs_cascades(struct hg_lighting *lighting)
-{
-    uint32_t count;
-    const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
-    for (uint32_t i = 0; i < count; i++) {
-        if (maps[i].stale && maps[i].refines && is_costly(&maps[i]))
-            return true;
-    }
-    return false;
-}
-
 // The request of a step. In motion geometry may be coarser to keep the frame time.
 static struct hg_draw_request make_request(struct hg_view_state *view, uint32_t max_samples)
 {
@@ -308,7 +290,8 @@ static uint32_t shown_flags(const struct hg_draw *draw, bool changed)
         changed && !refines && r->max_samples == 1 && !hg_draw_is(draw, HG_DRAW_FINAL);
     if (!moves)
         return r->flags;
-    const bool coarse = needs_cascades(draw->lighting) || hg_lighting_has_pages(draw->lighting);
+    const bool coarse =
+        hg_lighting_needs_cascades(draw->lighting) || hg_lighting_has_pages(draw->lighting);
     const uint32_t debug = r->settings->debug;
     const bool legend = debug == HG_DEBUG_VIEW_MOTION || debug == HG_DEBUG_VIEW_HISTORY ||
                         debug == HG_DEBUG_VIEW_SCALE || debug == HG_DEBUG_VIEW_REFLECTIONS ||
@@ -472,6 +455,23 @@ static bool is_rougher(const struct hg_view_state *view)
            a->samples < SHOWN_SAMPLES && a->samples < view->settings.samples && a->areas.count <= 1;
 }
 
+// The first picture of a view in motion finds the pages that it needs; without any of them it would
+// have no colours. It is drawn again with those that come soon.
+static enum hg_status draw_opening(
+    struct hg_view_state *view, const struct hg_draw_request *request, struct hg_error *err)
+{
+    const struct hg_tiled_accumulation *a = &view->accumulation;
+    const uint64_t number = view->stats.number;
+    if (number != 1 || a->phase != HG_VIEW_DIRECT || (a->shortfall & HG_SHORT_OF_TEXELS) == 0)
+        return HG_OK;
+    const struct hg_draw draw = hg_view_draw(view, request);
+    enum hg_status status = hg_tiled_accumulation_await(&draw, OPENING_WAIT_NS, err);
+    if (status == HG_OK)
+        status = draw_batch(view, request, true, err);
+    view->stats.number = number;
+    return status;
+}
+
 static enum hg_status draw(
     struct hg_view_state *view, uint32_t max_samples, bool sharpens, struct hg_error *err)
 {
@@ -500,6 +500,8 @@ static enum hg_status draw(
     const uint64_t number = view->stats.number;
     if (status == HG_OK)
         status = draw_batch(view, &request, changed, err);
+    if (status == HG_OK && number == 0)
+        status = draw_opening(view, &request, err);
     if (status == HG_OK && number > 0 && is_rougher(view))
         view->stats.number = number;
     if (status == HG_OK)

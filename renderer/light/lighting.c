@@ -246,6 +246,25 @@ struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *l, uint32_t *c
     return l->plan.maps;
 }
 
+// Where something moved a small part of a cascade is drawn again, which takes little.
+static bool is_costly(const struct hg_shadow_map *map)
+{
+    const uint64_t area =
+        (uint64_t)(map->dirty.x1 - map->dirty.x0) * (map->dirty.y1 - map->dirty.y0);
+    return !map->partly || (float)area * 16 > map->gpu.size_px * map->gpu.size_px;
+}
+
+bool hg_lighting_needs_cascades(struct hg_lighting *lighting)
+{
+    uint32_t count;
+    const struct hg_shadow_map *maps = hg_lighting_shadow_maps(lighting, &count);
+    for (uint32_t i = 0; i < count; i++) {
+        if (maps[i].stale && maps[i].refines && is_costly(&maps[i]))
+            return true;
+    }
+    return false;
+}
+
 bool hg_lighting_has_pages(const struct hg_lighting *l)
 {
     return l->plan.paged;

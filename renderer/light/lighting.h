@@ -116,6 +116,8 @@ struct hg_shadow_map {
 // Maps of the newest plan, in the order of hg_gpu_lighting.shadows, then pages that are due. Valid
 // until the next sync.
 struct hg_shadow_map *hg_lighting_shadow_maps(struct hg_lighting *lighting, uint32_t *count);
+// Finer cascades of directional lights are stale, and drawing them takes a while.
+bool hg_lighting_needs_cascades(struct hg_lighting *lighting);
 
 // What the view showed: surfaces there ask for the pages of the next picture. Without pages nothing
 // happens. camera: as it drew the picture, relative to the origin of the newest sync.
