@@ -327,16 +327,22 @@ static void set_means(struct hg_gi_field *f, uint32_t probe)
     f->stale[probe] = true;
 }
 
-// Light that comes in one direction, as sums over `count` rays from all around have it.
+// Light that comes in one direction, as sums over `count` rays from all around have it; emitter: a
+// surface sent it.
 HG_SIMD_LOOP static void add_peak(struct hg_gi_irradiance *to, const struct hg_gi_peak *peak,
-    float scale, const float directions[3][IRRADIANCE_TEXELS])
+    float scale, bool emitter, const struct hg_gi_lobes *lobes)
 {
-    const float *d = peak->direction;
+    const float *d = peak->direction, surface = emitter ? 1.0f : 0.0f;
+    const float(*directions)[IRRADIANCE_TEXELS] =
+        (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance;
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float c = d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
         const float w = (c > 0 ? c : 0) * scale;
-        for (int k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++) {
             to->light[k][t] += w * peak->light[k];
+            to->surfaces[k][t] += w * surface * peak->light[k];
+            to->emitters[k][t] += w * surface * peak->light[k];
+        }
     }
 }
 
@@ -358,11 +364,11 @@ void hg_gi_probe_gather(
         add_distance(&f->moments[probe], ray, f->spacing, lobes);
     }
     // A ray stands for 4 pi / count steradians.
-    const float scale = (float)brought->count /
-                        (float)(4 * HG_PI * (brought->peak_count > 0 ? brought->peak_count : 1));
+    const float each = (float)brought->count / (float)(4 * HG_PI);
     for (uint32_t i = 0; i < brought->peak_count; i++)
-        add_peak(
-            to, &brought->peaks[i], scale, (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance);
+        add_peak(to, &brought->peaks[i], each / (float)brought->peak_count, false, lobes);
+    for (uint32_t i = 0; i < brought->emitter_count; i++)
+        add_peak(to, &brought->emitters[i], each / (float)brought->emitter_count, true, lobes);
     set_means(f, probe);
 }
 

@@ -105,14 +105,16 @@ void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float
 // been updated a few times.
 void hg_gi_probe_relocate(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
     uint32_t count, bool last);
-// What a ray to a peak of the environment brought: illuminance across the direction.
+// What a ray to a peak of the environment, or to an emitter, brought: illuminance across the
+// direction.
 struct hg_gi_peak {
     float direction[3], light[3];
 };
-struct hg_gi_brought { // rays from all around and rays to peaks; of these the mean counts
+struct hg_gi_brought { // rays from all around; those to peaks and to emitters, of whose light the
+                       // mean counts
     const struct hg_gi_ray *rays;
-    const struct hg_gi_peak *peaks;
-    uint32_t count, peak_count;
+    const struct hg_gi_peak *peaks, *emitters;
+    uint32_t count, peak_count, emitter_count;
 };
 // Adds rays to sums of light that are multiplied by `keep` first, and to the moments.
 void hg_gi_probe_gather(

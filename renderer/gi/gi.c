@@ -335,6 +335,7 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
         *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->waves.rays),
             .environment = &gi->waves.environment,
             .surfaces = &gi->waves.surfaces,
+            .emissive = &gi->waves.emissive,
             .whole = &whole->field,
             .field = field,
             .rounds = !rests && whole->listed > 0 ? whole->updates / whole->listed : 0};

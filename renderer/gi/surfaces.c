@@ -109,6 +109,7 @@ enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geo
         s->geometry_revision == geometry_revision)
         return HG_OK;
     s->rays_revision = s->geometry_revision = 0;
+    s->built++;
     if (s->material_count > 2 * (size_t)count + 64) // most are of revisions that are gone
         forget_materials(s);
     hg_geometry_fill(geometry, &tables);

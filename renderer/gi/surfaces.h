@@ -37,6 +37,7 @@ struct hg_gi_surfaces { // zeroed: none
     size_t material_count, material_capacity;
     bool has_masks;
     uint64_t rays_revision, geometry_revision; // that it is in line with; 0: none
+    uint64_t built;                            // times
 };
 
 // In line with ray geometry, which is borrowed until the next sync. Waits for textures that are

@@ -5,9 +5,10 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/hash.h"
 #include "renderer/math/vec.h"
 
-#define PEAK_SHARE 8 // rays for each that goes to a peak of the environment
+#define PEAK_SHARE 8 // rays for each that goes to a peak of the environment, or to an emitter
 #define MOST_PEAKS (HG_GI_MOST_RAYS / PEAK_SHARE)
 #define MOVE_MOST  10 // updates that a mean of the moving field is of
 #define MOVE_FADE  3  // for each so many since the change it is of one more
@@ -16,7 +17,7 @@
 struct run {
     struct hg_gi_wave wave;
     struct hg_gi_waves *waves;
-    uint32_t peaks; // rays to them, of each probe
+    uint32_t peaks, emitters; // rays to them, of each probe
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -24,7 +25,7 @@ struct run {
 static enum hg_status create_buffers(struct hg_gi_waves *w, struct hg_error *err)
 {
     const uint64_t most = HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS;
-    const uint64_t peaks = HG_GI_WAVE_PROBES * MOST_PEAKS;
+    const uint64_t peaks = HG_GI_WAVE_PROBES * 2 * MOST_PEAKS;
     const struct {
         struct hg_gpu_buffer *buffer;
         uint64_t bytes;
@@ -49,7 +50,7 @@ enum hg_status hg_gi_waves_init(
     *w = (struct hg_gi_waves){.params = *params};
     w->brought = hg_calloc(most, sizeof *w->brought);
     w->direct = hg_calloc(most, sizeof *w->direct);
-    w->peaks = hg_calloc(HG_GI_WAVE_PROBES * MOST_PEAKS, sizeof *w->peaks);
+    w->peaks = hg_calloc(HG_GI_WAVE_PROBES * 2 * MOST_PEAKS, sizeof *w->peaks);
     enum hg_status status =
         w->brought && w->direct && w->peaks
             ? HG_OK
@@ -65,6 +66,7 @@ void hg_gi_waves_finish(struct hg_gi_waves *w)
 {
     struct hg_gpu *gpu = w->params.gpu;
     hg_rays_unref(w->rays);
+    hg_gi_emissive_finish(&w->emissive);
     hg_gi_surfaces_finish(&w->surfaces);
     hg_gpu_buffer_destroy(gpu, &w->probe_rays);
     hg_gpu_buffer_destroy(gpu, &w->probe_hits);
@@ -98,6 +100,8 @@ enum hg_status hg_gi_waves_sync_surfaces(struct hg_gi_waves *w, bool exact, stru
         return status;
     status = hg_gi_surfaces_sync(
         &w->surfaces, w->params.geometry, hg_rays_geometry(w->rays), w->params.textures);
+    if (status == HG_OK)
+        status = hg_gi_emissive_sync(&w->emissive, &w->surfaces);
     return no_memory(status, err);
 }
 
@@ -158,7 +162,7 @@ void hg_gi_sphere_point(uint32_t i, uint32_t count, float out[3])
 // Rays to peaks of the environment: each in another part of what they bring.
 static void cast_peaks(const struct run *w, size_t index, const float at[3])
 {
-    const size_t first = index * w->peaks;
+    const size_t first = index * (w->peaks + w->emitters);
     struct hg_gpu_ray *rays = (struct hg_gpu_ray *)w->waves->peak_rays.mapped + first;
     for (uint32_t i = 0; i < w->peaks; i++) {
         struct hg_gi_peak *peak = &w->waves->peaks[first + i];
@@ -172,6 +176,33 @@ static void cast_peaks(const struct run *w, size_t index, const float at[3])
         rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
             .direction_ws = {d[0], d[1], d[2]},
             .t_max = FLT_MAX,
+            .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
+    }
+}
+
+// Of the rays all around, for each that goes to an emitter, 1 / sr.
+static float density_of(const struct run *w)
+{
+    return (float)w->wave.rays / (float)w->emitters * (float)(1 / (4 * HG_PI));
+}
+
+static void cast_emitters(const struct run *w, size_t index, const float at[3])
+{
+    const size_t first = index * (w->peaks + w->emitters) + w->peaks;
+    struct hg_gpu_ray *rays = (struct hg_gpu_ray *)w->waves->peak_rays.mapped + first;
+    const uint64_t probe = w->wave.field->salt + w->wave.probes[index];
+    for (uint32_t i = 0; i < w->emitters; i++) {
+        struct hg_gi_peak *emitter = &w->waves->peaks[first + i];
+        struct hg_gi_emissive_receiver r = {.position = {at[0], at[1], at[2]},
+            .density = density_of(w),
+            .seed = hg_hash_mix(probe, (uint64_t)w->wave.round * MOST_PEAKS + i)};
+        struct hg_gi_emissive_ray ray = {.distance = -1};
+        (void)hg_gi_emissive_choose(&w->waves->emissive, &r, &ray);
+        hg_copy3(ray.direction, emitter->direction);
+        hg_copy3(ray.light, emitter->light);
+        rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
+            .direction_ws = {ray.direction[0], ray.direction[1], ray.direction[2]},
+            .t_max = ray.distance,
             .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
     }
 }
@@ -194,6 +225,7 @@ static void cast_probe(void *user, size_t index)
             .mask = HG_RAY_OPAQUE | HG_RAY_MASK};
     }
     cast_peaks(w, index, at);
+    cast_emitters(w, index, at);
 }
 
 static void receive(const struct run *w, size_t i, const struct hg_gi_surface *surface)
@@ -218,11 +250,16 @@ static void receive(const struct run *w, size_t i, const struct hg_gi_surface *s
     for (int a = 0; a < 3; a++)
         point.view[a] = -out->direction[a];
     hg_gi_field_irradiance(w->wave.light, &point, xi, bounced);
-    hg_copy3(surface->material->emitted, out->emitted);
+    const struct hg_gi_material *m = surface->material;
+    const float cosine = fabsf(hg_dot3(surface->normal, out->direction));
+    const float share = w->emitters > 0 ? hg_gi_emissive_share(&w->waves->emissive, m->emitted,
+                                              out->distance, cosine, density_of(w))
+                                        : 0;
     for (int c = 0; c < 3; c++) {
-        out->light[c] = surface->material->emission[c] + surface->material->albedo[c] * bounced[c];
+        out->emitted[c] = (1 - share) * m->emitted[c];
+        out->light[c] = m->emission[c] - share * m->emitted[c] + m->albedo[c] * bounced[c];
         for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
-            w->waves->direct[i].light[k][c] *= surface->material->albedo[c];
+            w->waves->direct[i].light[k][c] *= m->albedo[c];
     }
 }
 
@@ -287,12 +324,14 @@ static void gather_probe(void *user, size_t index)
                 rays[i].light[c] += d->light[k][c];
         }
     }
-    const uint32_t *hidden = (const uint32_t *)w->waves->peak_blocked.mapped + index * w->peaks;
-    struct hg_gi_peak *peaks = w->waves->peaks + index * w->peaks;
-    for (uint32_t i = 0; i < w->peaks; i++)
+    const uint32_t straight = w->peaks + w->emitters;
+    const uint32_t *hidden = (const uint32_t *)w->waves->peak_blocked.mapped + index * straight;
+    struct hg_gi_peak *peaks = w->waves->peaks + index * straight;
+    for (uint32_t i = 0; i < straight; i++)
         for (int c = 0; c < 3 && hidden[i]; c++)
             peaks[i].light[c] = 0;
-    const struct hg_gi_brought brought = {rays, peaks, w->wave.rays, w->peaks};
+    const struct hg_gi_brought brought = {
+        rays, peaks, peaks + w->peaks, w->wave.rays, w->peaks, w->emitters};
     hg_gi_probe_gather(w->wave.field, probe, &brought, keep_of(w, probe));
     w->wave.field->updates[probe]++;
 }
@@ -304,7 +343,7 @@ static void count(const struct run *w)
     struct hg_gi_stats *s = &w->waves->stats;
     const uint64_t rays = (uint64_t)w->wave.count * w->wave.rays;
     s->rays += rays;
-    s->shadow_rays += (uint64_t)w->wave.count * w->peaks;
+    s->shadow_rays += (uint64_t)w->wave.count * (w->peaks + w->emitters);
     s->updates += w->wave.places ? 0 : w->wave.count;
     for (uint64_t i = 0; i < rays; i++) {
         const bool missed = w->waves->brought[i].distance == FLT_MAX;
@@ -322,7 +361,9 @@ enum hg_status hg_gi_waves_run(
     struct hg_jobs *jobs = waves->params.jobs;
     struct hg_trace *trace = hg_rays_trace(waves->rays);
     const bool has_peaks = !wave->places && waves->environment.has_peaks;
+    const bool has_emitters = !wave->places && wave->keep < 0 && waves->emissive.count > 0;
     w.peaks = has_peaks ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
+    w.emitters = has_emitters ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
     hg_jobs_for(jobs, wave->count, cast_probe, &w);
     struct hg_trace_wave batch = {
         .rays = &waves->probe_rays, .hits = &waves->probe_hits, .count = wave->count * wave->rays};
@@ -336,10 +377,10 @@ enum hg_status hg_gi_waves_run(
             .count = wave->count * wave->rays * HG_GI_SHADOW_RAYS};
         status = hg_trace_blocked(trace, &batch, err);
     }
-    if (status == HG_OK && has_peaks) {
+    if (status == HG_OK && w.peaks + w.emitters > 0) {
         batch = (struct hg_trace_wave){.rays = &waves->peak_rays,
             .blocked = &waves->peak_blocked,
-            .count = wave->count * w.peaks};
+            .count = wave->count * (w.peaks + w.emitters)};
         status = hg_trace_blocked(trace, &batch, err);
     }
     if (status != HG_OK)

@@ -4,6 +4,7 @@
 #define HG_RENDERER_GI_WAVES_H
 
 #include "renderer/gi/direct.h"
+#include "renderer/gi/emissive.h"
 #include "renderer/gi/environment.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/gi.h"
@@ -17,10 +18,11 @@ struct hg_gi_waves {
     struct hg_rays_scene *rays;
     bool exact; // of `rays`: they depend on the scene alone
     struct hg_gi_surfaces surfaces;
+    struct hg_gi_emissive emissive;
     struct hg_gi_environment environment;
     struct hg_gpu_buffer probe_rays, probe_hits, shadow_rays, blocked, peak_rays, peak_blocked;
     struct hg_gi_ray *brought; // [HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS]
-    struct hg_gi_peak *peaks;
+    struct hg_gi_peak *peaks;  // of the environment, then emissive triangles
     struct hg_gi_direct *direct;
     struct hg_gi_stats stats;
 };

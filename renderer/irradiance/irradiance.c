@@ -5,6 +5,8 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "base/hash.h"
+#include "renderer/gi/emissive.h"
 #include "renderer/gi/environment.h"
 #include "renderer/gi/patches.h"
 #include "renderer/gi/surfaces.h"
@@ -41,7 +43,10 @@ struct sample {
     float position[3];
     float without[3]; // probe light
     float brought[3]; // radiance
-    float peak[3];    // irradiance over pi of a peak of the environment, if nothing is in the way
+    float over;       // its cosine, over pi
+    float emitted[3]; // what an emitter sent that rays of their own bring
+    float straight[3]; // irradiance over pi of a peak of the environment or an emitter, if nothing
+                       // is in the way
     uint32_t patch;   // of what it met
     bool lost, open;  // behind the triangle; met nothing
 };
@@ -63,7 +68,7 @@ struct hg_irradiance {
     uint32_t doublings;
     struct sample *samples; // [MOST_RAYS]
     uint32_t count;
-    struct hg_gpu_buffer rays, hits, peaks, hidden;
+    struct hg_gpu_buffer rays, hits, straight, hidden;
     struct hg_gi_patches patches;
     struct hg_irradiance_stats stats;
 };
@@ -87,8 +92,8 @@ static enum hg_status make_buffers(struct hg_irradiance *r, struct hg_error *err
         const char *name;
     } rows[] = {{&r->rays, sizeof(struct hg_gpu_ray), "irradiance rays"},
         {&r->hits, sizeof(struct hg_gpu_hit), "irradiance hits"},
-        {&r->peaks, sizeof(struct hg_gpu_ray), "irradiance rays to peaks"},
-        {&r->hidden, sizeof(uint32_t), "irradiance hidden peaks"}};
+        {&r->straight, sizeof(struct hg_gpu_ray), "irradiance rays to lights"},
+        {&r->hidden, sizeof(uint32_t), "irradiance hidden lights"}};
     enum hg_status status = HG_OK;
     for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
         status = hg_gpu_buffer_create(r->gpu, HG_GPU_BUFFER_READBACK, MOST_RAYS * rows[i].item,
@@ -137,7 +142,7 @@ void hg_irradiance_destroy(struct hg_irradiance *r)
 {
     if (!r)
         return;
-    struct hg_gpu_buffer *buffers[] = {&r->rays, &r->hits, &r->peaks, &r->hidden};
+    struct hg_gpu_buffer *buffers[] = {&r->rays, &r->hits, &r->straight, &r->hidden};
     for (size_t i = 0; i < sizeof buffers / sizeof *buffers; i++)
         hg_gpu_buffer_destroy(r->gpu, buffers[i]);
     hg_gi_patches_finish(&r->patches, r->gpu);
@@ -272,10 +277,49 @@ static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradi
         w->p->world.environment, w->p->sources, s->direction.xi, direction, light);
     const float cosine = hg_dot3(direction, on->facet) > 0 ? hg_dot3(direction, on->normal) : 0;
     for (int c = 0; c < 3; c++)
-        s->peak[c] = cosine > 0 ? light[c] * cosine * (1 / (float)HG_PI) : 0;
-    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->peaks.mapped + i;
+        s->straight[c] = cosine > 0 ? light[c] * cosine * (1 / (float)HG_PI) : 0;
+    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->straight.mapped + i;
     *ray = ray_of(s, direction);
     ray->t_max = cosine > 0 ? FLT_MAX : -1;
+}
+
+static void choose_emitter(const struct work *w, uint32_t i, const struct hg_irradiance_surface *on)
+{
+    struct sample *s = &w->r->samples[i];
+    struct hg_gi_emissive_receiver receiver = {
+        .normal = on->normal, .seed = hg_hash_mix(w->r->cells.picture, i)};
+    struct hg_gi_emissive_ray to;
+    hg_copy3(s->position, receiver.position);
+    const bool shines = hg_gi_emissive_choose(w->p->world.emissive, &receiver, &to) &&
+                        hg_dot3(to.direction, on->facet) > 0;
+    struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->straight.mapped + i;
+    *ray = ray_of(s, shines ? to.direction : on->facet);
+    ray->t_max = shines ? to.distance : -1;
+    for (int c = 0; c < 3; c++)
+        s->straight[c] = shines ? to.light[c] : 0;
+}
+
+static bool has_emitters(const struct work *w)
+{
+    return w->p->world.emissive->count > 0;
+}
+
+static bool has_straight(const struct work *w)
+{
+    return w->p->world.environment->has_peaks || has_emitters(w);
+}
+
+// Where there are both, samples take turns.
+static void choose_straight(
+    const struct work *w, uint32_t i, const struct hg_irradiance_surface *on)
+{
+    const bool both = w->p->world.environment->has_peaks && has_emitters(w);
+    if (both ? ((i + w->r->cells.picture) & 1) != 0 : has_emitters(w))
+        choose_emitter(w, i, on);
+    else
+        choose_peak(w, i, on);
+    for (int c = 0; c < 3 && both; c++)
+        w->r->samples[i].straight[c] *= 2;
 }
 
 static void surface_at(
@@ -306,11 +350,12 @@ static void send(const struct work *w, uint32_t i)
         s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on.normal, &d);
     hg_irradiance_choose(&s->turn, &on, guided ? &d : NULL, &s->direction);
     s->lost = hg_dot3(s->direction.way, on.facet) < 0;
+    s->over = fmaxf(hg_dot3(s->direction.way, on.normal), 0) * (1 / (float)HG_PI);
     *ray = ray_of(s, s->direction.way);
     if (s->lost)
         ray->t_max = -1;
-    if (w->p->world.environment->has_peaks)
-        choose_peak(w, i, &on);
+    if (has_straight(w))
+        choose_straight(w, i, &on);
 }
 
 static void send_batch(void *user, size_t batch)
@@ -337,11 +382,16 @@ static void meet(const struct work *w, uint32_t i)
         return;
     hg_gi_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
     struct hg_gi_patch *patch = &r->patches.points[s->patch];
+    const struct hg_gi_material *m = surface.material;
     hg_mad3(s->position, s->direction.way, hit->t, patch->position);
     hg_copy3(surface.normal, patch->normal);
-    hg_copy3(surface.material->albedo, patch->albedo);
-    for (int c = 0; c < 3; c++) // what has one side shines to that side
-        patch->emission[c] = surface.back ? 0 : surface.material->emission[c];
+    hg_copy3(m->albedo, patch->albedo);
+    const float share = hg_gi_emissive_share(w->p->world.emissive, m->emitted, hit->t,
+        fabsf(hg_dot3(surface.normal, s->direction.way)), s->over);
+    for (int c = 0; c < 3; c++) { // what has one side shines to that side
+        s->emitted[c] = surface.back ? 0 : share * m->emitted[c];
+        patch->emission[c] = surface.back ? 0 : m->emission[c] - s->emitted[c];
+    }
 }
 
 static void meet_batch(void *user, size_t batch)
@@ -365,12 +415,12 @@ static void number_patches(struct hg_irradiance *r)
     }
 }
 
-static void add_diffuse(const struct work *w, const struct sample *s, bool peak)
+static void add_diffuse(const struct work *w, const struct sample *s, bool straight)
 {
     float gathered[3], without[3];
     const float most = fmaxf(s->without[0], fmaxf(s->without[1], s->without[2]));
     for (int c = 0; c < 3; c++) {
-        gathered[c] = s->direction.diffuse * s->brought[c] + (peak ? s->peak[c] : 0);
+        gathered[c] = s->direction.diffuse * s->brought[c] + (straight ? s->straight[c] : 0);
         without[c] = s->direction.diffuse * (s->without[c] + GREY * most);
     }
     if (most > 0 && gathered[0] + gathered[1] + gathered[2] < FLT_MAX)
@@ -385,7 +435,7 @@ static void add_lobe(const struct work *w, const struct sample *s)
     float sky[3], light[3];
     hg_gi_environment_even(w->p->world.environment, w->p->sources, s->direction.way, sky);
     for (int c = 0; c < 3; c++)
-        light[c] = s->open ? 0 : weight * s->brought[c];
+        light[c] = s->open ? 0 : weight * (s->brought[c] + s->emitted[c]);
     const float all = weight * hg_luminance(sky), seen = s->open ? all : 0;
     if (weight > 0 && light[0] + light[1] + light[2] + all < FLT_MAX)
         hg_irradiance_add(&w->r->cells, &s->lobe, light, (const float[3]){weight, seen, all});
@@ -399,11 +449,11 @@ static void add(void *user, size_t to)
     const struct work *w = user;
     struct hg_irradiance *r = w->r;
     const uint32_t *hidden = r->hidden.mapped;
-    const bool peaks = w->p->world.environment->has_peaks;
+    const bool straight = has_straight(w);
     for (uint32_t i = 0; i < r->count; i++) {
         const struct sample *s = &r->samples[i];
         if (to == DIFFUSE)
-            add_diffuse(w, s, peaks && !hidden[i]);
+            add_diffuse(w, s, straight && !hidden[i]);
         else if (to == LOBES && s->lobe.cell != HG_IRRADIANCE_NONE)
             add_lobe(w, s);
         else if (to == GUIDES && s->guide && !s->lost)
@@ -436,8 +486,8 @@ static enum hg_status gather(struct work *w, struct hg_error *err)
     number_patches(r);
     hg_jobs_for(r->jobs, batches, meet_batch, w);
     status = hg_gi_patches_light(&r->patches, &with, &r->stats.shadow_rays, err);
-    wave = (struct hg_trace_wave){.rays = &r->peaks, .blocked = &r->hidden, .count = r->count};
-    if (status == HG_OK && r->count > 0 && w->p->world.environment->has_peaks)
+    wave = (struct hg_trace_wave){.rays = &r->straight, .blocked = &r->hidden, .count = r->count};
+    if (status == HG_OK && r->count > 0 && has_straight(w))
         status = hg_trace_blocked(trace, &wave, err);
     if (status != HG_OK)
         return status;
