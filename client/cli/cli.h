@@ -136,6 +136,9 @@ const char *hg_cli_up_name(enum hgp_up_axis up);
 // A view's name or its angles AZIMUTH,ELEVATION in degrees. HG_E_INVAL names the option.
 enum hg_status hg_cli_parse_view(const char *option, const char *text, struct hgp_view_fit *fit,
     struct hg_error *err) HG_MUST_CHECK;
+// helio_send that waits while the connection is made again, or too much waits to be sent.
+enum hg_status hg_cli_send(struct hg_cli *cli, enum hgp_type type, const void *message,
+    uint32_t *request, struct hg_error *err) HG_MUST_CHECK;
 // Sends a camera; errors about it come back with the next call.
 enum hg_status hg_cli_send_camera(
     struct hg_cli *cli, const struct hgp_view_camera *camera, struct hg_error *err) HG_MUST_CHECK;

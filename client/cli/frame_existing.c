@@ -17,8 +17,7 @@ static bool wants_job(const struct hg_cli_render *r)
     return hg_cli_is_path(r->o) || r->list.count > 0 || r->o->skip_existing;
 }
 
-// after: job of the picture that this one depends on, or NULL.
-enum hg_status hg_cli_frame_ask_job(
+static enum hg_status ask_once(
     struct hg_cli_render *r, const uint8_t *after, uint8_t job[32], struct hg_error *err)
 {
     struct helio_message *answer;
@@ -33,7 +32,6 @@ enum hg_status hg_cli_frame_ask_job(
     if (after)
         memcpy(query.after, after, 32);
     memset(job, 0, 32);
-    r->replaced = r->cli.progress.replaced;
     if (!wants_job(r))
         return HG_OK;
     enum hg_status status =
@@ -43,6 +41,20 @@ enum hg_status hg_cli_frame_ask_job(
     memcpy(job, answer->body->job.hash, 32);
     helio_message_free(answer);
     return HG_OK;
+}
+
+// after: job of the picture that this one depends on, or NULL.
+enum hg_status hg_cli_frame_ask_job(
+    struct hg_cli_render *r, const uint8_t *after, uint8_t job[32], struct hg_error *err)
+{
+    enum hg_status status;
+    do {
+        r->losses = hg_cli_frame_losses(r);
+        status = hg_cli_frame_keep_camera(r, err);
+        if (!status)
+            status = ask_once(r, after, job, err);
+    } while (!status && r->losses != hg_cli_frame_losses(r));
+    return status;
 }
 
 // NULL: the file is whole and of this job. Else why it is made again; "" when there is none.

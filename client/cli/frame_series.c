@@ -5,7 +5,7 @@
 
 bool hg_cli_series_is_lost(const struct hg_cli_render *r)
 {
-    return r->series && r->series->held > 0 && r->series->replaced != r->cli.progress.replaced;
+    return r->series && r->series->held > 0 && r->series->losses != hg_cli_frame_losses(r);
 }
 
 bool hg_cli_is_series(const struct hg_cli_render *r)
@@ -64,14 +64,14 @@ static enum hg_status make_series_frame(
     return HG_OK;
 }
 
-// A view whose worker was replaced has lost its history, and may show picture i without: it looks
+// A view that has lost its history may show picture i without: it looks
 // elsewhere, gets what was kept, and comes back.
 static enum hg_status restore(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
 {
     struct hg_cli_series *s = r->series;
     while (hg_cli_series_is_lost(r)) {
         s->held = 0;
-        s->replaced = r->cli.progress.replaced;
+        s->losses = hg_cli_frame_losses(r);
         enum hg_status status = hg_cli_frame_go_to(r, i > 0 ? i - 1 : i, err);
         if (status)
             return status;
@@ -80,7 +80,8 @@ static enum hg_status restore(struct hg_cli_render *r, uint32_t i, struct hg_err
             return status;
         if (s->held == 0 && i > 0) // what it has may be of the wrong picture
             return hg_error_set(err, HG_E_WORKER, "history", NULL,
-                "the worker was replaced, and what the next frame depends on was not kept");
+                "the worker or the connection was lost, and what the next frame depends on was not "
+                "kept");
         status = ask_series_job(r, i, err);
         if (status)
             return status;

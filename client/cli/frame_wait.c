@@ -110,13 +110,13 @@ static enum hg_status save_interval(
     }
 }
 
-// A worker that took the place of another knows no job, and begins the picture again but for what
-// was kept of it.
+// A view that was lost and made again knows no job, and begins the picture again but for what was
+// kept of it.
 static enum hg_status go_on(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
     uint8_t same[32];
-    if (r->replaced == r->cli.progress.replaced)
+    if (r->losses == hg_cli_frame_losses(r))
         return HG_OK;
     enum hg_status status = hg_cli_frame_ask_job(r, NULL, same, err);
     if (status || !hg_cli_is_path(r->o) || !r->film.is_left)
@@ -182,7 +182,8 @@ static enum hg_status wait_on(struct waiting *w, struct hg_error *err)
     return status;
 }
 
-// The settled frame; on the way there the film is written to OUT.checkpoint in intervals.
+// The settled frame, or NULL: its request was lost with the connection. On the way there the film
+// is written to OUT.checkpoint in intervals.
 static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     struct helio_message **frame, struct hg_error *err)
 {
@@ -202,12 +203,17 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     enum hg_status status = go_on(r, name, job, err);
     if (status)
         return status;
-    status = helio_send(r->cli.h, HGP_T_frame_request, &request, &id, err);
+    status = hg_cli_send(&r->cli, HGP_T_frame_request, &request, &id, err);
     if (status)
         return status;
+    const uint32_t connection = hg_cli_frame_connection(r);
     struct waiting waiting = begin_waiting(r, name, job);
     struct hg_error told = {0};
     while (!take_messages(r, id, frame, &told)) {
+        if (hg_cli_frame_connection(r) != connection) {
+            hg_cli_progress_say(&r->cli.progress, "%s: requested again on a new connection", name);
+            return HG_OK;
+        }
         status = wait_on(&waiting, err);
         if (status)
             return status;
@@ -220,14 +226,14 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
     return told.status;
 }
 
-// Frames of a worker that does not know the job are requested again.
+// Frames that are lost, or of a worker that does not know the job, are requested again.
 enum hg_status hg_cli_frame_wait(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     struct helio_message **frame, struct hg_error *err)
 {
     for (;;) {
-        const uint32_t replaced = r->replaced;
+        const uint32_t losses = r->losses;
         const enum hg_status status = wait_frame(r, name, job, frame, err);
-        if (status || replaced == r->cli.progress.replaced || hg_cli_series_is_lost(r))
+        if (status || losses == hg_cli_frame_losses(r) || hg_cli_series_is_lost(r))
             return status;
         helio_message_free(*frame);
         *frame = NULL;

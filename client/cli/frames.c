@@ -140,7 +140,7 @@ enum hg_status hg_cli_frame_make(struct hg_cli_render *r, const char *name, cons
         goto stopped;
     *again = hg_cli_series_is_lost(r);
     if (!*again && r->series)
-        r->series->replaced = r->cli.progress.replaced;
+        r->series->losses = hg_cli_frame_losses(r);
     if (!*again)
         status = take_frame(r, &answer->body->frame, &making, err);
     helio_message_free(answer);
@@ -207,7 +207,7 @@ static enum hg_status set_turn(struct hg_cli_render *r, int32_t frame, struct hg
         return HG_OK;
     hg_cli_turntable_camera(&r->turntable, frame, &camera);
     camera.input_seq = ++r->turntable.start.input_seq;
-    return hg_cli_send_camera(&r->cli, &camera, err);
+    return hg_cli_frame_camera(r, &camera, err);
 }
 
 void hg_cli_frame_file(const struct hg_cli_render *r, int32_t frame, char *dst, size_t size)

@@ -10,9 +10,9 @@ enum { HG_CLI_PATIENCE_S = 120 }; // for the film of a view that is stopped in t
 // are there already are of this series or are made again. Pictures that are left as they are do not
 // bring the view their history: it comes from OUT.history, or they are made once more.
 struct hg_cli_series {
-    uint32_t held;     // the view has the history of picture held - 1; 0: of none
-    uint32_t replaced; // workers, when it got it: another one has none
-    bool kept;         // the history of picture held - 1 is in its file
+    uint32_t held;   // the view has the history of picture held - 1; 0: of none
+    uint32_t losses; // of the view, when it got it
+    bool kept;       // the history of picture held - 1 is in its file
     uint8_t job[][32];
 };
 
@@ -23,6 +23,15 @@ enum hg_status hg_cli_frame_note(struct hg_cli_render *r, const struct hgp_frame
 // frame_light.c: notes a picture that is nearly all black or clipped.
 void hg_cli_frame_note_light(
     struct hg_cli_render *r, const struct hgp_frame *frame, const char *name);
+
+// frame_losses.c. Number of the connection; requests and cameras of an earlier one may be lost.
+uint32_t hg_cli_frame_connection(const struct hg_cli_render *r);
+// How often the view lost what its worker held of it, films and history: the worker was replaced,
+// or the session went on on another connection, and its views were closed meanwhile.
+uint32_t hg_cli_frame_losses(const struct hg_cli_render *r);
+// Sends the camera again if the connection has been made again since.
+enum hg_status hg_cli_frame_keep_camera(
+    struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 
 // frame_existing.c. The job of the frame that the view would give; zeros where nothing asks for it.
 // after: job of the picture that this one depends on, or NULL.
@@ -60,7 +69,7 @@ void hg_cli_frame_drop_film(struct hg_cli_render *r, const char *name);
 
 // frame_series.c: pictures that depend on those before.
 bool hg_cli_is_series(const struct hg_cli_render *r);
-// The worker that had the view's history was replaced.
+// The view has lost its history.
 bool hg_cli_series_is_lost(const struct hg_cli_render *r);
 enum hg_status hg_cli_series_render_frame(
     struct hg_cli_render *r, uint32_t index, struct hg_error *err) HG_MUST_CHECK;

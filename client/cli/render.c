@@ -476,7 +476,7 @@ static enum hg_status set_camera(struct hg_cli_render *r, struct hg_error *err)
         .frames = o->turntable,
         .moves = o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1),
         .start = camera};
-    return hg_cli_send_camera(&r->cli, &camera, err);
+    return hg_cli_frame_camera(r, &camera, err);
 }
 
 // ---- the command -------------------------------------------------------------------------------

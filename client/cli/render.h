@@ -23,6 +23,8 @@ struct hg_cli_turntable {
     uint32_t frames; // once around
     bool moves;      // frames say where the next one is: shutter and motion
     struct hgp_view_camera start;
+    struct hgp_view_camera sent; // the newest one, and on which connection: a camera is not
+    uint32_t connection;         // answered, so the next one may have lost it
 };
 
 // What is known of the light: whether a series has the exposure that its first picture metered; the
@@ -57,7 +59,7 @@ struct hg_cli_render {
     uint32_t skipped;             // files that were left as they were
     uint32_t next;                // index of the first frame that is not there yet
     struct hg_cli_film_kept film; // of the first frame that is not there yet
-    uint32_t replaced;            // workers, as far as the frame at hand knows
+    uint32_t losses;              // of the view, as far as the frame at hand knows
     double closes_s;              // > 0: the daemon has just said that it stops after this time
     struct hg_cli_light light;
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
@@ -88,6 +90,10 @@ enum hg_status hg_cli_render_connect(
 enum hg_status hg_cli_render_load(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 // Makes the view and sends its camera, which is r->turntable.start then.
 enum hg_status hg_cli_render_set_view(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
+
+// frame_losses.c: sends the view's camera, and keeps it.
+enum hg_status hg_cli_frame_camera(struct hg_cli_render *r, const struct hgp_view_camera *camera,
+    struct hg_error *err) HG_MUST_CHECK;
 
 // view.c: view parameters from options; pure. r->format, size, planes and
 // shutter are known.

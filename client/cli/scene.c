@@ -159,12 +159,24 @@ enum hg_status hg_cli_parse_view(
     return HG_OK;
 }
 
+enum hg_status hg_cli_send(struct hg_cli *cli, enum hgp_type type, const void *message,
+    uint32_t *request, struct hg_error *err)
+{
+    enum hg_status status = helio_send(cli->h, type, message, request, err);
+    while (status == HG_E_AGAIN) {
+        status = helio_wait(cli->h, HELIO_NO_TIMEOUT, err);
+        if (!status)
+            status = helio_send(cli->h, type, message, request, err);
+    }
+    return status;
+}
+
 enum hg_status hg_cli_send_camera(
     struct hg_cli *cli, const struct hgp_view_camera *camera, struct hg_error *err)
 {
     // With a request id, so that an error names this message instead of ending the connection.
     uint32_t request;
-    return helio_send(cli->h, HGP_T_view_camera, camera, &request, err);
+    return hg_cli_send(cli, HGP_T_view_camera, camera, &request, err);
 }
 
 enum hg_status hg_cli_compare(struct hg_cli *cli, struct hg_cli_comparison *c, struct hg_error *err)

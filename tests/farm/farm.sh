@@ -184,6 +184,44 @@ code=$?
 told 'the same command with --resume goes on from there'
 [ -s "$temp/drained.exr.checkpoint" ] || fail "no checkpoint was left when the daemon was stopped"
 
+# A daemon that is killed and started again with its state: the session goes on, and the frame that was
+# under way is requested again, from its film where that was kept.
+lasting() {
+    "$heliod" --listen "unix:$temp/lasting" --asset-root "$models" --isolation shared --sandbox best-effort --log warn \
+        --state-dir "$temp/state" --cache-dir "$temp/lasting-cache" &
+    brief=$!
+    answers() { "$helio" ping --count 1 --connect "unix:$temp/lasting" >/dev/null 2>&1; }
+    until_true answers
+}
+lasting
+for kept in 3600 1; do
+    for round in 1 2 3; do
+        rm -f "$temp"/lasts.exr*
+        : >"$temp/out"
+        run=exec trace "$temp/lasts.exr" --checkpoint $kept --reconnect 60 --progress json --connect "unix:$temp/lasting" \
+            >"$temp/out" 2>&1 &
+        client=$!
+        if [ $kept = 1 ]; then # the first film kept may be one without samples
+            begun() { [ -n "$(find "$temp" -name lasts.exr.checkpoint -size +8k)" ] || ! kill -0 $client 2>/dev/null; }
+        else
+            begun() { grep -q '"samples","done":[1-9]' "$temp/out" || ! kill -0 $client 2>/dev/null; }
+        fi
+        until_true begun
+        kill -KILL $brief
+        wait $brief 2>/dev/null
+        lasting
+        done_or_gone() { ! kill -0 $client 2>/dev/null; }
+        until_true done_or_gone
+        kill $client 2>/dev/null
+        wait $client || fail "exit $? when the daemon was killed"
+        grep -q 'requested again' "$temp/out" && break
+    done
+    told 'requested again on a new connection'
+    [ $kept = 3600 ] || told 'goes on from [1-9][0-9]* samples'
+    same "$temp/whole.exr" "$temp/lasts.exr"
+done
+kill $brief
+
 # Frames that are denoised with those before: killed at any time and taken up again, with and without
 # what was kept for it, they are those of a command that was never stopped.
 series() { # folder options...
