@@ -1,7 +1,8 @@
 // checkpoint.c - films on the way to a picture, and what the next one needs, kept beside it.
 //
 // The file: "HGCK", u32 version, u32 kind, the job's hash, the SHA-256 of the data, u32 samples,
-// u64 size, the data. It goes over the wire in parts, so no message limits how large it is.
+// u32 samples of the whole picture, u64 size, the data. It goes over the wire in parts, so no
+// message limits how large it is.
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -12,7 +13,7 @@
 #include "base/sha256.h"
 #include "client/cli/render.h"
 
-enum { VERSION = 2, HEADER_BYTES = 4 + 4 + 4 + 32 + 32 + 4 + 8, PART_BYTES = 256 << 10 };
+enum { VERSION = 3, HEADER_BYTES = 4 + 4 + 4 + 32 + 32 + 4 + 4 + 8, PART_BYTES = 256 << 10 };
 
 #define DATA_LIMIT_BYTES (UINT64_C(16) << 30)
 
@@ -60,6 +61,7 @@ static enum hg_status write_file(const char *path, const struct hg_cli_kept *kep
     hg_write_bytes(&head, kept->job, 32);
     hg_write_bytes(&head, hash, sizeof hash);
     hg_write_u32(&head, samples);
+    hg_write_u32(&head, kept->total);
     hg_write_u64(&head, data->size);
     status = head.failed ? hg_error_set(err, HG_E_NOMEM, path, NULL, "no memory")
                          : write_both(path, &head, data, err);
@@ -128,28 +130,55 @@ done:
 
 // ---- loading -----------------------------------------------------------------------------------
 
+// What is wrong with the header, or NULL.
+static const char *read_head(const uint8_t *file, size_t size, enum hgp_checkpoint_kind kind,
+    struct hg_cli_checkpoint_head *out)
+{
+    struct hg_reader r = hg_reader_make(file, size);
+    const uint8_t *start = hg_read_bytes(&r, sizeof magic);
+    const uint32_t version = hg_read_u32(&r);
+    out->kind = (enum hgp_checkpoint_kind)hg_read_u32(&r);
+    const uint8_t *job = hg_read_bytes(&r, 32), *hash = hg_read_bytes(&r, 32);
+    out->samples = hg_read_u32(&r);
+    out->total = hg_read_u32(&r);
+    out->bytes = hg_read_u64(&r);
+    if (r.failed || memcmp(start, magic, sizeof magic) != 0)
+        return "is not a checkpoint";
+    memcpy(out->job, job, sizeof out->job);
+    memcpy(out->hash, hash, sizeof out->hash);
+    return version != VERSION || out->kind != kind ? "is of another version" : NULL;
+}
+
 // What is wrong with a file, or NULL. Its data follow the header.
 static const char *check_file(
     const uint8_t *file, size_t size, const struct hg_cli_kept *kept, uint32_t *samples)
 {
-    struct hg_reader r = hg_reader_make(file, size);
-    const uint8_t *start = hg_read_bytes(&r, sizeof magic);
-    uint32_t version = hg_read_u32(&r), kind = hg_read_u32(&r);
-    const uint8_t *of = hg_read_bytes(&r, 32), *hash = hg_read_bytes(&r, 32);
-    *samples = hg_read_u32(&r);
-    uint64_t bytes = hg_read_u64(&r);
-    if (r.failed || memcmp(start, magic, sizeof magic) != 0)
-        return "is not a checkpoint";
-    if (version != VERSION || kind != (uint32_t)kept->kind)
-        return "is of another version";
-    if (memcmp(of, kept->job, 32) != 0)
-        return "is of another picture";
+    struct hg_cli_checkpoint_head head;
     uint8_t seen[32];
-    if (!bytes || bytes != size - HEADER_BYTES)
+    const char *wrong = read_head(file, size, kept->kind, &head);
+    if (wrong)
+        return wrong;
+    *samples = head.samples;
+    if (memcmp(head.job, kept->job, 32) != 0)
+        return "is of another picture";
+    if (!head.bytes || head.bytes != size - HEADER_BYTES)
         return "is cut short";
-    if (hg_sha256(file + HEADER_BYTES, (size_t)bytes, seen) || memcmp(seen, hash, 32) != 0)
+    if (hg_sha256(file + HEADER_BYTES, (size_t)head.bytes, seen) ||
+        memcmp(seen, head.hash, sizeof seen) != 0)
         return "is damaged";
     return NULL;
+}
+
+bool hg_cli_checkpoint_look(
+    enum hgp_checkpoint_kind kind, const char *output, struct hg_cli_checkpoint_head *out)
+{
+    char path[4200];
+    uint8_t head[HEADER_BYTES];
+    FILE *file = name_of(kind, output, path, sizeof path) ? fopen(path, "rb") : NULL;
+    const size_t size = file ? fread(head, 1, sizeof head, file) : 0;
+    if (file)
+        fclose(file);
+    return size == sizeof head && read_head(head, size, kind, out) == NULL;
 }
 
 static enum hg_status send_parts(

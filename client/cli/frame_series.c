@@ -29,7 +29,7 @@ static enum hg_status load_history(struct hg_cli_render *r, uint32_t i, struct h
     for (uint32_t j = i; j > s->held; j--) {
         hg_cli_frame_file(r, hg_cli_frame_at(r, j - 1), name, sizeof name);
         const struct hg_cli_kept kept = {
-            &r->cli, HGP_checkpoint_kind_HISTORY, name, s->job[j - 1], 0};
+            &r->cli, HGP_checkpoint_kind_HISTORY, name, s->job[j - 1], 0, 0};
         enum hg_status status = hg_cli_checkpoint_load(&kept, &samples, err);
         if (status)
             return status;

@@ -1,6 +1,7 @@
 // frame_wait.c - helio render: waiting for a settled frame, with its film kept on the way.
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/clock.h"
@@ -54,10 +55,19 @@ static uint64_t add_s(uint64_t ns, double s)
     return s > 1e9 ? UINT64_MAX : ns + (uint64_t)(s * 1e9);
 }
 
+// Of the whole picture.
+static uint32_t total_samples(const struct hg_cli_render *r)
+{
+    struct hgp_view_set view;
+    hg_cli_render_view(r, &view);
+    return view.has_samples ? view.samples
+                            : (uint32_t)atoi(hgp_view_params[HGP_VIEW_samples].standard);
+}
+
 static struct hg_cli_kept film_of(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
-    return (struct hg_cli_kept){
-        &r->cli, HGP_checkpoint_kind_FILM, name, job, .least = r->film.samples};
+    return (struct hg_cli_kept){&r->cli, HGP_checkpoint_kind_FILM, name, job,
+        .least = r->film.samples, .total = total_samples(r)};
 }
 
 static enum hg_status save_film(
@@ -252,12 +262,45 @@ void hg_cli_frame_leave_checkpoint(struct hg_cli_render *r, const char *name, co
             err.reason[0] ? err.reason : hg_status_text(status));
 }
 
+static enum hg_status set_samples(struct hg_cli_render *r, uint32_t samples, struct hg_error *err)
+{
+    const struct hgp_view_set view = {.view = HG_CLI_VIEW, .has_samples = true, .samples = samples};
+    return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
+}
+
+// The number of samples determines their pattern, so a film of another number cannot go on; it is
+// too much work to be replaced unasked.
+static enum hg_status check_total(
+    struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
+{
+    struct hg_cli_checkpoint_head head;
+    uint8_t its[32];
+    const uint32_t total = total_samples(r);
+    if (!hg_cli_checkpoint_look(HGP_checkpoint_kind_FILM, name, &head) || !head.samples ||
+        head.total == total || memcmp(head.job, job, sizeof head.job) == 0)
+        return HG_OK;
+    enum hg_status status = set_samples(r, head.total, err);
+    if (!status)
+        status = hg_cli_frame_ask_job(r, NULL, its, err);
+    if (!status)
+        status = set_samples(r, total, err);
+    if (status || memcmp(head.job, its, sizeof its) != 0) // of another picture anyway
+        return status;
+    r->doing = HG_CLI_DOING_ARGUMENTS;
+    return hg_error_set(err, HG_E_INVAL, "--resume", NULL,
+        "%s.checkpoint holds %u of the %u samples of this picture, and their pattern depends on "
+        "how many it is to have: --samples %u goes on from there; without --resume %u begin anew",
+        name, head.samples, head.total, head.total, total);
+}
+
 enum hg_status hg_cli_frame_resume(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
     if (!r->o->resume && !r->film.is_left)
         return HG_OK;
-    enum hg_status status = load_film(r, name, job, err);
+    enum hg_status status = check_total(r, name, job, err);
+    if (!status)
+        status = load_film(r, name, job, err);
     r->film.is_left |= !status && r->film.samples > 0;
     return status;
 }

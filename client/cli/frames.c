@@ -89,7 +89,7 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
 // finds the one finds the other.
 static bool keep_history(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
-    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, job, 0};
+    const struct hg_cli_kept kept = {&r->cli, HGP_checkpoint_kind_HISTORY, name, job, 0, 0};
     struct hg_error err = {0};
     uint32_t samples;
     enum hg_status status = hg_cli_checkpoint_save(&kept, HG_CLI_PATIENCE_S, &samples, &err);

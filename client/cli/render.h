@@ -150,7 +150,18 @@ struct hg_cli_kept {
     const char *output;
     const uint8_t *job; // [32]
     uint32_t least;     // fewer samples are not written
+    uint32_t total;     // of the whole picture; 0: of a history
 };
+// What a checkpoint says of itself.
+struct hg_cli_checkpoint_head {
+    enum hgp_checkpoint_kind kind;
+    uint8_t job[32], hash[32]; // of the picture; of the data, `bytes` of them
+    uint32_t samples, total;   // that it holds; of the whole picture
+    uint64_t bytes;
+};
+// False: there is no such file, or it is no checkpoint.
+bool hg_cli_checkpoint_look(
+    enum hgp_checkpoint_kind kind, const char *output, struct hg_cli_checkpoint_head *out);
 // Asks the worker for it and writes it; *samples: of it. HG_E_STATE: there is none yet, or it has
 // fewer than `least`; nothing is written. `seconds`: how long to wait for an answer.
 enum hg_status hg_cli_checkpoint_save(const struct hg_cli_kept *kept, double seconds,

@@ -296,7 +296,7 @@ static void test_checkpoints(void **state)
     // Cut short and damaged ones, in intervals, and none at all.
     expect_run(8, NULL, "silent=frame_request log=logc", stop);
     expect_run(0, "is cut short", "",
-        "head -c 90 cp.png.checkpoint >t && mv t cp.png.checkpoint; "
+        "head -c 94 cp.png.checkpoint >t && mv t cp.png.checkpoint; "
         "$HELIO render s.gltf -o cp.png --mode path --resume");
     expect_run(8, NULL, "silent=frame_request log=logc", stop);
     expect_run(0, "is damaged", "",
