@@ -121,7 +121,7 @@ enum hg_status hg_cli_checkpoint_save(
     if (status)
         goto done;
     status = *samples < kept->least
-                 ? hg_error_set(err, HG_E_STATE, kept->output, NULL, "the file holds more samples")
+                 ? hg_error_set(err, HG_E_STATE, kept->output, NULL, "no more samples than in the file")
                  : write_file(path, kept, *samples, &data, err);
 done:
     hg_writer_finish(&data);

@@ -67,7 +67,7 @@ static uint32_t total_samples(const struct hg_cli_render *r)
 static struct hg_cli_kept film_of(struct hg_cli_render *r, const char *name, const uint8_t job[32])
 {
     return (struct hg_cli_kept){&r->cli, HGP_checkpoint_kind_FILM, name, job,
-        .least = r->film.samples, .total = total_samples(r)};
+        .least = r->film.samples > 0 ? r->film.samples : 1, .total = total_samples(r)};
 }
 
 static enum hg_status save_film(
@@ -76,6 +76,7 @@ static enum hg_status save_film(
     const struct hg_cli_kept kept = film_of(r, name, job);
     uint32_t samples;
     enum hg_status status = hg_cli_checkpoint_save(&kept, HG_CLI_PATIENCE_S, &samples, err);
+    r->film.failed = status && status != HG_E_STATE; // nothing worth keeping yet
     if (status)
         return status;
     r->film.is_left = true;
@@ -103,7 +104,7 @@ static enum hg_status save_interval(
     enum hg_status status = save_film(r, name, job, &wrong);
     switch (status) {
     case HG_OK:
-    case HG_E_STATE: // nothing worth keeping yet
+    case HG_E_STATE:
         return HG_OK;
     case HG_E_NOSPACE:
     case HG_E_PERM:

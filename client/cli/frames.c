@@ -31,8 +31,7 @@ bool hg_cli_frame_name(const char *pattern, int32_t frame, char *dst, size_t siz
 void hg_cli_frame_drop_film(struct hg_cli_render *r, const char *name)
 {
     hg_cli_checkpoint_remove(HGP_checkpoint_kind_FILM, name);
-    r->film.is_left = false;
-    r->film.samples = 0;
+    r->film = (struct hg_cli_film_kept){0};
 }
 
 // A picture that is being made.
@@ -364,4 +363,6 @@ void hg_cli_render_stopped(struct hg_cli_render *r)
     }
     if (r->film.is_left)
         hg_cli_progress_say(p, "stopped early; the same command with --resume goes on from there");
+    else if (r->film.failed)
+        hg_cli_progress_say(p, "nothing of the film was kept");
 }

@@ -602,7 +602,7 @@ static enum hg_cli_exit render_once(const struct hg_cli_options *options)
     enum hg_cli_exit code = status ? hg_cli_report(&r.cli, r.doing, &err) : HG_CLI_EXIT_OK;
     if (!status)
         hg_cli_render_summary(&r);
-    if (code == HG_CLI_EXIT_STOPPED || (status && (r.film.is_left || r.next > 0)))
+    if (code == HG_CLI_EXIT_STOPPED || (status && (r.film.is_left || r.film.failed || r.next > 0)))
         hg_cli_render_stopped(&r);
     hg_cli_finish(&r.cli, code);
     json_decref(r.frames);

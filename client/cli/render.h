@@ -39,7 +39,7 @@ struct hg_cli_light {
 
 // OUT.checkpoint of a picture that was stopped.
 struct hg_cli_film_kept {
-    bool is_left;
+    bool is_left, failed; // failed: one could not be written
     uint32_t samples; // fewer do not take its place
 };
 

@@ -149,6 +149,15 @@ same "$temp/whole.exr" "$temp/part.exr"
 [ -e "$temp/part.exr.checkpoint" ] && fail "the checkpoint is still there"
 expect 0 trace "$temp/part.exr" --skip-existing
 stat_is skipped_frames 1
+# A disk that takes neither film nor picture: nothing is left, and nothing is promised.
+for samples in 256 1024 4096 16384; do
+    run='prlimit --fsize=8192' expect 6 trace "$temp/full.exr" --spp $samples --checkpoint 1 --connect "$url"
+    grep -q 'full.exr.checkpoint: .*the rendering goes on' "$temp/out" && break
+done
+told 'the rendering goes on'
+told 'nothing of the film was kept'
+grep -q 'goes on from there' "$temp/out" && fail "a film that was not kept is promised to go on"
+ls "$temp"/full.exr* 2>/dev/null && fail "a full disk has a stub"
 expect 0 trace "$temp/limit.exr" --spp 60000 --time 1 --connect "$url"
 
 # A worker that dies in the middle: the next one goes on from the newest film that was kept.
