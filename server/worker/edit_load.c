@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "renderer/scene/asset.h"
+#include "server/worker/variant.h"
 
 enum { NOTICE_LIMIT = 64 };
 
@@ -86,22 +87,6 @@ static void answer_loaded(const struct request *r, const struct hg_asset *asset)
     hg_reply_send(r->to, HGP_T_asset_loaded, &answer);
 }
 
-static enum hg_status choose_variant(
-    struct hg_asset *asset, struct hgp_str name, struct hg_error *err)
-{
-    asset->variants.chosen = -1;
-    if (!name.size)
-        return HG_OK;
-    for (uint32_t i = 0; i < asset->variants.count; i++)
-        if (strlen(asset->variants.names[i]) == name.size &&
-            memcmp(asset->variants.names[i], name.data, name.size) == 0) {
-            asset->variants.chosen = (int32_t)i;
-            return HG_OK;
-        }
-    return hg_error_set(err, HG_E_NOTFOUND, asset->label, "variant", "no variant '%.*s'",
-        (int)name.size, name.data);
-}
-
 // The built-in scene comes with its sky, unless the client has already chosen an environment.
 static void light_demo(struct scene_slot *slot, const struct hg_asset *asset)
 {
@@ -124,7 +109,9 @@ static enum hg_status join_scene(const struct request *r, struct task *task, str
     struct hg_object *parent = has_parent ? hg_scene_find(scene, HG_OBJECT_NODE, m->parent) : NULL;
     if (has_parent && !parent) // others may have removed it since
         return hg_error_set(err, HG_E_NOTFOUND, "asset_load", "parent", "no such node");
-    enum hg_status status = m->has_variant ? choose_variant(task->asset, m->variant, err) : HG_OK;
+    enum hg_status status = m->has_variant ? hg_variant_find(task->asset, m->variant,
+                                                 &task->asset->variants.chosen, err)
+                                           : HG_OK;
     if (status)
         return status;
     if (m->has_transform)
@@ -271,12 +258,12 @@ void hg_handle_variant_set(const struct request *r)
     if (!asset)
         return;
     struct hg_error err = {0};
-    int32_t before = asset->variants.chosen;
-    if (choose_variant(asset, m->variant, &err)) {
-        asset->variants.chosen = before;
+    int32_t chosen;
+    if (hg_variant_find(asset, m->variant, &chosen, &err)) {
         hg_reply_error(r->to, &err);
         return;
     }
+    asset->variants.chosen = chosen;
     for (uint32_t i = 0; i < asset->mesh_count; i++)
         hg_scene_touch(r->session->scene->scene, &asset->meshes[i]->head);
     hg_request_edited(r);

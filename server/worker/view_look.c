@@ -4,6 +4,7 @@
 
 #include "base/alloc.h"
 #include "renderer/view_look.h"
+#include "server/worker/variant.h"
 
 // The protocol's values are the renderer's.
 _Static_assert((int)HG_CAPS_NONE == (int)HGP_cap_style_NONE, "cap_style");
@@ -81,14 +82,6 @@ void hg_handle_view_overrides(const struct request *r)
     finish(r, view, status, &err);
 }
 
-static bool has_variant(const struct hg_asset *asset, const char *name)
-{
-    for (uint32_t i = 0; i < asset->variants.count; i++)
-        if (strcmp(asset->variants.names[i], name) == 0)
-            return true;
-    return name[0] == 0;
-}
-
 void hg_handle_view_variant(const struct request *r)
 {
     const struct hgp_view_variant *m = &r->message->view_variant;
@@ -105,9 +98,8 @@ void hg_handle_view_variant(const struct request *r)
     else if (!asset)
         status =
             hg_error_set(&err, HG_E_NOTFOUND, "view_variant", "asset", "no asset %u", m->asset);
-    else if (name && !has_variant(asset, name))
-        status = hg_error_set(&err, HG_E_NOTFOUND, "view_variant", "variant",
-            "asset %u has no variant '%s'", m->asset, name);
+    else if (name)
+        status = hg_variant_find(asset, m->variant, &(int32_t){0}, &err);
     if (!status)
         status = hg_view_set_variant(view->view, m->asset, name, &err);
     hg_free(name);

@@ -30,6 +30,7 @@
 //   view_codec view_memory                  negotiation of codecs; what sessions may take for views
 //   load_memory                             and for files
 //   request                                 a decoded message, and who is answered
+//   variant                                 material variants by name
 //   view_fit                                cameras that show the scene; that of a view without one
 //   frame_key                               the hash of what a frame is made from
 //   frame_metadata frame_depth              what a frame says besides its pixels

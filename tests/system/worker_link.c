@@ -205,6 +205,40 @@ static void test_sessions_keep_to_their_roots(void **state)
     link_expect_error(rig, link_ask(rig, 2, HGP_T_asset_load, &m), HG_E_PERM, NULL);
 }
 
+static void expect_variants(struct rig *rig, uint32_t request)
+{
+    static const char known[] = "no variant 'red'; there is 'Mango Velvet', 'Peacock'";
+    link_expect_error(rig, request, HG_E_NOTFOUND, "variant");
+    const struct hgp_str reason = rig->message.error.reason;
+    assert_int_equal(reason.size, strlen(known));
+    assert_memory_equal(reason.data, known, reason.size);
+}
+
+static void test_an_unknown_variant_is_told_those_there_are(void **state)
+{
+    static const char chair[] =
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+        "\"nodes\":[{}],\"extensionsUsed\":[\"KHR_materials_variants\"],\"extensions\":"
+        "{\"KHR_materials_variants\":{\"variants\":[{\"name\":\"Mango Velvet\"},"
+        "{\"name\":\"Peacock\"}]}}}";
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    test_text_write(rig->root, "chair.gltf", chair);
+    struct hgp_asset_load load = {.asset = FIRST_ID,
+        .path = hgp_str_make("chair.gltf"),
+        .has_variant = true,
+        .variant = hgp_str_make("red")};
+    expect_variants(rig, link_ask(rig, 1, HGP_T_asset_load, &load));
+    load.variant = hgp_str_make("Peacock");
+    link_expect(rig, link_ask(rig, 1, HGP_T_asset_load, &load), HGP_T_asset_loaded);
+    const struct hgp_variant_set set = {.asset = FIRST_ID, .variant = hgp_str_make("red")};
+    expect_variants(rig, link_ask(rig, 1, HGP_T_variant_set, &set));
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &(struct hgp_view_set){.view = 1}), HGP_T_ok);
+    const struct hgp_view_variant look = {
+        .view = 1, .asset = FIRST_ID, .has_variant = true, .variant = hgp_str_make("red")};
+    expect_variants(rig, link_ask(rig, 1, HGP_T_view_variant, &look));
+}
+
 static void expect_named(struct rig *rig, const char *path, const char *named)
 {
     const struct hgp_asset_load load = {.asset = FIRST_ID, .path = hgp_str_make(path)};
@@ -564,6 +598,7 @@ int main(void)
         SHARED(test_client_meshes_are_checked_and_bounded),
         SHARED(test_files_outside_the_roots_are_not_told_apart),
         SHARED(test_sessions_keep_to_their_roots),
+        SHARED(test_an_unknown_variant_is_told_those_there_are),
         SHARED(test_errors_do_not_say_where_roots_lie),
         SHARED(test_messages_behind_a_load_keep_their_order),
         SHARED(test_an_assets_transform_moves_it_and_goes_with_it),
