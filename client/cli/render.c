@@ -119,22 +119,32 @@ static enum hg_status list_frames(struct hg_cli_render *r, struct hg_error *err)
     return status;
 }
 
-static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err)
+// A place for the frame's number: several frames need it, and a picture without one has none.
+static enum hg_status check_name(struct hg_cli_render *r, struct hg_error *err)
 {
     char name[4096];
-    const struct hg_cli_options *o = r->o;
-    if (strlen(o->output) + 32 >= sizeof name)
+    if (strlen(r->output) + 32 >= sizeof name)
         return usage(err, "--output", "the name is too long");
-    enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
-    if (status)
-        return status;
-    r->output = r->format.path;
-    bool numbered = hg_cli_frame_name(r->output, 0, name, sizeof name);
+    const bool numbered = hg_cli_frame_name(r->output, 0, name, sizeof name);
     r->streams = hg_cli_is_stream(numbered ? name : r->output);
     if (r->list.count > 1 && !numbered && !r->streams)
         return usage(
             err, "--output", "the file's name needs #### or %04d for the number of the frame");
-    status = r->streams ? check_stream(o, err) : HG_OK;
+    if (r->list.count == 0 && numbered)
+        return usage(err, "--output",
+            "# or %04d in the file's name is the number of a frame: it needs --frames or "
+            "--turntable");
+    return r->streams ? check_stream(r->o, err) : HG_OK;
+}
+
+static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err)
+{
+    const struct hg_cli_options *o = r->o;
+    enum hg_status status = hg_cli_format_of(o->output, o, &r->format, err);
+    if (status)
+        return status;
+    r->output = r->format.path;
+    status = check_name(r, err);
     if (status || !o->has_aov)
         return status;
     bool exr =
