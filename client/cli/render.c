@@ -145,6 +145,9 @@ static enum hg_status check_output(struct hg_cli_render *r, struct hg_error *err
         return status;
     r->output = r->format.path;
     status = check_name(r, err);
+    if (!status && r->format.encoding == HGP_encoding_JPEG && o->has_background &&
+        o->background.kind == HG_CLI_BACKGROUND_NONE)
+        status = usage(err, "--background", "none is transparent, which JPEG files have not");
     if (status || !o->has_aov)
         return status;
     bool exr =

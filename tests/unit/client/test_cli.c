@@ -411,6 +411,8 @@ static void test_usage(void **state)
         {"render s.gltf -o a.png --jpeg-quality 3", "--jpeg-quality"},
         {"render s.gltf -o a.####.png", "--output: # or %04d in the file's name"},
         {"render s.gltf -o 'a.%04d.png' --at 1", "it needs --frames or --turntable"},
+        {"render s.gltf -o a.jpg --background none", "--background: none is transparent"},
+        {"render s.gltf -o jpg:- --background none", "--background: none is transparent"},
         {"render s.gltf -o nowhere/a.png", "nowhere"}, {"render s.gltf -o .", "-o"},
         {"render s.gltf -o a.png --samples 3 --spp 4", "--spp"},
         {"render s.gltf -o a.png --frames 1-2 --at 3", "--at"},
