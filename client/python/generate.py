@@ -37,14 +37,27 @@ def rows(path):
             yield match.group(1), arguments(match.group(2))
 
 
+WHOLE = {"U8": (0, 2 ** 8 - 1), "U16": (0, 2 ** 16 - 1), "U32": (0, 2 ** 32 - 1), "U64": (0, 2 ** 64 - 1),
+         "I32": (-2 ** 31, 2 ** 31 - 1)}
+NAMED = {"UINT32_MAX": 2 ** 32 - 1, "UINT64_MAX": 2 ** 64 - 1}
+
+
+def field(name, kind, a, b, optional):
+    """(name, kind, enum or list part, optional) and the range of an integer that has not all of its kind."""
+    span = None
+    if kind in WHOLE:
+        span = tuple(NAMED[text] if text in NAMED else int(text, 0) for text in (a, b))
+    return (name, kind, a if kind in ("ENUM", "LIST") else "", optional), None if span == WHOLE.get(kind) else span
+
+
 def params(root):
     for name, a in rows(os.path.join(root, "protocol/view_params.def")):
         if name in ("VIEW_PARAM", "VIEW_DELIVERY"):
-            yield (a[1], a[0], a[2] if a[0] in ("ENUM", "LIST") else "", True)
+            yield field(a[1], a[0], a[2], a[3], True)
 
 
 def read(root):
-    """enums {name: [(value name, number)]}, records {name: (id, direction, fields)}."""
+    """enums {name: [(value name, number)]}, records {name: (id, direction, [field()])}."""
     enums, records, fields = {}, {}, []
     for name, a in rows(os.path.join(root, "protocol/messages.def")):
         if name == "ENUM":
@@ -56,7 +69,7 @@ def read(root):
             message = name == "MESSAGE"
             records[a[0]] = (int(a[1], 0) if message else 0, a[2] if message else "", fields)
         elif name == "F":
-            fields.append((a[2], a[1], a[3] if a[1] in ("ENUM", "LIST") else "", a[0] == "OPT"))
+            fields.append(field(a[2], a[1], a[3], a[4], a[0] == "OPT"))
         elif name == "INCLUDE":
             fields.extend(params(root))
     return enums, records
@@ -112,8 +125,14 @@ def message_file(records):
            "RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {"]
     for name, (number, direction, fields) in records.items():
         out.append('    "%s": (0x%04x, "%s", [' % (name, number, direction))
-        out += packed(['("%s", "%s", "%s", %s),' % field for field in fields])
+        out += packed(['("%s", "%s", "%s", %s),' % row for row, _ in fields])
         out.append("    ]),")
+    out += ["}", "", "# Least and greatest value of integers that have not all of their kind.",
+            "RANGES: Dict[str, Dict[str, Tuple[int, int]]] = {"]
+    for name, (_, _, fields) in records.items():
+        spans = ['"%s": %r,' % (row[0], span) for row, span in fields if span]
+        if spans:
+            out += ['    "%s": {' % name] + packed(spans) + ["    },"]
     return "\n".join(out + ["}"]) + "\n"
 
 

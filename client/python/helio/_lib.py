@@ -6,13 +6,14 @@ import ctypes
 import ctypes.util
 import difflib
 import enum
+import operator
 import os
 from ctypes import (POINTER, c_bool, c_char, c_char_p, c_double, c_float, c_int, c_int32, c_size_t,
                     c_uint8, c_uint16, c_uint32, c_uint64, c_void_p)
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from ._enums import ENUMS, STATUS_NAMES, Status
-from ._messages import RECORDS
+from ._messages import RANGES, RECORDS
 
 NO_TIMEOUT = 2 ** 64 - 1
 
@@ -113,8 +114,23 @@ def encode(name: str, values: Mapping[str, Any], keep: List[Any]) -> Any:
         _, kind, of, optional = rows[field]
         if optional:
             setattr(out, "has_" + field, True)
-        setattr(out, field, _encode_value(kind, of, value, keep))
+        setattr(out, field, _integer(name, field, kind, value) if kind in _WHOLE else
+                _encode_value(kind, of, value, keep))
     return out
+
+
+_WHOLE: Dict[str, Tuple[int, int]] = {
+    "U8": (0, 2 ** 8 - 1), "U16": (0, 2 ** 16 - 1), "U32": (0, 2 ** 32 - 1), "U64": (0, 2 ** 64 - 1),
+    "I32": (-2 ** 31, 2 ** 31 - 1)}
+
+
+def _integer(name: str, field: str, kind: str, value: Any) -> int:
+    """In its range: ctypes takes any integer and keeps its lowest bits."""
+    number = operator.index(value)
+    least, most = RANGES.get(name, {}).get(field, _WHOLE[kind])
+    if not least <= number <= most:
+        raise HelioError(Status.E_INVAL, name, field, "%d is outside of %d to %d" % (number, least, most))
+    return number
 
 
 def _encode_value(kind: str, of: str, value: Any, keep: List[Any]) -> Any:

@@ -543,3 +543,203 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
         ("begun_ns", "U64", "", True), ("received_ns", "U64", "", True), ("rtt_ns", "U64", "", True),
     ]),
 }
+
+# Least and greatest value of integers that have not all of their kind.
+RANGES: Dict[str, Dict[str, Tuple[int, int]]] = {
+    "node_override": {
+        "node": (1, 18446744073709551615), "set": (0, 15),
+    },
+    "pixel_rect": {
+        "x": (0, 16383), "y": (0, 16383), "width": (1, 16384), "height": (1, 16384),
+    },
+    "participant": {
+        "session": (1, 18446744073709551615), "color": (0, 16777215),
+    },
+    "waiting_session": {
+        "session": (1, 18446744073709551615),
+    },
+    "annotation_entry": {
+        "annotation": (1, 18446744073709551615), "color": (0, 16777215),
+    },
+    "hello": {
+        "version_min": (1, 65535), "version_max": (1, 65535),
+    },
+    "welcome": {
+        "version": (1, 65535), "max_message_bytes": (1024, 4294967295),
+    },
+    "error": {
+        "code": (1, 65535),
+    },
+    "participant_set": {
+        "color": (0, 16777215),
+    },
+    "cursor": {
+        "session": (1, 18446744073709551615),
+    },
+    "edited": {
+        "number": (1, 18446744073709551615), "message": (1, 65535),
+    },
+    "camera_follow": {
+        "view": (1, 4294967295),
+    },
+    "annotation_set": {
+        "color": (0, 16777215),
+    },
+    "annotation_remove": {
+        "annotation": (1, 18446744073709551615),
+    },
+    "annotation_removed": {
+        "annotation": (1, 18446744073709551615),
+    },
+    "join_make": {
+        "uses": (1, 1000000), "valid_s": (1, 31536000),
+    },
+    "join_ticket": {
+        "ticket": (1, 18446744073709551615), "uses": (1, 1000000), "valid_s": (1, 31536000),
+    },
+    "kick": {
+        "session": (1, 18446744073709551615), "block_s": (0, 31536000),
+    },
+    "drain_set": {
+        "deadline_ms": (0, 86400000),
+    },
+    "sessions_watch": {
+        "interval_ms": (0, 3600000),
+    },
+    "scene_opened": {
+        "first_id": (1, 4294967295), "id_count": (1, 4294967295),
+    },
+    "upload": {
+        "total": (0, 1099511627776), "offset": (0, 1099511627776),
+    },
+    "asset_load": {
+        "asset": (1, 4294967295), "scene_index": (-1, 2147483647),
+    },
+    "asset_loaded": {
+        "asset": (1, 4294967295),
+    },
+    "asset_unload": {
+        "asset": (1, 4294967295),
+    },
+    "mesh_set": {
+        "mesh": (1, 18446744073709551615),
+    },
+    "texture_set": {
+        "texture": (1, 18446744073709551615), "width": (0, 65536), "height": (0, 65536),
+    },
+    "material_set": {
+        "material": (1, 18446744073709551615),
+    },
+    "node_set": {
+        "node": (1, 18446744073709551615),
+    },
+    "light_set": {
+        "light": (1, 18446744073709551615),
+    },
+    "camera_set": {
+        "camera": (1, 18446744073709551615),
+    },
+    "animation_set": {
+        "asset": (1, 4294967295), "animation": (-1, 2147483647),
+    },
+    "variant_set": {
+        "asset": (1, 4294967295),
+    },
+    "object_remove": {
+        "object": (1, 18446744073709551615),
+    },
+    "view_set": {
+        "view": (1, 4294967295), "width": (1, 16384), "height": (1, 16384), "quality": (1, 100),
+        "samples": (1, 65536), "max_bounces": (1, 256), "planes": (0, 8388607), "bitrate": (0, 1000000000),
+        "hidden": (0, 1), "names": (0, 1), "depth": (0, 1),
+    },
+    "view_close": {
+        "view": (1, 4294967295),
+    },
+    "view_camera": {
+        "view": (1, 4294967295),
+    },
+    "frame_request": {
+        "view": (1, 4294967295), "quality": (1, 100),
+    },
+    "subscribe": {
+        "view": (1, 4294967295), "credit_frames": (0, 1024),
+    },
+    "credit": {
+        "view": (1, 4294967295), "frames": (1, 1024),
+    },
+    "frame": {
+        "view": (1, 4294967295), "width": (1, 16384), "height": (1, 16384), "size": (1, 18446744073709551615),
+        "depends": (1, 4294967295),
+    },
+    "job_query": {
+        "view": (1, 4294967295), "quality": (1, 100),
+    },
+    "checkpoint_query": {
+        "view": (1, 4294967295),
+    },
+    "checkpoint_set": {
+        "view": (1, 4294967295), "size": (1, 18446744073709551615),
+    },
+    "view_fit": {
+        "view": (1, 4294967295),
+    },
+    "exposure_query": {
+        "view": (1, 4294967295),
+    },
+    "taken": {
+        "view": (1, 4294967295),
+    },
+    "key_frame": {
+        "view": (1, 4294967295),
+    },
+    "view_codec": {
+        "view": (1, 4294967295),
+    },
+    "view_clip": {
+        "view": (1, 4294967295),
+    },
+    "view_overrides": {
+        "view": (1, 4294967295),
+    },
+    "view_variant": {
+        "view": (1, 4294967295), "asset": (1, 4294967295),
+    },
+    "pick": {
+        "view": (1, 4294967295), "x": (0, 16383), "y": (0, 16383),
+    },
+    "nodes_query": {
+        "count": (1, 4096),
+    },
+    "compared": {
+        "width": (0, 65536), "height": (0, 65536),
+    },
+    "image_query": {
+        "size": (1, 18446744073709551615),
+    },
+    "box_select": {
+        "view": (1, 4294967295),
+    },
+    "surface_query": {
+        "view": (1, 4294967295), "x": (0, 16383), "y": (0, 16383), "width": (1, 16384), "height": (1, 16384),
+        "what": (1, 31),
+    },
+    "surfaces": {
+        "width": (1, 16384), "height": (1, 16384), "what": (1, 31),
+    },
+    "measure": {
+        "view": (1, 4294967295), "x0": (0, 16383), "y0": (0, 16383), "x1": (0, 16383), "y1": (0, 16383),
+    },
+    "worker_ready": {
+        "pid": (1, 4294967295),
+    },
+    "session_attach": {
+        "first_id": (1, 4294967295), "id_count": (1, 4294967295), "max_pixels": (1, 18446744073709551615),
+    },
+    "session_tenant": {
+        "weight": (1, 10000),
+    },
+    "delivered": {
+        "view": (1, 4294967295),
+    },
+}

@@ -71,6 +71,22 @@ class Tables(unittest.TestCase):
             _lib.encode("node_sett", {"node": 1}, [])
         self.assertIn("node_set", str(caught.exception))
 
+    def test_integers_keep_to_their_range(self):
+        for name, fields, text in (
+                ("pick", {"view": 1, "x": -1, "y": 3}, "pick: x: -1 is outside of 0 to 16383"),
+                ("pick", {"view": 1, "x": 16384, "y": 3}, "pick: x: 16384 is outside of 0 to 16383"),
+                ("view_set", {"view": 2 ** 32 + 1}, "view_set: view: 4294967297 is outside of 1 to 4294967295"),
+                ("view_camera", {"view": 1, "input_seq": -1}, "input_seq: -1 is outside of 0 to 18446744073709551615"),
+                ("view_overrides", {"view": 1, "overrides": [{"node": 1, "set": 16}]},
+                 "node_override: set: 16 is outside of 0 to 15")):
+            with self.assertRaises(helio.HelioError) as caught:
+                _lib.encode(name, fields, [])
+            self.assertEqual(caught.exception.status, helio.Status.E_INVAL)
+            self.assertIn(text, str(caught.exception))
+        with self.assertRaises(TypeError):
+            _lib.encode("pick", {"view": 1, "x": 0.5, "y": 3}, [])
+        self.assertEqual(_lib.encode("pick", {"view": 1, "x": 16383, "y": 0}, []).x, 16383)
+
 
 class Errors(unittest.TestCase):
     def test_limits_are_named(self):
