@@ -414,6 +414,12 @@ struct hg_baking {
 void hg_view_baking(struct hg_view *view, struct hg_baking *out);
 // Images of the scene that cannot be read (any more) and are drawn white.
 uint32_t hg_view_failed_textures(struct hg_view *view);
+// Primitives that the view shows in real time and leaves out of path-traced pictures, one for each
+// instance: lines, and points without discs (skinned and morphed ones), which rays do not hit.
+struct hg_untraced {
+    uint32_t lines, points;
+};
+void hg_view_untraced(struct hg_view *view, struct hg_untraced *out);
 
 // One JSON object with the keys of docs/client.md (--stats); view may be NULL.
 enum hg_status hg_renderer_stats_json(

@@ -7,6 +7,7 @@
 #include "base/spill.h"
 #include "renderer/frame/gi_view.h"
 #include "renderer/frame/governor.h"
+#include "renderer/frame/look.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/view_bytes.h"
 #include "renderer/internal.h"
@@ -395,6 +396,13 @@ uint32_t hg_view_failed_textures(struct hg_view *view)
     struct hg_textures_stats t;
     hg_textures_stats(view->state.scene_gpu->textures, &t);
     return t.failed;
+}
+
+void hg_view_untraced(struct hg_view *view, struct hg_untraced *out)
+{
+    const struct hg_look *look = view->state.settings.look;
+    hg_geometry_untraced(view->state.scene_gpu->geometry,
+        hg_look_draws(look) != NULL ? &look->tables : NULL, &out->lines, &out->points);
 }
 
 enum hg_status hg_renderer_stats_json(

@@ -6,6 +6,7 @@
 #include "base/hash.h"
 #include "renderer/geometry/materials.h"
 #include "renderer/geometry/sync.h"
+#include "renderer/geometry/view_tables.h"
 
 // --- parts and materials -------------------------------------------------------------------------
 
@@ -269,4 +270,18 @@ bool hg_geometry_is_solid(const struct hg_geometry *g)
     for (uint32_t i = 0; i < g->draw_count && solid; i++)
         solid = (g->draws[i].gpu.flags & (HG_DRAW_LINES | HG_DRAW_POINTS)) == 0;
     return solid;
+}
+
+void hg_geometry_untraced(const struct hg_geometry *g, const struct hg_view_tables *shown,
+    uint32_t *lines, uint32_t *points)
+{
+    const uint32_t count = shown != NULL ? shown->draw_count : g->draw_count;
+    *lines = *points = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t flags = shown != NULL ? shown->draws[i].flags : g->draws[i].gpu.flags;
+        if ((flags & HG_DRAW_HIDDEN) != 0)
+            continue;
+        *lines += (flags & HG_DRAW_LINES) != 0;
+        *points += (flags & HG_DRAW_POINTS) != 0;
+    }
 }

@@ -74,6 +74,11 @@ bool hg_geometry_is_simplified(const struct hg_geometry *geometry);
 bool hg_geometry_blends(const struct hg_geometry *geometry); // or transmits, some of it
 // All of it is what rays of gathering paths meet first: triangles that are opaque or masked.
 bool hg_geometry_is_solid(const struct hg_geometry *geometry);
+// Draws that rays do not hit (trace/ray_geometry.h): lines, and points that have no discs. shown:
+// as a view has them, NULL: as the scene has.
+struct hg_view_tables;
+void hg_geometry_untraced(const struct hg_geometry *geometry, const struct hg_view_tables *shown,
+    uint32_t *lines, uint32_t *points);
 void hg_geometry_fill(const struct hg_geometry *geometry, struct hg_gpu_geometry *out);
 void hg_geometry_stats(const struct hg_geometry *geometry, struct hg_geometry_stats *out);
 // Grows whenever positions, transforms or visibility changed: cached shadow maps are stale.

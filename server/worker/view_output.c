@@ -31,6 +31,31 @@ static void send_failed_textures(struct view_slot *view, struct reply_to to)
                 .code = HG_E_IO, .what = hgp_str_make("textures"), .reason = hgp_str_make(text)});
 }
 
+// Nor is one that lacks primitives. While points are not baked they have no discs yet.
+static void send_untraced(struct view_slot *view, struct reply_to to)
+{
+    struct hg_untraced now, *sent = &view->progress.untraced_sent;
+    char lines[48] = "", points[64] = "", text[160];
+    if (view->settings.params.mode != HG_MODE_PATH || !view->progress.info.settled)
+        return;
+    hg_view_untraced(view->view, &now);
+    const bool is_known = now.lines == sent->lines && now.points == sent->points;
+    *sent = now;
+    if (is_known || now.lines + now.points == 0)
+        return;
+    if (now.lines > 0)
+        snprintf(
+            lines, sizeof lines, "%u primitive%s of lines", now.lines, now.lines > 1 ? "s" : "");
+    if (now.points > 0)
+        snprintf(points, sizeof points, "%u primitive%s of points without discs", now.points,
+            now.points > 1 ? "s" : "");
+    snprintf(text, sizeof text, "path-traced pictures leave out %s%s%s", lines,
+        lines[0] && points[0] ? " and " : "", points);
+    hg_reply_notice(to, &(struct hgp_notice){.code = HG_E_UNSUPPORTED,
+                            .what = hgp_str_make("geometry"),
+                            .reason = hgp_str_make(text)});
+}
+
 static struct hgp_frame describe_frame(const struct view_slot *view, enum hgp_encoding encoding)
 {
     const struct hg_view_params *p = &view->settings.params;
@@ -86,6 +111,7 @@ static enum hg_status fill_request(struct render_state *s, struct session *sessi
     request->is_legend = view->settings.params.debug_view != HG_DEBUG_OFF;
     request->opaque = view->settings.params.background != HG_BACKGROUND_NONE;
     send_failed_textures(view, request->to);
+    send_untraced(view, request->to);
     hg_frame_depth_attach(session, view, request);
     return hg_frame_metadata_attach(s, session, view, request, err);
 }

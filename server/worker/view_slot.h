@@ -78,6 +78,7 @@ struct view_progress {
     bool failed;                   // the newest step failed; rests until something changes
     uint64_t failed_revision;      // of the scene then
     uint32_t failed_textures_sent; // textures that could not be read, as far as the client knows
+    struct hg_untraced untraced_sent; // primitives that are left out of path-traced pictures, too
     uint64_t sample_ns;            // of the newest step
     uint64_t began_ns, stepped_ns; // when it began and ended
     struct view_input input;       // of the camera that it shows

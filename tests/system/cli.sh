@@ -217,6 +217,16 @@ expect 3 "${torn[@]}" --strict
 expect 0 "${torn[@]}"
 grep -q "warning: .*knot.png" "$temp/out" || fail "a missing image is not told"
 
+# Path mode leaves lines out: a warning, or nothing at all.
+printf 'v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nl 1 2\n' >"$temp/torn/wire.obj"
+wire=("$helio" render "$temp/torn/wire.obj" -o "$temp/wire.png" --size 32x32 --samples 4 --exposure 0 --gi none --connect "$url")
+expect 3 "${wire[@]}" --mode path --strict
+grep -q 'leave out 1 primitive of lines' "$temp/out" || fail "lines that path mode leaves out are not told"
+[ -e "$temp/wire.png" ] && fail "--strict left a picture without its lines"
+expect 0 "${wire[@]}" --mode path
+grep -q 'warning: .*leave out 1 primitive of lines' "$temp/out" || fail "lines are left out without a warning"
+expect 0 "${wire[@]}" --strict
+
 # A daemon's worker that dies in the middle of a frame costs a pause and nothing else.
 # Quick machines get more to do, until the kill strikes a frame.
 at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }

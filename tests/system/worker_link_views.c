@@ -432,6 +432,56 @@ static void test_pictures_in_motion(void **state)
     }
 }
 
+// Notices about geometry until the settled frame; `text` is the newest one.
+static int count_untraced(struct rig *rig, char *text, size_t size)
+{
+    const uint32_t request = link_ask(
+        rig, 1, HGP_T_frame_request, &(struct hgp_frame_request){.view = VIEW, .settled = true});
+    for (int notices = 0;;) {
+        link_read(rig);
+        const struct hgp_notice *n = &rig->message.notice;
+        if (rig->header.type == HGP_T_notice && n->what.size == strlen("geometry") &&
+            memcmp(n->what.data, "geometry", n->what.size) == 0) {
+            snprintf(text, size, "%.*s", (int)n->reason.size, n->reason.data);
+            notices++;
+        }
+        assert_int_not_equal(rig->header.type, HGP_T_error);
+        if (rig->header.type == HGP_T_frame && rig->header.request == request)
+            return notices;
+    }
+}
+
+static void test_lines_that_path_mode_leaves_out_are_told(void **state)
+{
+    struct rig *rig = *state;
+    const float corners[] = {-1, -1, 1, 1, -1, 1, 0, 1, 1};
+    const struct hgp_mesh_part parts[] = {
+        {.mode = HGP_primitive_mode_LINE_LOOP,
+            .positions = {(const uint8_t *)corners, sizeof corners}},
+        {.mode = HGP_primitive_mode_LINE_STRIP,
+            .positions = {(const uint8_t *)corners, sizeof corners}}};
+    const struct hgp_mesh_set mesh = {.mesh = FIRST_ID + 1, .parts = {parts, 2}};
+    const struct hgp_node_set node = {.node = FIRST_ID + 1, .has_mesh = true, .mesh = FIRST_ID + 1};
+    struct hgp_node_override hidden = {.node = FIRST_ID + 1, .set = 1, .hidden = true};
+    const struct hgp_view_overrides look = {.view = VIEW, .overrides = {&hidden, 1}};
+    struct hgp_view_set path = {.view = VIEW, .has_mode = true, .mode = HGP_render_mode_PATH};
+    char text[200] = "";
+    link_attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    link_expect(rig, link_ask(rig, 1, HGP_T_mesh_set, &mesh), HGP_T_ok);
+    link_expect(rig, link_ask(rig, 1, HGP_T_node_set, &node), HGP_T_ok);
+    assert_int_equal(count_untraced(rig, text, sizeof text), 0);
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &path), HGP_T_ok);
+    assert_int_equal(count_untraced(rig, text, sizeof text), 1);
+    assert_string_equal(text, "path-traced pictures leave out 2 primitives of lines");
+    assert_int_equal(count_untraced(rig, text, sizeof text), 0); // it is known
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_overrides, &look), HGP_T_ok);
+    assert_int_equal(count_untraced(rig, text, sizeof text), 0); // nothing is missing
+    hidden.hidden = false;
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_overrides, &look), HGP_T_ok);
+    assert_int_equal(count_untraced(rig, text, sizeof text), 1);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_teardown(name, link_detach)
@@ -445,6 +495,7 @@ int main(void)
         TEST(test_files_tell_their_seed),
         TEST(test_jobs_of_names),
         TEST(test_pictures_in_motion),
+        TEST(test_lines_that_path_mode_leaves_out_are_told),
         cmocka_unit_test_setup_teardown(
             test_sessions_share_memory_for_views, start_with_4_gib, link_stop),
     };
