@@ -1,4 +1,5 @@
 // The rules a value must obey, whether it is read or written.
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -19,25 +20,50 @@ static uint64_t load_unsigned(const struct hgp_field *field, const void *member)
     }
 }
 
-static enum hg_status out_of_range(bool below, const char **reason)
+static enum hg_status check_unsigned(
+    const struct hgp_field *field, uint64_t value, char reason[HGP_REASON_BYTES])
 {
-    *reason = below ? "less than its least value" : "greater than its greatest value";
+    const uint64_t least = field->limit.u.least, most = field->limit.u.most;
+    if (value >= least && value <= most)
+        return HG_OK;
+    snprintf(reason, HGP_REASON_BYTES, "%" PRIu64 " is outside of %" PRIu64 " to %" PRIu64, value,
+        least, most);
     return HG_E_INVAL;
 }
 
-static enum hg_status check_float(const struct hgp_field *field, double value, const char **reason)
+static enum hg_status check_signed(
+    const struct hgp_field *field, int32_t value, char reason[HGP_REASON_BYTES])
 {
-    if (!isfinite(value)) {
-        *reason = "not a finite number";
+    const int64_t least = field->limit.i.least, most = field->limit.i.most;
+    if (value >= least && value <= most)
+        return HG_OK;
+    snprintf(reason, HGP_REASON_BYTES, "%" PRId32 " is outside of %" PRId64 " to %" PRId64, value,
+        least, most);
+    return HG_E_INVAL;
+}
+
+static enum hg_status check_finite(double value, char reason[HGP_REASON_BYTES])
+{
+    if (isfinite(value))
+        return HG_OK;
+    snprintf(reason, HGP_REASON_BYTES, "%g is not a finite number", value);
+    return HG_E_INVAL;
+}
+
+static enum hg_status check_float(
+    const struct hgp_field *field, double value, char reason[HGP_REASON_BYTES])
+{
+    const double least = field->limit.f.least, most = field->limit.f.most;
+    if (check_finite(value, reason))
         return HG_E_INVAL;
-    }
-    if (value < field->limit.f.least || value > field->limit.f.most)
-        return out_of_range(value < field->limit.f.least, reason);
-    return HG_OK;
+    if (value >= least && value <= most)
+        return HG_OK;
+    snprintf(reason, HGP_REASON_BYTES, "%.9g is outside of %g to %g", value, least, most);
+    return HG_E_INVAL;
 }
 
 static enum hg_status check_enum(
-    const struct hgp_field *field, const void *member, const char **reason)
+    const struct hgp_field *field, const void *member, char reason[HGP_REASON_BYTES])
 {
     uint32_t value;
     memcpy(&value, member, sizeof value);
@@ -45,39 +71,29 @@ static enum hg_status check_enum(
     for (size_t i = 0; i < table->count; i++)
         if (table->values[i].value == value)
             return HG_OK;
-    *reason = "not a value of its enum";
+    snprintf(reason, HGP_REASON_BYTES, "%" PRIu32 " is not a value of %s", value, table->name);
     return HG_E_INVAL;
 }
 
-static enum hg_status check_vector(const float *values, size_t count, const char **reason)
+static enum hg_status check_vector(const float *values, size_t count, char reason[HGP_REASON_BYTES])
 {
     for (size_t i = 0; i < count; i++)
-        if (!isfinite(values[i])) {
-            *reason = "not a finite number";
+        if (check_finite((double)values[i], reason))
             return HG_E_INVAL;
-        }
     return HG_OK;
 }
 
 enum hg_status hgp_check_value(
-    const struct hgp_field *field, const void *member, const char **reason)
+    const struct hgp_field *field, const void *member, char reason[HGP_REASON_BYTES])
 {
     switch (field->kind) {
     case HGP_K_U8:
     case HGP_K_U16:
     case HGP_K_U32:
-    case HGP_K_U64: {
-        uint64_t v = load_unsigned(field, member);
-        if (v < field->limit.u.least || v > field->limit.u.most)
-            return out_of_range(v < field->limit.u.least, reason);
-        return HG_OK;
-    }
-    case HGP_K_I32: {
-        int32_t v = *(const int32_t *)member;
-        if (v < field->limit.i.least || v > field->limit.i.most)
-            return out_of_range(v < field->limit.i.least, reason);
-        return HG_OK;
-    }
+    case HGP_K_U64:
+        return check_unsigned(field, load_unsigned(field, member), reason);
+    case HGP_K_I32:
+        return check_signed(field, *(const int32_t *)member, reason);
     case HGP_K_F32:
         return check_float(field, (double)*(const float *)member, reason);
     case HGP_K_F64:
@@ -89,12 +105,15 @@ enum hg_status hgp_check_value(
     }
 }
 
-enum hg_status hgp_check_size(const struct hgp_field *field, uint32_t size, const char **reason)
+enum hg_status hgp_check_size(
+    const struct hgp_field *field, uint32_t size, char reason[HGP_REASON_BYTES])
 {
-    bool list = field->kind == HGP_K_LIST;
-    if (size <= (list ? field->limit.list.max_count : field->limit.max_bytes))
+    const bool list = field->kind == HGP_K_LIST;
+    const uint32_t most = list ? field->limit.list.max_count : field->limit.max_bytes;
+    if (size <= most)
         return HG_OK;
-    *reason = list ? "more items than allowed" : "longer than allowed";
+    snprintf(reason, HGP_REASON_BYTES, "%" PRIu32 " %s are more than %" PRIu32, size,
+        list ? "items" : "bytes", most);
     return HG_E_LIMIT;
 }
 
@@ -138,7 +157,8 @@ enum hg_status hgp_fault_set(struct hgp_fault *fault, enum hg_status status,
 {
     if (!fault)
         return status;
-    *fault = (struct hgp_fault){.offset = offset, .reason = reason};
+    *fault = (struct hgp_fault){.offset = offset};
+    append(fault->reason, sizeof fault->reason, 0, reason ? reason : "");
     if (field) {
         size_t used = append_place(fault->field, sizeof fault->field, place);
         append(fault->field, sizeof fault->field, used, field);

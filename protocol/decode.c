@@ -1,5 +1,6 @@
 // Payload bytes to struct, driven by the layouts.
 #include <assert.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/checked.h"
@@ -66,18 +67,18 @@ static void read_fixed(struct hg_reader *r, enum hgp_kind kind, void *member)
     }
 }
 
-static enum hg_status decode_bool(struct decoder *d, const char **reason, void *member)
+static enum hg_status decode_bool(struct decoder *d, char reason[HGP_REASON_BYTES], void *member)
 {
     uint8_t byte = hg_read_u8(d->r);
     *(bool *)member = byte == 1;
     if (byte <= 1)
         return HG_OK;
-    *reason = "a bool is 0 or 1";
+    snprintf(reason, HGP_REASON_BYTES, "%u is no bool, which is 0 or 1", byte);
     return HG_E_FORMAT;
 }
 
 static enum hg_status decode_view(
-    struct decoder *d, const struct hgp_field *field, const char **reason, void *member)
+    struct decoder *d, const struct hgp_field *field, char reason[HGP_REASON_BYTES], void *member)
 {
     uint32_t size = hg_read_u32(d->r);
     enum hg_status status = hgp_check_size(field, size, reason);
@@ -93,7 +94,7 @@ static enum hg_status decode_view(
     *(struct hgp_str *)member = (struct hgp_str){(const char *)data, size};
     if (hg_utf8_is_valid((const char *)data, size))
         return HG_OK;
-    *reason = "not UTF-8 without NUL";
+    snprintf(reason, HGP_REASON_BYTES, "not UTF-8 without NUL");
     return HG_E_FORMAT;
 }
 
@@ -121,8 +122,8 @@ static enum hg_status decode_list(
 {
     size_t at = d->r->pos;
     uint32_t count = hg_read_u32(d->r);
-    const char *reason = NULL;
-    enum hg_status status = hgp_check_size(field, count, &reason);
+    char reason[HGP_REASON_BYTES];
+    enum hg_status status = hgp_check_size(field, count, reason);
     if (status)
         return hgp_fault_set(d->fault, status, place, field->name, at, reason);
     // Memory is only taken for items whose bytes are really there.
@@ -136,22 +137,22 @@ static enum hg_status decode_field(
     struct decoder *d, const struct hgp_field *field, const struct hgp_place *place, void *member)
 {
     size_t at = d->r->pos;
-    const char *reason = NULL;
+    char reason[HGP_REASON_BYTES];
     enum hg_status status = HG_OK;
     switch (field->kind) {
     case HGP_K_LIST:
         return decode_list(d, field, place, member);
     case HGP_K_STR:
     case HGP_K_BYTES:
-        status = decode_view(d, field, &reason, member);
+        status = decode_view(d, field, reason, member);
         break;
     case HGP_K_BOOL:
-        status = decode_bool(d, &reason, member);
+        status = decode_bool(d, reason, member);
         break;
     default:
         read_fixed(d->r, field->kind, member);
         if (!d->r->failed)
-            status = hgp_check_value(field, member, &reason);
+            status = hgp_check_value(field, member, reason);
     }
     if (d->r->failed)
         return truncated(d, d->r->pos);

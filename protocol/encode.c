@@ -73,8 +73,8 @@ static enum hg_status encode_view(struct encoder *e, const struct hgp_field *fie
         const struct hgp_str *text = member;
         view = (struct hgp_bytes){(const uint8_t *)text->data, text->size};
     }
-    const char *reason = NULL;
-    if (hgp_check_size(field, view.size, &reason))
+    char reason[HGP_REASON_BYTES];
+    if (hgp_check_size(field, view.size, reason))
         return refuse(e, place, field->name, reason);
     if (field->kind == HGP_K_STR && !hg_utf8_is_valid((const char *)view.data, view.size))
         return refuse(e, place, field->name, "not UTF-8 without NUL");
@@ -88,8 +88,8 @@ static enum hg_status encode_list(struct encoder *e, const struct hgp_field *fie
 {
     struct hgp_any_list list;
     memcpy(&list, member, sizeof list);
-    const char *reason = NULL;
-    if (hgp_check_size(field, list.count, &reason))
+    char reason[HGP_REASON_BYTES];
+    if (hgp_check_size(field, list.count, reason))
         return refuse(e, place, field->name, reason);
     hg_write_u32(e->w, list.count);
     const struct hgp_layout *layout = field->limit.list.items();
@@ -106,7 +106,7 @@ static enum hg_status encode_list(struct encoder *e, const struct hgp_field *fie
 static enum hg_status encode_field(struct encoder *e, const struct hgp_field *field,
     const struct hgp_place *place, const void *member)
 {
-    const char *reason = NULL;
+    char reason[HGP_REASON_BYTES];
     switch (field->kind) {
     case HGP_K_LIST:
         return encode_list(e, field, place, member);
@@ -117,7 +117,7 @@ static enum hg_status encode_field(struct encoder *e, const struct hgp_field *fi
     case HGP_K_HASH:
         break;
     default:
-        if (hgp_check_value(field, member, &reason))
+        if (hgp_check_value(field, member, reason))
             return refuse(e, place, field->name, reason);
     }
     write_fixed(e->w, field->kind, member);

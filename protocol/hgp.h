@@ -132,11 +132,13 @@ enum hg_status hgp_header_decode(
     const uint8_t *data, size_t size, uint32_t limit, struct hgp_header *out) HG_MUST_CHECK;
 void hgp_header_encode(const struct hgp_header *header, uint8_t out[HGP_HEADER_BYTES]);
 
-// Where a payload went wrong.
+// Where a payload went wrong, and how.
+enum { HGP_REASON_BYTES = 96 };
 struct hgp_fault {
     char field[64];  // "parts[0].mode"; empty when the payload ends inside or runs over
     uint64_t offset; // of the byte in the payload
-    const char *reason;
+    char reason[HGP_REASON_BYTES]; // with the value that is refused and what is allowed; may be
+                                   // empty
 };
 
 // Decodes a whole payload into *out (struct hgp_<name> of `type`, zeroed first). STR and BYTES

@@ -120,9 +120,10 @@ enum hg_status hgp_fault_set(struct hgp_fault *fault, enum hg_status status,
 // Value rules, the same for both directions: HG_OK, or a status and its reason.
 // For U8 .. F64, ENUM, VEC and MAT; `member` points into the struct.
 enum hg_status hgp_check_value(
-    const struct hgp_field *field, const void *member, const char **reason);
+    const struct hgp_field *field, const void *member, char reason[HGP_REASON_BYTES]);
 // For the size of STR and BYTES and the count of LIST.
-enum hg_status hgp_check_size(const struct hgp_field *field, uint32_t size, const char **reason);
+enum hg_status hgp_check_size(
+    const struct hgp_field *field, uint32_t size, char reason[HGP_REASON_BYTES]);
 
 // The bodies of hgp_decode and hgp_encode for one layout (tests call them with their own).
 enum hg_status hgp_layout_decode(const struct hgp_layout *layout, uint16_t version,

@@ -38,7 +38,7 @@ static enum hg_status decode(
         hg_reader_make(record->sent.payload, h->length), &r->arena, out, &fault);
     const struct hgp_message_info *info = hgp_find(h->type);
     return status ? hg_error_set(err, HG_E_FORMAT, r->o->replay, info ? info->name : "message",
-                        "%s", fault.reason ? fault.reason : "is malformed")
+                        "%s", fault.reason[0] ? fault.reason : "is malformed")
                   : HG_OK;
 }
 

@@ -152,7 +152,7 @@ enum hg_status hg_client_enqueue(struct helio *h, enum hgp_type type, uint32_t r
         &h->out, h->server.version, (struct hgp_envelope){type, request, channel}, message, &fault);
     if (status)
         return hg_error_set(err, status, name, fault.field, "%s",
-            fault.reason ? fault.reason : hg_status_text(status));
+            fault.reason[0] ? fault.reason : hg_status_text(status));
     if (h->out.size - before - HGP_HEADER_BYTES > h->server.send_limit) {
         size_t payload = h->out.size - before - HGP_HEADER_BYTES;
         h->out.size = before;

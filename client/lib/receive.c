@@ -36,7 +36,7 @@ static enum hg_status deliver(struct helio *h, struct hg_client_message *message
                  hg_reader_make(message->payload, header.length), &message->arena, &message->body,
                  &fault))
         status = hg_client_fail(h, HG_E_FORMAT, fault.field, "message 0x%04x is malformed: %s",
-            header.type, fault.reason ? fault.reason : "unknown type");
+            header.type, fault.reason[0] ? fault.reason : "unknown type");
     if (status) {
         hg_client_message_destroy(message);
         return status;

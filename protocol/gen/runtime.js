@@ -65,9 +65,7 @@ const WIDTHS = { u8: 1, u16: 2, u32: 4, u64: 8, i32: 4, f32: 4, f64: 8, bool: 1,
 const FLOATS = { vec2: 2, vec3: 3, vec4: 4, mat4: 16 };
 
 function checkRange(value, least, most) {
-    if (value < least)
-        return "less than its least value";
-    return value > most ? "greater than its greatest value" : null;
+    return value < least || value > most ? `${value} is outside of ${least} to ${most}` : null;
 }
 
 // The reason why a number, enum or vector is refused, or null.
@@ -75,11 +73,11 @@ function checkValue(field, value) {
     switch (field.kind) {
     case "f32":
         if (!Number.isFinite(value))
-            return "not a finite number";
+            return `${value} is not a finite number`;
         return checkRange(value, Math.fround(field.least), Math.fround(field.most));
     case "f64":
         if (!Number.isFinite(value))
-            return "not a finite number";
+            return `${value} is not a finite number`;
         return checkRange(value, field.least, field.most);
     case "vec2":
     case "vec3":

@@ -378,7 +378,8 @@ static void refuse_payload(struct hg_conn *conn, const struct hgp_header *header
     else
         snprintf(place, sizeof place, "byte %llu", (unsigned long long)fault->offset);
     hg_error_set(&err, status, info ? info->name : "message", place, "%s (byte %llu)",
-        fault->reason ? fault->reason : hg_status_text(status), (unsigned long long)fault->offset);
+        fault->reason[0] ? fault->reason : hg_status_text(status),
+        (unsigned long long)fault->offset);
     hg_count(HG_COUNT_REFUSED_MESSAGE);
     if (conn->state == HG_CONN_OPEN)
         hg_conn_fail(conn, header->request, &err);

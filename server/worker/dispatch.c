@@ -116,7 +116,8 @@ static void decode_and_handle(struct render_state *s, struct command *c)
         const struct hgp_message_info *info = hgp_find(c->header.type);
         struct hg_error err = {0};
         hg_error_set(&err, status, info ? info->name : "message", fault.field, "byte %llu: %s",
-            (unsigned long long)fault.offset, fault.reason ? fault.reason : hg_status_text(status));
+            (unsigned long long)fault.offset,
+            fault.reason[0] ? fault.reason : hg_status_text(status));
         hg_reply_error(r.to, &err);
     }
     hg_arena_finish(&arena);

@@ -23,7 +23,7 @@ static struct hg_refbuf *encode_message(
     else
         hg_fault(WORKER, status ? status : HG_E_NOMEM,
             "cannot encode message 0x%04x: field '%s': %s", type, fault.field,
-            fault.reason ? fault.reason : "no memory");
+            fault.reason[0] ? fault.reason : "no memory");
     hg_writer_finish(&writer);
     if (buf || !request || type == HGP_T_error)
         return buf;

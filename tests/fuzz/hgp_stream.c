@@ -70,7 +70,7 @@ static bool read_payload(struct stream *s, const struct hgp_header *h, const uin
     // Memory stays in proportion to the bytes received.
     FUZZ_CHECK(arena.used_bytes <= 8 * (size_t)h->length + 64);
     if (status) {
-        FUZZ_CHECK(fault.reason && fault.offset <= h->length);
+        FUZZ_CHECK(fault.reason[0] && fault.offset <= h->length);
         FUZZ_CHECK(strlen(fault.field) < sizeof fault.field);
         FUZZ_CHECK(is_zeroed(&s->message, info->struct_size));
     } else {

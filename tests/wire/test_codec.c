@@ -173,7 +173,7 @@ static void test_unknown_type(void **state)
     assert_null(hgp_find(0xffff));
     assert_int_equal(
         hgp_decode(1, 0xffff, hg_reader_make(NULL, 0), NULL, &message, &fault), HG_E_UNSUPPORTED);
-    assert_non_null(fault.reason);
+    assert_true(fault.reason[0]);
     struct hg_writer w = {0};
     assert_int_equal(
         hgp_encode(&w, 1, (struct hgp_envelope){(enum hgp_type)0x7fff, 0, 0}, &message, NULL),
@@ -292,6 +292,33 @@ static bool break_member(const struct hgp_field *field, void *member)
     }
 }
 
+static void expect_reason(
+    enum hgp_type type, const void *bad, const char *field, const char *reason)
+{
+    struct hg_writer w = {0};
+    struct hgp_fault fault = {0};
+    assert_int_equal(
+        hgp_encode(&w, HGP_VERSION_MAX, (struct hgp_envelope){type, 0, 0}, bad, &fault),
+        HG_E_INVAL);
+    assert_string_equal(fault.field, field);
+    assert_string_equal(fault.reason, reason);
+    hg_writer_finish(&w);
+}
+
+static void test_reasons_name_value_and_range(void **state)
+{
+    (void)state;
+    expect_reason(HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_quality = true, .quality = 101}, "quality",
+        "101 is outside of 1 to 100");
+    expect_reason(HGP_T_view_set,
+        &(struct hgp_view_set){.view = 1, .has_exposure_ev = true, .exposure_ev = 32.5f},
+        "exposure_ev", "32.5 is outside of -32 to 32");
+    expect_reason(HGP_T_view_camera,
+        &(struct hgp_view_camera){.view = 1, .has_eye = true, .eye = {0, __builtin_nanf(""), 0}},
+        "eye", "nan is not a finite number");
+}
+
 static void test_encoder_refuses_bad_values(void **state)
 {
     (void)state;
@@ -310,7 +337,7 @@ static void test_encoder_refuses_bad_values(void **state)
                 hgp_encode(&w, 1, (struct hgp_envelope){info->type, 0, 0}, &message, &fault),
                 HG_E_INVAL);
             assert_string_equal(fault.field, layout->fields[i].name);
-            assert_non_null(fault.reason);
+            assert_true(fault.reason[0]);
             assert_int_equal(w.size, 1);
             assert_int_equal(w.data[0], 77);
             assert_false(w.failed);
@@ -657,6 +684,7 @@ int main(void)
         cmocka_unit_test(test_retired_types),
         cmocka_unit_test(test_fields_of_later_versions),
         cmocka_unit_test(test_encoder_refuses_bad_values),
+        cmocka_unit_test(test_reasons_name_value_and_range),
         cmocka_unit_test(test_lengths_at_their_limit),
         cmocka_unit_test(test_writer_limits),
         cmocka_unit_test(test_no_memory_for_absent_items),
