@@ -5,52 +5,80 @@
 #include "renderer/pathtrace/shutter.h"
 #include "renderer/internal.h"
 
-static enum hg_status out_of_range(struct hg_error *err, const char *field)
+// ---- ranges -------------------------------------------------------------------------------------
+
+static enum hg_status refuse(
+    struct hg_error *err, const char *field, double value, const char *allowed)
 {
-    return hg_renderer_out_of_range(err, "camera", field);
+    return hg_error_set(err, HG_E_INVAL, "camera", field, "%.9g is not %s", value, allowed);
 }
 
-static bool is_finite3(const float v[3])
+static enum hg_status check_finite3(const float v[3], const char *field, struct hg_error *err)
 {
-    return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]);
-}
-
-static enum hg_status check_camera(const struct hg_view_camera *c, struct hg_error *err)
-{
-    if (!is_finite3(c->eye))
-        return out_of_range(err, "eye");
-    if (!is_finite3(c->target) || memcmp(c->eye, c->target, sizeof c->eye) == 0)
-        return out_of_range(err, "target");
-    if (!is_finite3(c->up))
-        return out_of_range(err, "up");
-    if (!(c->vfov_rad >= 0.0f && c->vfov_rad < (float)M_PI))
-        return out_of_range(err, "vfov_rad");
-    if (!(c->half_height >= 0.0f) || !isfinite(c->half_height))
-        return out_of_range(err, "half_height");
-    if (!isfinite(c->near) || (!c->orthographic && c->near < 0.0f))
-        return out_of_range(err, "near");
-    if (!isfinite(c->far) || c->far < 0.0f || (c->far > 0.0f && c->far <= c->near))
-        return out_of_range(err, "far");
-    if (!(c->lens_radius >= 0.0f && c->lens_radius <= 1e6f))
-        return out_of_range(err, "lens_radius");
-    if (!(c->focus_distance >= 0.0f) || !isfinite(c->focus_distance))
-        return out_of_range(err, "focus_distance");
-    if (c->moves && !is_finite3(c->next_eye))
-        return out_of_range(err, "next_eye");
-    if (c->moves && (!is_finite3(c->next_target) ||
-                        memcmp(c->next_eye, c->next_target, sizeof c->next_eye) == 0))
-        return out_of_range(err, "next_target");
-    if (c->moves && !is_finite3(c->next_up))
-        return out_of_range(err, "next_up");
+    for (int i = 0; i < 3; i++)
+        if (!isfinite(v[i]))
+            return refuse(err, field, (double)v[i], "a finite number");
     return HG_OK;
 }
+
+// An `up` along the line of sight is replaced (hg_camera_fill); without a line of sight there is no
+// picture.
+static enum hg_status check_sight(
+    const float eye[3], const float target[3], const char *field, struct hg_error *err)
+{
+    if (eye[0] != target[0] || eye[1] != target[1] || eye[2] != target[2])
+        return HG_OK;
+    return hg_error_set(err, HG_E_INVAL, "camera", field,
+        "%g, %g, %g is where the eye is: the camera looks nowhere", (double)target[0],
+        (double)target[1], (double)target[2]);
+}
+
+static enum hg_status check_pose(const struct hg_view_camera *c, struct hg_error *err)
+{
+    enum hg_status status = check_finite3(c->eye, "eye", err);
+    if (!status)
+        status = check_finite3(c->target, "target", err);
+    if (!status)
+        status = check_finite3(c->up, "up", err);
+    if (!status)
+        status = check_sight(c->eye, c->target, "target", err);
+    if (status || !c->moves)
+        return status;
+    status = check_finite3(c->next_eye, "next_eye", err);
+    if (!status)
+        status = check_finite3(c->next_target, "next_target", err);
+    if (!status)
+        status = check_finite3(c->next_up, "next_up", err);
+    return status ? status : check_sight(c->next_eye, c->next_target, "next_target", err);
+}
+
+static enum hg_status check_lens(const struct hg_view_camera *c, struct hg_error *err)
+{
+    if (!(c->vfov_rad >= 0.0f && c->vfov_rad < (float)M_PI))
+        return refuse(err, "vfov_rad", (double)c->vfov_rad, "in 0 to pi");
+    if (!(c->half_height >= 0.0f) || !isfinite(c->half_height))
+        return refuse(err, "half_height", (double)c->half_height, "0 or more");
+    if (!isfinite(c->near) || (!c->orthographic && c->near < 0.0f))
+        return refuse(err, "near", (double)c->near, "0 or more");
+    if (!isfinite(c->far) || c->far < 0.0f || (c->far > 0.0f && c->far <= c->near))
+        return refuse(err, "far", (double)c->far, "0 or more than near");
+    if (!(c->lens_radius >= 0.0f && c->lens_radius <= 1e6f))
+        return refuse(err, "lens_radius", (double)c->lens_radius, "in 0 to 1e6");
+    if (!(c->focus_distance >= 0.0f) || !isfinite(c->focus_distance))
+        return refuse(err, "focus_distance", (double)c->focus_distance, "0 or more");
+    return HG_OK;
+}
+
+// ---- cameras ------------------------------------------------------------------------------------
 
 // node: that it was taken from, or 0.
 static enum hg_status set_camera(
     struct hg_view *view, const struct hg_view_camera *c, uint64_t node, struct hg_error *err)
 {
-    enum hg_status status = check_camera(c, err);
-    if (status != HG_OK)
+    enum hg_status status = check_pose(c, err);
+    if (!status)
+        status = check_lens(c, err);
+    if (status)
         return status;
     struct hg_view_camera_state s;
     memset(&s, 0, sizeof s); // compared as bytes

@@ -141,6 +141,26 @@ static void test_a_camera_that_moves_gets_pictures_of_one_sample(void **state)
     }
 }
 
+static void test_a_camera_has_to_look_somewhere(void **state)
+{
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    struct hgp_view_camera camera = {.view = VIEW,
+        .has_eye = true,
+        .eye = {0, 1, 0},
+        .has_target = true,
+        .target = {-0.0f, 1, 0}};
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_view_camera, &camera), HG_E_INVAL, "target");
+    static const char said[] = "-0, 1, 0 is where the eye is";
+    assert_memory_equal(rig->message.error.reason.data, said, strlen(said));
+    // What is up may be along the line of sight: another direction is taken.
+    camera.eye[1] = 4;
+    camera.has_up = true;
+    camera.up[1] = 1;
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_camera, &camera), HGP_T_ok);
+}
+
 static void test_picks_and_a_view_closed_while_frames_wait(void **state)
 {
     struct rig *rig = *state;
@@ -488,6 +508,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(test_a_subscription_keeps_to_its_credit_and_ends_settled),
         TEST(test_a_camera_that_moves_gets_pictures_of_one_sample),
+        TEST(test_a_camera_has_to_look_somewhere),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
         TEST(test_picks_within_a_batch),
         TEST(test_a_batch_left_open),
