@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "renderer/scene/asset.h"
 #include "renderer/scene/xform.h"
 
 // Index of the last key at or before t, and the fraction to the next key.
@@ -113,6 +114,27 @@ enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double t
     return HG_OK;
 }
 
+static enum hg_status keep_rest(struct hg_anim_channel *channel)
+{
+    const float *from = channel_target(channel);
+    if (!from || channel->rest)
+        return HG_OK;
+    channel->rest = hg_calloc(channel->width, sizeof *channel->rest);
+    if (!channel->rest)
+        return HG_E_NOMEM;
+    memcpy(channel->rest, from, channel->width * sizeof *channel->rest);
+    return HG_OK;
+}
+
+enum hg_status hg_asset_keep_rest(struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
+            if (keep_rest(&asset->animations[i].channels[c]))
+                return HG_E_NOMEM;
+    return HG_OK;
+}
+
 // --- other times ---------------------------------------------------------------------------------
 
 typedef void (*channel_fn)(
@@ -192,6 +214,17 @@ static void shift_values(
     pose_channel(NULL, channel, (float)(animation->time_s + *offset_s));
 }
 
+static void put_rest(
+    const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
+{
+    (void)animation;
+    (void)user;
+    const bool moves = channel->node->moves && channel->path != HG_ANIM_WEIGHTS;
+    if (moves || !channel->rest) // weights that a client gave a node which had none
+        return;
+    memcpy(channel_target(channel), channel->rest, channel->width * sizeof *channel->rest);
+}
+
 static void put_moved(struct hg_node *node, const float values[MOVED_VALUES])
 {
     memcpy(node->translation, values, sizeof node->translation);
@@ -223,18 +256,33 @@ static void move(struct hg_node *node, const float from[MOVED_VALUES], float fra
     hg_quat_slerp(from + 3, node->next.rotation, frames, node->rotation);
 }
 
+static enum hg_status keep(const struct hg_scene *scene, struct hg_pose_kept *kept)
+{
+    if (kept->taken)
+        return HG_OK;
+    if (hg_grow(&kept->values, &kept->capacity, count_all(scene) + 1, sizeof *kept->values))
+        return HG_E_NOMEM;
+    float *at = kept->values;
+    for_posed(scene, keep_values, &at);
+    kept->moved = (size_t)(at - kept->values);
+    keep_moved(scene, at);
+    kept->taken = true;
+    return HG_OK;
+}
+
+enum hg_status hg_scene_pose_rest(struct hg_scene *scene, struct hg_pose_kept *kept)
+{
+    const enum hg_status status = keep(scene, kept);
+    if (!status)
+        for_posed(scene, put_rest, NULL);
+    return status;
+}
+
 enum hg_status hg_scene_pose_shift(
     struct hg_scene *scene, double offset_s, double frames, struct hg_pose_kept *kept)
 {
-    if (!kept->taken) {
-        if (hg_grow(&kept->values, &kept->capacity, count_all(scene) + 1, sizeof *kept->values))
-            return HG_E_NOMEM;
-        float *at = kept->values;
-        for_posed(scene, keep_values, &at);
-        kept->moved = (size_t)(at - kept->values);
-        keep_moved(scene, at);
-        kept->taken = true;
-    }
+    if (keep(scene, kept))
+        return HG_E_NOMEM;
     for_posed(scene, shift_values, &offset_s);
     const float *from = kept->values + kept->moved;
     for (uint32_t i = 0; i < scene->objects[HG_OBJECT_NODE].count; i++) {

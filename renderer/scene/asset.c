@@ -286,6 +286,7 @@ static void destroy_animations(struct hg_asset *asset)
         for (uint32_t c = 0; c < animation->channel_count; c++) {
             hg_free(animation->channels[c].times);
             hg_free(animation->channels[c].values);
+            hg_free(animation->channels[c].rest);
         }
         hg_free(animation->channels);
         hg_free(animation->name);

@@ -46,7 +46,8 @@ static uint64_t of_animation(const struct hg_animation *animation)
     uint64_t bytes = hg_alloc_resident_bytes(animation->channels);
     for (uint32_t i = 0; i < animation->channel_count; i++)
         bytes += hg_alloc_resident_bytes(animation->channels[i].times) +
-                 hg_alloc_resident_bytes(animation->channels[i].values);
+                 hg_alloc_resident_bytes(animation->channels[i].values) +
+                 hg_alloc_resident_bytes(animation->channels[i].rest);
     return bytes;
 }
 

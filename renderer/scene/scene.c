@@ -415,6 +415,8 @@ enum hg_status hg_scene_add_asset(
         (size_t)scene->asset_count + 1, sizeof *scene->assets);
     for (int kind = 0; !status && kind < HG_OBJECT_KINDS; kind++)
         status = reserve(scene, (enum hg_object_kind)kind, asset_objects(asset, kind).count);
+    if (!status)
+        status = hg_asset_keep_rest(asset);
     if (status)
         return status;
     for (int kind = 0; kind < HG_OBJECT_KINDS; kind++) {

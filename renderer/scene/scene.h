@@ -274,6 +274,7 @@ struct hg_anim_channel {
     uint32_t key_count, width; // width: 3, 4 or target_count
     float *times;              // [key_count] seconds, strictly increasing
     float *values;             // [key_count * width], cubic: [key_count * 3 * width] in, value, out
+    float *rest; // [width], of the node when the asset was added to a scene; NULL before
 };
 
 struct hg_animation {
@@ -441,6 +442,9 @@ struct hg_pose_kept {
 };
 enum hg_status hg_scene_pose_shift(struct hg_scene *scene, double offset_s, double frames,
     struct hg_pose_kept *kept) HG_MUST_CHECK;
+// Likewise, with what was posed in its rest pose, that of the file; nodes that move stay.
+// HG_E_NOMEM.
+enum hg_status hg_scene_pose_rest(struct hg_scene *scene, struct hg_pose_kept *kept) HG_MUST_CHECK;
 void hg_scene_pose_restore(struct hg_scene *scene, struct hg_pose_kept *kept); // frees, too
 // Material that a part shows under the asset's chosen variant; NULL = default material.
 struct hg_material *hg_asset_part_material(

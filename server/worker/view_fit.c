@@ -156,16 +156,61 @@ void hg_handle_view_fit(const struct request *r)
 // ---- the view's own camera
 // -----------------------------------------------------------------------
 
-void hg_view_fit_fill(
-    const struct session *session, const struct view_slot *view, struct hg_view_camera *camera)
+// The scene in its rest pose, until end_rest: what a view shows by default does not depend on the
+// time of an animation.
+static enum hg_status begin_rest(
+    struct hg_scene *scene, struct hg_pose_kept *kept, struct hg_error *err)
+{
+    if (hg_scene_pose_rest(scene, kept))
+        return hg_error_set(err, HG_E_NOMEM, "view", "camera", "no memory to fit it");
+    hg_scene_update(scene);
+    return HG_OK;
+}
+
+static void end_rest(struct hg_scene *scene, struct hg_pose_kept *kept)
+{
+    hg_scene_pose_restore(scene, kept);
+    hg_scene_update(scene);
+}
+
+static void fill(
+    const struct hg_scene *scene, const struct view_slot *view, struct hg_view_camera *camera)
 {
     struct hgp_view_fitted found = {0};
-    hg_scene_update(session->scene->scene);
-    fit(session->scene->scene, NULL, aspect_of(view), &(struct hgp_view_fit){0}, &found);
+    fit(scene, NULL, aspect_of(view), &(struct hgp_view_fit){0}, &found);
     memcpy(camera->eye, found.eye, sizeof camera->eye);
     memcpy(camera->target, found.target, sizeof camera->target);
     memcpy(camera->up, found.up, sizeof camera->up);
     camera->vfov_rad = found.vfov_rad;
+}
+
+enum hg_status hg_view_fit_fill(const struct session *session, const struct view_slot *view,
+    struct hg_view_camera *camera, struct hg_error *err)
+{
+    struct hg_scene *scene = session->scene->scene;
+    struct hg_pose_kept kept = {0};
+    const enum hg_status status = begin_rest(scene, &kept, err);
+    if (status)
+        return status;
+    fill(scene, view, camera);
+    end_rest(scene, &kept);
+    return HG_OK;
+}
+
+// The first camera of the scene that sees geometry, else the whole scene.
+static enum hg_status choose_camera(
+    struct hg_scene *scene, struct view_slot *view, struct hg_error *err)
+{
+    struct hg_pose_kept kept = {0};
+    const enum hg_status status = begin_rest(scene, &kept, err);
+    if (status)
+        return status;
+    const struct hg_node *node = find_camera(scene, aspect_of(view), NULL);
+    view->settings.camera_node = node ? node->head.id : 0;
+    if (!node)
+        fill(scene, view, &view->settings.camera);
+    end_rest(scene, &kept);
+    return HG_OK;
 }
 
 // Through which a view looks; false: it was removed, or has no camera any more.
@@ -187,12 +232,9 @@ enum hg_status hg_view_fit_follow(
         hg_info(SESSION, "view %u: its camera was removed: it shows the scene", view->number);
         set->camera_given = false;
     }
-    if (!set->camera_given) {
-        const struct hg_node *node = find_camera(scene, aspect_of(view), NULL);
-        set->camera_node = node ? node->head.id : 0;
-        if (!node)
-            hg_view_fit_fill(session, view, &set->camera);
-    }
+    const enum hg_status status = set->camera_given ? HG_OK : choose_camera(scene, view, err);
+    if (status)
+        return status;
     set->camera_revision = scene->revision;
     return set->camera_node
                ? hg_view_set_camera_node(view->view, set->camera_node, &set->camera, err)

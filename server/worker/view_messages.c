@@ -185,13 +185,15 @@ void hg_handle_view_camera(const struct request *r)
     struct hg_error err = {0};
     struct hg_view_camera camera = view->settings.camera;
     uint64_t node = m->has_camera ? m->camera : 0;
+    enum hg_status status = HG_OK;
     if (!view->settings.camera_given && !node && !(m->has_eye && m->has_target))
-        hg_view_fit_fill(r->session, view, &camera);
+        status = hg_view_fit_fill(r->session, view, &camera, &err);
     overlay_camera(&camera, m);
     if (node)
         hg_scene_update(r->session->scene->scene);
-    enum hg_status status = node ? hg_view_set_camera_node(view->view, node, &camera, &err)
-                                 : hg_view_set_camera(view->view, &camera, &err);
+    if (!status)
+        status = node ? hg_view_set_camera_node(view->view, node, &camera, &err)
+                      : hg_view_set_camera(view->view, &camera, &err);
     if (status) {
         hg_reply_error(r->to, &err);
         return;

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "tests/system/worker_link_rig.h"
@@ -342,6 +343,49 @@ static void test_a_view_without_a_camera_shows_the_scene(void **state)
     assert_memory_equal(before, take_frame(rig)->hash, 32);
 }
 
+// A triangle that goes half a metre to the right within a second.
+static const char moving[] =
+    "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+    "\"nodes\":[{\"mesh\":0}],\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}],"
+    "\"animations\":[{\"samplers\":[{\"input\":1,\"output\":2}],"
+    "\"channels\":[{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}}]}],"
+    "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\","
+    "\"min\":[-1,-1,0],\"max\":[1,1,0]},"
+    "{\"bufferView\":1,\"componentType\":5126,\"count\":2,\"type\":\"SCALAR\",\"min\":[0],"
+    "\"max\":[1]},{\"bufferView\":2,\"componentType\":5126,\"count\":2,\"type\":\"VEC3\"}],"
+    "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36},"
+    "{\"buffer\":0,\"byteOffset\":36,\"byteLength\":8},"
+    "{\"buffer\":0,\"byteOffset\":44,\"byteLength\":24}],"
+    "\"buffers\":[{\"byteLength\":68,\"uri\":\"data:application/octet-stream;base64,"
+    "AACAvwAAgL8AAAAAAACAPwAAgL8AAAAAAAAAAAAAgD8AAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAAA/AAAA"
+    "AAAAAAA="
+    "\"}]}";
+
+// The camera of a view that was given none stays where it is while an animation plays.
+static void test_an_animation_does_not_move_the_camera(void **state)
+{
+    struct rig *rig = *state;
+    const struct hgp_asset_load load = {.asset = FIRST_ID, .path = hgp_str_make("moving.gltf")};
+    double still[4], posed[4];
+    char path[TEST_FOLDER_MAX + 32];
+    snprintf(path, sizeof path, "%s/moving.gltf", rig->root);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    assert_true(fputs(moving, file) >= 0);
+    assert_int_equal(fclose(file), 0);
+    link_attach(rig, 1, "a");
+    set_view(rig, 96, 64);
+    link_expect(rig, link_ask(rig, 1, HGP_T_asset_load, &load), HGP_T_asset_loaded);
+    measure(take_frame(rig), still);
+    for (int i = 0; i < 2; i++) {
+        const struct hgp_animation_set pose = {
+            .asset = FIRST_ID, .animation = 0, .time_s = (double)(1 - i)};
+        link_expect(rig, link_ask(rig, 1, HGP_T_animation_set, &pose), HGP_T_ok);
+        measure(take_frame(rig), posed);
+        assert_true(fabs(posed[0] - still[0] - (i ? 0 : 0.1)) < 0.06);
+    }
+}
+
 // A view that looked through a camera which is removed shows the scene, as one without a camera.
 static void test_a_camera_may_be_removed(void **state)
 {
@@ -421,6 +465,7 @@ int main(void)
         cmocka_unit_test_teardown(test_a_turntable_stays_in_the_picture, link_detach),
         cmocka_unit_test_teardown(test_a_camera_that_sees_nothing_is_passed_over, link_detach),
         cmocka_unit_test_teardown(test_a_view_without_a_camera_shows_the_scene, link_detach),
+        cmocka_unit_test_teardown(test_an_animation_does_not_move_the_camera, link_detach),
         cmocka_unit_test_teardown(test_a_camera_may_be_removed, link_detach),
         cmocka_unit_test_teardown(test_a_scene_without_an_environment_is_lit, link_detach),
     };

@@ -305,6 +305,28 @@ static void test_next_places(void **state)
     hg_scene_destroy(scene);
 }
 
+// What was posed has its rest pose for a while, and comes back to the bit.
+static void test_rest_pose(void **state)
+{
+    (void)state;
+    const struct channel c = {"translation", NULL, "VEC3", 3, 3, times, points, sizeof points};
+    static const float rest[3];
+    struct hg_asset *asset = load_channel(&c);
+    struct hg_pose_kept kept = {0};
+    struct hg_scene *scene;
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    const float *at = asset->nodes[0]->translation;
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(hg_asset_pose(asset, 0, (double)times[k]), HG_OK);
+        assert_int_equal(hg_scene_pose_rest(scene, &kept), HG_OK);
+        assert_memory_equal(at, rest, sizeof rest);
+        hg_scene_pose_restore(scene, &kept);
+        assert_memory_equal(at, &points[(ptrdiff_t)3 * k], sizeof rest);
+    }
+    hg_scene_destroy(scene);
+}
+
 // Two vertices of a skin with one joint: weights of joints that do not exist go to those that do.
 static void test_joints_beyond_the_skin(void **state)
 {
@@ -346,6 +368,6 @@ int main(void)
         cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
         cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers),
         cmocka_unit_test(test_poses_raise_revisions), cmocka_unit_test(test_next_places),
-        cmocka_unit_test(test_joints_beyond_the_skin)};
+        cmocka_unit_test(test_rest_pose), cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
