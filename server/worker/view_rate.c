@@ -154,6 +154,14 @@ static uint32_t expected_samples(const struct view_slot *view)
     return (uint32_t)fmax(ceil(total), n);
 }
 
+// What a picture without samples waits for.
+static const char *preparation(const struct view_slot *view)
+{
+    const bool is_metered =
+        view->settings.params.exposure_mode != HG_EXPOSURE_AUTO || view->progress.info.metered;
+    return is_metered ? "preparing" : "metering the exposure";
+}
+
 void hg_rate_send_progress(struct view_slot *view, struct frame_wait *wait, struct reply_to to)
 {
     const struct hg_frame_info *info = &view->progress.info;
@@ -166,6 +174,8 @@ void hg_rate_send_progress(struct view_slot *view, struct frame_wait *wait, stru
     send_baking(view, wait, to);
     if (missing)
         hg_reply_progress(to, "streaming", wait->most_missing - missing, wait->most_missing);
+    else if (!info->samples)
+        hg_reply_progress(to, preparation(view), 0, 0);
     else
         hg_reply_progress(to, "samples", info->samples, expected_samples(view));
 }
