@@ -58,7 +58,8 @@ class App {
     // ---- the page ------------------------------------------------------------------------------
 
     build() {
-        this.panels = new Panels((name, isOpen) => this.onPanel(name, isOpen));
+        this.panels = new Panels($("shell"), $("tools"),
+            (name, isOpen) => this.onPanel(name, isOpen));
         const close = (name) => () => this.panels.set(name, false);
         this.viewPanel = new ViewPanel($("panel-view"), {
             set: (changes) => this.setParams(changes),

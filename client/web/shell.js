@@ -44,10 +44,18 @@ export async function askToken(reason) {
 
 const isNarrow = () => matchMedia("(max-width: 719px)").matches;
 
+const GAP_PX = 10; // --gap of style.css
+
+// Panels stand beside each other as long as there is room; then those opened first give way.
 export class Panels {
-    constructor(onChange) {
-        this.items = new Map(); // name -> { panel, button }
+    // shell: the element that holds them, and tools at the bottom
+    constructor(shell, tools, onChange) {
+        this.shell = shell;
+        this.tools = tools;
+        this.items = new Map(); // name -> { panel, opener }
+        this.open = []; // names, the newest last
         this.onChange = onChange;
+        addEventListener("resize", () => this.makeRoom());
     }
 
     add(name, panel, opener) {
@@ -68,26 +76,39 @@ export class Panels {
     }
 
     set(name, isOpen) {
-        if (isOpen && isNarrow())
-            for (const other of this.items.keys())
-                if (other !== name)
-                    this.set(other, false);
         const { panel, opener } = this.items.get(name);
         panel.hidden = !isOpen;
         opener.setAttribute("aria-expanded", String(isOpen));
+        this.open = this.open.filter((other) => other !== name);
+        if (isOpen)
+            this.open.push(name);
+        this.makeRoom();
         this.onChange(name, isOpen);
+    }
+
+    // What is left of the window's width.
+    get rest_px() {
+        return this.open.reduce((rest, name) =>
+            rest - this.items.get(name).panel.offsetWidth - GAP_PX, innerWidth - GAP_PX);
+    }
+
+    makeRoom() {
+        while (this.open.length > 1 && (isNarrow() || this.rest_px < 0))
+            this.set(this.open[0], false);
+        this.shell.classList.toggle("tight", !isNarrow() && this.open.length > 0
+            && this.rest_px < this.tools.offsetWidth + 2 * GAP_PX);
     }
 
     toggle(name) {
         this.set(name, !this.isOpen(name));
     }
 
-    // Closes one of the open panels; false: none was open.
+    // Closes the newest of the open panels; false: none was open.
     closeOne() {
-        const open = [...this.items].reverse().find(([, { panel }]) => !panel.hidden);
-        if (open)
-            this.set(open[0], false);
-        return Boolean(open);
+        const name = this.open.at(-1);
+        if (name)
+            this.set(name, false);
+        return Boolean(name);
     }
 }
 

@@ -1,5 +1,5 @@
 #!/bin/sh
-# viewer.sh - the viewer in Chromium, where Chromium, Node and the packages of package.json are there.
+# viewer.sh FILE - tests of the viewer in Chromium, where Chromium, Node and the packages of package.json are there.
 # Without them it is skipped; where CI=true, a failure, but for the packages.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
@@ -12,4 +12,4 @@ command -v node >/dev/null || missing node
 [ -x /usr/bin/chromium ] || [ -x /usr/bin/chromium-browser ] || missing chromium
 # From npm, which a machine need not reach: never a failure.
 [ -d "$here/node_modules/puppeteer-core" ] || { echo "SKIPPED: missing: npm ci --prefix tests/browser"; exit 77; }
-exec node --test "$here/viewer.test.mjs"
+exec node --test "$here/$1"

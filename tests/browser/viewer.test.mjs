@@ -4,7 +4,6 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { existsSync, readFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, before, test } from "node:test";
@@ -14,7 +13,6 @@ import {
 } from "./rig.mjs";
 
 const MODEL = "morph.glb"; // a plate with an animation
-const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const SAMPLES = 4;
 const SETTINGS = `gi=NONE&samples=${SAMPLES}`;
 // A picture of few samples is settled by its first frame, and then comes without loss in motion too.
@@ -507,37 +505,6 @@ test("measures between two picks", async () => {
     await page.keyboard.press("Enter");
     await waitFor(page, () => document.querySelector("#card").textContent.includes("0.000 m"));
     await page.keyboard.press("Escape");
-});
-
-for (const scheme of ["dark", "light"])
-    test(`axe-core finds nothing: ${scheme}`, async () => {
-        await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-        for (const [width, panels] of [[1000, ["scene", "view", "stats"]], [360, ["view"]], [360, ["scene"]]]) {
-            await page.setViewport({ width, height: 640 });
-            await evaluate((open) => ["scene", "view", "stats"].forEach((name) =>
-                window.helio.panels.set(name, open.includes(name))), panels);
-            await evaluate(() => document.querySelectorAll("details").forEach((d) => { d.open = true; }));
-            await evaluate(`${axe}; window.axe.run({ resultTypes: ["violations"] })`)
-                .then(({ violations }) => assert.deepEqual(violations.map((v) =>
-                    `${v.id}: ${v.nodes.map((n) => n.target.join(" ")).slice(0, 3).join("; ")}`), []));
-        }
-        await evaluate(() => ["scene", "view", "stats"].forEach((n) => window.helio.panels.set(n, false)));
-    });
-
-test("fits into 360 px", async () => {
-    await page.setViewport({ width: 360, height: 640 });
-    for (const panel of [null, "scene", "view", "stats"]) {
-        if (panel)
-            await evaluate((name) => window.helio.panels.set(name, true), panel);
-        const outside = await evaluate(() => [...document.querySelectorAll("button, select, input, h2, #status")]
-            .filter((e) => e.offsetParent && !e.closest(".hidden")).filter((e) => {
-                const box = e.getBoundingClientRect();
-                return box.width > 1 && (box.left < -1 || box.right > 361);
-            }).map((e) => e.outerHTML.slice(0, 80)));
-        assert.deepEqual(outside, [], `beyond the edge with ${panel}`);
-        assert.ok(await evaluate(() => document.documentElement.scrollWidth <= 360));
-    }
-    await evaluate(() => window.helio.panels.set("stats", false));
 });
 
 test("survives a storm of sizes", async () => {

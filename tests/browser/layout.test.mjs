@@ -1,0 +1,92 @@
+// layout.test.mjs - the viewer's page in Chromium at many sizes: what covers what, what is reached, what
+// axe-core finds.
+// Run: node --test tests/browser/layout.test.mjs   (HELIO_BUILD_DIR; docs/testing.md)
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { Daemon, WAIT_MS, models, openBrowser, openPage, waitFor, waitPicture } from "./rig.mjs";
+
+const MODEL = "morph.glb"; // it has an animation, so its bar is there
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+
+const daemon = new Daemon();
+let browser, page;
+
+const evaluate = (...args) => page.evaluate(...args);
+
+before(async () => {
+    await daemon.start();
+    browser = await openBrowser();
+    page = await openPage(browser, `${daemon.origin}/#scene=tests&load=${join(models, MODEL)}`
+        + `&ticket=${daemon.tokens.edit}&gi=NONE&samples=1`);
+    await waitPicture(page, (d) => d.frame);
+}, { timeout: WAIT_MS });
+
+after(async () => {
+    await browser?.close();
+    await daemon.finish();
+});
+
+for (const scheme of ["dark", "light"])
+    test(`axe-core finds nothing: ${scheme}`, async () => {
+        await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+        for (const [width, panels] of [[1000, ["scene", "view", "stats"]], [360, ["view"]], [360, ["scene"]]]) {
+            await page.setViewport({ width, height: 640 });
+            await evaluate((open) => ["scene", "view", "stats"].forEach((name) =>
+                window.helio.panels.set(name, open.includes(name))), panels);
+            await evaluate(() => document.querySelectorAll("details").forEach((d) => { d.open = true; }));
+            await evaluate(`${axe}; window.axe.run({ resultTypes: ["violations"] })`)
+                .then(({ violations }) => assert.deepEqual(violations.map((v) =>
+                    `${v.id}: ${v.nodes.map((n) => n.target.join(" ")).slice(0, 3).join("; ")}`), []));
+        }
+        await evaluate(() => ["scene", "view", "stats"].forEach((n) => window.helio.panels.set(n, false)));
+    });
+
+test("fits into 360 px", async () => {
+    await page.setViewport({ width: 360, height: 640 });
+    for (const panel of [null, "scene", "view", "stats"]) {
+        if (panel)
+            await evaluate((name) => window.helio.panels.set(name, true), panel);
+        const outside = await evaluate(() => [...document.querySelectorAll("button, select, input, h2, #status")]
+            .filter((e) => e.offsetParent && !e.closest(".hidden")).filter((e) => {
+                const box = e.getBoundingClientRect();
+                return box.width > 1 && (box.left < -1 || box.right > 361);
+            }).map((e) => e.outerHTML.slice(0, 80)));
+        assert.deepEqual(outside, [], `beyond the edge with ${panel}`);
+        assert.ok(await evaluate(() => document.documentElement.scrollWidth <= 360));
+    }
+    await evaluate(() => window.helio.panels.set("stats", false));
+});
+
+// Pairs of panels and of what is at the bottom that cover each other.
+const overlaps = () => evaluate(() => {
+    const shown = [...document.querySelectorAll(".panel, #dock > *")].filter((e) =>
+        e.checkVisibility({ visibilityProperty: true })).map((e) => [e.id, e.getBoundingClientRect()]);
+    const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+    return shown.flatMap(([a, box], i) => shown.slice(i + 1).filter(([, other]) => meet(box, other))
+        .map(([b]) => `${a} ${b}`));
+});
+
+test("panels never cover each other", async () => {
+    const names = ["scene", "stats", "people", "view"];
+    const setAll = (isOpen) => evaluate((all, is) =>
+        all.forEach((name) => window.helio.panels.set(name, is)), names, isOpen);
+    await evaluate(() => window.helio.inspector.select([...window.helio.scene.nodes.keys()][0]));
+    for (const width of [1280, 1024, 900, 768, 720, 600, 360]) {
+        await page.setViewport({ width, height: 600 });
+        await setAll(true);
+        await waitFor(page, () => !document.querySelector("#panel-view").hidden);
+        assert.deepEqual(await overlaps(), [], `at ${width} px`);
+    }
+    await page.setViewport({ width: 1280, height: 600 });
+    await setAll(true);
+    await page.setViewport({ width: 768, height: 600 });
+    await waitFor(page, () => document.querySelector("#panel-scene").hidden);
+    assert.deepEqual(await overlaps(), [], "in a window that was made smaller");
+    await setAll(false);
+    await evaluate(() => window.helio.inspector.clear());
+});
+
+test("complained about nothing", () => assert.deepEqual(page.complaints, []));
