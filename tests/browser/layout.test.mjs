@@ -69,7 +69,7 @@ const overlaps = () => evaluate(() => {
         .map(([b]) => `${a} ${b}`));
 });
 
-test("panels never cover each other", async () => {
+test("panels never cover each other, and keep their titles", async () => {
     const names = ["scene", "stats", "people", "view"];
     const setAll = (isOpen) => evaluate((all, is) =>
         all.forEach((name) => window.helio.panels.set(name, is)), names, isOpen);
@@ -79,6 +79,15 @@ test("panels never cover each other", async () => {
         await setAll(true);
         await waitFor(page, () => !document.querySelector("#panel-view").hidden);
         assert.deepEqual(await overlaps(), [], `at ${width} px`);
+        const moved = await evaluate(() => {
+            const panel = document.querySelector("#panel-view");
+            const at = () => panel.querySelector("h2").getBoundingClientRect().top;
+            panel.scrollTop = 0;
+            const before = at();
+            panel.scrollTop = 100;
+            return panel.scrollTop > 0 && at() - before;
+        });
+        assert.equal(moved, 0, `the title at ${width} px`);
     }
     await page.setViewport({ width: 1280, height: 600 });
     await setAll(true);
