@@ -170,11 +170,14 @@ export class FramePainter {
         return hasInflate() ? "TILES" : "PNG8";
     }
 
-    // SHA-256 of the pixels that are shown, as hexadecimal digits.
+    // SHA-256 of the pixels that are shown, as hexadecimal digits. They are read from a copy: a
+    // canvas that is read itself is kept in main memory by browsers, where drawing takes longer.
     async hash() {
         const { width, height } = this.canvas;
-        const { data } = this.context.getImageData(0, 0, width, height);
-        return hexOf(await sha256(data));
+        const copy = new OffscreenCanvas(width, height)
+            .getContext("2d", { alpha: false, willReadFrequently: true });
+        copy.drawImage(this.canvas, 0, 0);
+        return hexOf(await sha256(copy.getImageData(0, 0, width, height).data));
     }
 
     // Encodings in motion that this browser decodes, the best for a network first.

@@ -59,6 +59,22 @@ test("settles to the pixels that the server hashed", async () => {
     await waitFor(page, () => document.querySelector("#status").textContent.includes("Exact"));
 });
 
+// Browsers keep a canvas that is read in main memory, and warn of it.
+test("never reads the canvas that it draws on", async () => {
+    await evaluate(() => {
+        const { getImageData } = CanvasRenderingContext2D.prototype;
+        window.canvasReads = 0;
+        CanvasRenderingContext2D.prototype.getImageData = function (...args) {
+            window.canvasReads++;
+            return getImageData.apply(this, args);
+        };
+        window.endCount = () => { CanvasRenderingContext2D.prototype.getImageData = getImageData; };
+    });
+    await turn("ArrowLeft");
+    await evaluate(() => window.endCount());
+    assert.equal(await evaluate(() => window.canvasReads), 0);
+});
+
 test("shows the pixels that helio renders", async () => {
     const { width, height } = await picture(page);
     const camera = await evaluate(() => window.helio.view.camera);
