@@ -415,6 +415,15 @@ const SENTENCES = {
     "timeout": "The server took too long",
 };
 
+// How far a request has come: a text, and a share of 0..1 or null where that is not known.
+export function describeProgress({ stage, done, total }) {
+    const [n, all] = [Number(done), Number(total)];
+    if (!all)
+        return [stage, null];
+    return [stage === "samples" ? `${n} of ${all} samples`
+        : `${stage}, ${Math.floor(n / all * 100)} %`, n / all];
+}
+
 // What happened, to what, and when to try again, for people.
 export function describeError(error) {
     if (!(error instanceof RequestError))

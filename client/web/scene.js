@@ -1,7 +1,7 @@
 // scene.js - the scene of the session: what it holds, and edits of it.
 //
 // Events: "changed" (nodes or assets were listed anew), "assets" (they were loaded or removed).
-import { RequestError } from "./connection.js";
+import { RequestError, describeProgress } from "./connection.js";
 import { upload } from "./upload.js";
 
 const PAGE_NODES = 4096;
@@ -60,8 +60,7 @@ export class Scene extends EventTarget {
             { asset: this.takeAssetNumber(), path: "", files: [], ...message },
             (kind, body) => {
                 if (kind === "progress")
-                    onProgress(body.stage, Number(body.total)
-                        ? Number(body.done) / Number(body.total) : null);
+                    onProgress(...describeProgress(body));
                 else
                     warnings.push(body);
             });

@@ -1,4 +1,5 @@
 // share.js - links to what is looked at, and pictures of it.
+import { describeProgress } from "./connection.js";
 import { ask, download, h, selectRow, toast } from "./dom.js";
 import { formatLink } from "./link.js";
 
@@ -8,9 +9,9 @@ const ACCESS = [["none", "None: they sign in"], ["view", "View, for a day"],
 const GUESTS = 20;
 
 export async function takePicture(app) {
-    await app.withProgress("Taking a picture", async (onProgress) => {
-        const png = await app.view.screenshot((kind, body) => kind === "progress" && onProgress(
-            body.stage, Number(body.total) ? Number(body.done) / Number(body.total) : null));
+    await app.withProgress("Screenshot", async (onProgress) => {
+        const png = await app.view.screenshot((kind, body) =>
+            kind === "progress" && onProgress(...describeProgress(body)));
         download(png, "image/png", `${(app.title || "scene").replace(/[^\w.-]+/g, "_")}.png`);
     });
 }

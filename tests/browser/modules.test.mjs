@@ -13,7 +13,7 @@ const load = (name) => import(pathToFileURL(join(web, name)));
 const camera = await load("camera.js");
 const { parseLink, formatLink } = await load("link.js");
 const { choose, urisOf } = await load("upload.js");
-const { describeError, RequestError } = await load("connection.js");
+const { describeError, describeProgress, RequestError } = await load("connection.js");
 
 const close = (a, b, e = 1e-9) => a.every((v, i) => Math.abs(v - b[i]) <= e);
 const make = () => camera.makeCamera({ eye: [1, 2, 5], target: [0.5, 1, -1] });
@@ -194,6 +194,12 @@ test("errors say which limit it was and when to try again", () => {
         reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
     for (const part of ["max-pixels", "view 1", "too many pixels", "3 s"])
         assert.ok(text.includes(part), text);
+});
+
+test("progress has numbers where they are known", () => {
+    assert.deepEqual(describeProgress({ stage: "samples", done: 8n, total: 32n }), ["8 of 32 samples", 0.25]);
+    assert.deepEqual(describeProgress({ stage: "streaming", done: 2n, total: 3n }), ["streaming, 66 %", 2 / 3]);
+    assert.deepEqual(describeProgress({ stage: "parsing", done: 0n, total: 0n }), ["parsing", null]);
 });
 
 // ---- reprojection --------------------------------------------------------------------------------
