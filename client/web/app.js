@@ -64,6 +64,7 @@ class App {
         this.viewPanel = new ViewPanel($("panel-view"), {
             set: (changes) => this.setParams(changes),
             later: (changes) => this.later("params", changes, (c) => this.setParams(c)),
+            metered: (is) => this.setMetered(is),
             lens: (changes) => this.setLens(changes),
             clipping: this.looks.section(),
             resolution: (v) => this.view.setResolution(v),
@@ -475,6 +476,13 @@ class App {
         if (changes.mode)
             changes = { samples: changes.mode === "PATH" ? 256 : 32, ...changes };
         return this.attempt(() => this.view.set(changes));
+    }
+
+    // A fixed exposure is the one that was metered last, so that the picture stays as it is.
+    setMetered(is) {
+        const ev = this.view.frame?.exposure_ev ?? this.view.params.exposure_ev ?? 0;
+        return this.setParams(is ? { exposure_mode: "AUTO", exposure_ev: 0 }
+            : { exposure_mode: "FIXED", exposure_ev: Math.round(ev * 100) / 100 });
     }
 
     async setReprojection(isOn) {

@@ -24,7 +24,7 @@ export function panelHeader(title, onClose) {
 // ---- settings of the view ----------------------------------------------------------------------
 
 export class ViewPanel {
-    // on: { set(changes), resolution(value), environment(fields), clipping: a section }
+    // on: { set(changes), metered(is), resolution(value), environment(fields), clipping: a section }
     constructor(element, on, onClose) {
         this.on = on;
         this.rows = {};
@@ -63,9 +63,8 @@ export class ViewPanel {
         const { on, rows } = this;
         rows.tonemap = selectRow("Tone curve", choices(Object.keys(enums.tonemap), TONEMAPS),
             (tonemap) => on.set({ tonemap }));
-        rows.auto = toggleRow("Metered", (is) =>
-            on.set({ exposure_mode: is ? "AUTO" : "FIXED" }));
-        rows.ev = sliderRow("Exposure", { min: -8, max: 8, step: 0.1,
+        rows.auto = toggleRow("Metered", on.metered);
+        rows.ev = sliderRow("Exposure", { min: -16, max: 16, step: 0.1,
             format: (v) => `${v > 0 ? "+" : ""}${v.toFixed(1)} EV` },
         (exposure_ev) => on.later({ exposure_ev, exposure_mode: this.exposureMode }));
         return section("Exposure", true, rows.tonemap.row, rows.auto.row, rows.ev.row);
@@ -95,6 +94,9 @@ export class ViewPanel {
         rows.intensity = sliderRow("Brightness", { min: -4, max: 4, step: 0.1,
             format: (v) => `${(2 ** v).toFixed(2)} ×` },
         (v) => on.environmentLater({ intensity: 2 ** v }));
+        this.meterHint = h("div", {}, h("p", { class: "hint",
+            text: "Exposure is metered, which makes up for this." }),
+        button("Fix exposure", () => on.metered(false)));
         rows.turn = sliderRow("Rotation", { min: -180, max: 180, step: 1, format: (v) => `${v}°` },
             (v) => on.environmentLater({ rotation_rad: v * Math.PI / 180 }));
         rows.sunAzimuth.set(-40);
@@ -104,8 +106,8 @@ export class ViewPanel {
         this.envHint = h("p", { class: "hint",
             text: "Drop an .hdr or .exr picture on the page to be lit by it." });
         this.showSun("AUTO");
-        return section("Environment", false, ...["env", "sunAzimuth", "sunHeight", "intensity",
-            "turn"].map((k) => rows[k].row), this.envHint);
+        return section("Environment", false, ...["env", "sunAzimuth", "sunHeight", "intensity"]
+            .map((k) => rows[k].row), this.meterHint, rows.turn.row, this.envHint);
     }
 
     showSun(kind) {
@@ -149,6 +151,7 @@ export class ViewPanel {
         rows.reproject.set(params.depth === 1);
         rows.tonemap.set(params.tonemap ?? "ACES");
         rows.auto.set(params.exposure_mode !== "FIXED");
+        this.meterHint.hidden = params.exposure_mode === "FIXED";
         rows.ev.set(params.exposure_ev ?? 0);
         rows.background.set(params.background ?? "ENV");
         if (document.activeElement !== this.backgroundColor)

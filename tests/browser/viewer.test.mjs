@@ -401,6 +401,21 @@ test("switches to path tracing and back", async () => {
     await evaluate(() => window.helio.setParams({ samples: 4 }));
 });
 
+test("an exposure that is fixed is the metered one", async () => {
+    await panel("view", true);
+    await settleAfter(() => evaluate(() => window.helio.setMetered(true)));
+    const metered = await evaluate(() => window.helio.view.frame.exposure_ev);
+    assert.equal(await page.$eval("#panel-view", (p) => p.textContent.includes("Exposure is metered")), true);
+    await settleAfter(() => evaluate(() => window.helio.viewPanel.meterHint.querySelector("button").click()),
+        () => window.helio.view.params.exposure_mode === "FIXED");
+    const { exposure_mode, exposure_ev } = await evaluate(() => window.helio.view.params);
+    assert.equal(exposure_mode, "FIXED");
+    assert.ok(Math.abs(exposure_ev - metered) < 0.01, `${exposure_ev} for ${metered}`);
+    assert.equal(await evaluate(() => window.helio.viewPanel.meterHint.hidden), true);
+    await settleAfter(() => evaluate(() => window.helio.setMetered(true)));
+    await panel("view", false);
+});
+
 test("takes a picture of what is shown", async () => {
     await page.setViewport({ width: 900, height: 480 });
     await settleAfter(() => {});
