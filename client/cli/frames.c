@@ -178,7 +178,7 @@ static enum hg_status render_frame(struct hg_cli_render *r, const char *name, st
     return hg_cli_frame_make(r, name, job, true, &again, err);
 }
 
-static enum hg_status set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
+enum hg_status hg_cli_frame_set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
 {
     struct hgp_animation_set animation = {
         .asset = r->cli.scene.first_id, .animation = -1, .time_s = time_s};
@@ -228,7 +228,8 @@ uint32_t hg_cli_frame_count(const struct hg_cli_render *r)
 enum hg_status hg_cli_frame_go_to(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
 {
     const int32_t frame = hg_cli_frame_at(r, index);
-    enum hg_status status = set_time(r, r->o->has_at ? r->o->at : frame / hg_cli_fps(r->o), err);
+    enum hg_status status =
+        hg_cli_frame_set_time(r, r->o->has_at ? r->o->at : frame / hg_cli_fps(r->o), err);
     if (!status)
         status = set_turn(r, frame, err);
     return status ? status : set_seed(r, index, err);
@@ -292,7 +293,7 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
         hg_cli_progress_frames(&r->cli.progress, 1);
         bool moves = (o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1)) &&
                      r->loaded.animations > 0;
-        enum hg_status status = o->has_at || moves ? set_time(r, o->at, err) : HG_OK;
+        enum hg_status status = o->has_at || moves ? hg_cli_frame_set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, r->output, err);
     }
     if (r->list.count > 1 && !r->turntable.frames && r->loaded.animations == 0)

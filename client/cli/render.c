@@ -9,6 +9,7 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
+#include "client/cli/frames.h"
 #include "client/cli/render.h"
 
 static const double pi = 3.14159265358979323846;
@@ -575,6 +576,8 @@ enum hg_status hg_cli_render_load(struct hg_cli_render *r, struct hg_error *err)
 enum hg_status hg_cli_render_set_view(struct hg_cli_render *r, struct hg_error *err)
 {
     enum hg_status status = set_view(r, err);
+    if (!status && r->o->has_at) // the pose that is rendered is what the camera is fitted to
+        status = hg_cli_frame_set_time(r, r->o->at, err);
     return status ? status : set_camera(r, err);
 }
 

@@ -56,6 +56,41 @@ open(sys.argv[2], "wb").write(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) +
 END
 expect 0 "$helio" render "$temp/blind.glb" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 --gi none --camera Blind
 grep -q "Blind: camera: no geometry is in its view" "$temp/out" || fail "nothing is said of a blind camera: $(cat "$temp/out")"
+# With --at the camera is fitted to the pose that is rendered: all of it has moved by 10 m along x.
+python3 - "$startup" "$temp/moves.glb" <<'END'
+import base64, json, struct, sys
+data = open(sys.argv[1], "rb").read()
+(size,) = struct.unpack_from("<I", data, 12)
+gltf = json.loads(data[20:20 + size])
+keys = struct.pack("<8f", 0, 1, 0, 0, 0, 10, 0, 0)
+gltf["buffers"].append({"byteLength": len(keys), "uri": "data:application/octet-stream;base64," +
+                        base64.b64encode(keys).decode()})
+buffer, views = len(gltf["buffers"]) - 1, len(gltf["bufferViews"])
+gltf["bufferViews"] += [{"buffer": buffer, "byteOffset": 0, "byteLength": 8},
+                        {"buffer": buffer, "byteOffset": 8, "byteLength": 24}]
+accessors = len(gltf["accessors"])
+gltf["accessors"] += [{"bufferView": views, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]},
+                      {"bufferView": views + 1, "componentType": 5126, "count": 2, "type": "VEC3"}]
+top = len(gltf["nodes"])
+gltf["nodes"].append({"name": "moves", "children": gltf["scenes"][0]["nodes"]})
+gltf["scenes"][0]["nodes"] = [top]
+gltf["animations"] = [{"samplers": [{"input": accessors, "output": accessors + 1}],
+                       "channels": [{"sampler": 0, "target": {"node": top, "path": "translation"}}]}]
+text = json.dumps(gltf).encode()
+text += b" " * (-len(text) % 4)
+body = struct.pack("<I4s", len(text), b"JSON") + text + data[20 + size:]
+open(sys.argv[2], "wb").write(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+END
+moved() { # options...: x of the target of a fitted camera
+    expect 0 "$helio" render "$temp/moves.glb" -o "$temp/a.png" --size 32x18 --samples 1 --exposure 0 --gi none \
+        --camera fit --stats "$temp/stats.json" "$@"
+    camera target | python3 -c 'import json, sys; print(round(json.load(sys.stdin)[0], 2))'
+}
+before=$(moved)
+after=$(moved --at 1)
+python3 -c 'import sys; sys.exit(abs(float(sys.argv[2]) - float(sys.argv[1]) - 10) > 0.01)' "$before" "$after" ||
+    fail "the target of the pose at 1 s is $after, not 10 m from $before"
+
 picture --camera Camera
 ! grep -q "no geometry" "$temp/out" || fail "$(cat "$temp/out")"
 
