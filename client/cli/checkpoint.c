@@ -120,9 +120,9 @@ enum hg_status hg_cli_checkpoint_save(
     helio_set_timeout(cli->h, usual);
     if (status)
         goto done;
-    status = *samples < kept->least
-                 ? hg_error_set(err, HG_E_STATE, kept->output, NULL, "no more samples than in the file")
-                 : write_file(path, kept, *samples, &data, err);
+    status = *samples < kept->least ? hg_error_set(err, HG_E_STATE, kept->output, NULL,
+                                          "no more samples than in the file")
+                                    : write_file(path, kept, *samples, &data, err);
 done:
     hg_writer_finish(&data);
     return status;

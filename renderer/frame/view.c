@@ -21,9 +21,9 @@
 #include "shaders/shared/debug.h"
 #include "shaders/shared/pick.h"
 
-#define STILL_PICTURES      8  // of a view that has come to rest, before it is refined;
-#define MOST_STILL_PICTURES 24 // while textures arrive
-#define SHOWN_SAMPLES       4  // before the refined picture takes their place
+#define STILL_PICTURES      8          // of a view that has come to rest, before it is refined;
+#define MOST_STILL_PICTURES 24         // while textures arrive
+#define SHOWN_SAMPLES       4          // before the refined picture takes their place
 #define OPENING_WAIT_NS     500000000u // for texture pages, before the first picture is shown
 
 // --- images --------------------------------------------------------------------------------------
