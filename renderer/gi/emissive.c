@@ -5,6 +5,7 @@
 
 #include "base/alloc.h"
 #include "base/hash.h"
+#include "renderer/math/sums.h"
 #include "renderer/math/vec.h"
 
 #define CANDIDATES 8u
@@ -112,20 +113,6 @@ static void random3(uint64_t seed, uint32_t i, float out[3])
         out[a] = (float)(bits & 0x1fffff) * 0x1p-21f;
 }
 
-// The first triangle whose sum is greater.
-static uint32_t find(const struct hg_gi_emissive *e, float at)
-{
-    uint32_t low = 0, high = e->count - 1;
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
-        if (e->sums[middle] > at)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
-}
-
 // Evenly over a triangle. Source: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th
 // ed., section A.5.1.
 static void point_in(const float corners[3][3], const float xi[2], float out[3])
@@ -162,7 +149,8 @@ static bool take_candidate(const struct hg_gi_emissive *e, const struct hg_gi_em
     float xi[3], corners[3][3], cross[3], at[3];
     random3(r->seed, i, xi);
     const float all = e->sums[e->count - 1];
-    const struct hg_gi_emissive_triangle t = e->triangles[find(e, xi[0] * all)];
+    const struct hg_gi_emissive_triangle t =
+        e->triangles[hg_sums_find(e->sums, e->count, xi[0] * all)];
     corners_of(&e->surfaces->pieces[t.piece], t.triangle, corners);
     cross_of((const float(*)[3])corners, cross);
     point_in((const float(*)[3])corners, xi + 1, at);

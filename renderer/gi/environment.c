@@ -1,6 +1,7 @@
 #include "renderer/gi/environment.h"
 
 #include "base/alloc.h"
+#include "renderer/math/sums.h"
 #include "renderer/math/vec.h"
 
 #define FACES      6
@@ -107,24 +108,10 @@ void hg_gi_environment_finish(struct hg_gi_environment *e)
     *e = (struct hg_gi_environment){0};
 }
 
-// The first texel whose sum is above a value.
-static uint32_t find_texel(const struct hg_gi_environment *e, float value)
-{
-    uint32_t low = 0, high = e->count - 1;
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
-        if (e->sums[middle] > value)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
-}
-
 void hg_gi_environment_peak(const struct hg_gi_environment *e,
     const struct hg_lighting_sources *from, const float xi[3], float direction[3], float light[3])
 {
-    const uint32_t i = find_texel(e, xi[0] * e->sums[e->count - 1]);
+    const uint32_t i = hg_sums_find(e->sums, e->count, xi[0] * e->sums[e->count - 1]);
     const float *texel = from->env_faces + (size_t)i * 3;
     const float mine = e->sums[i] - (i > 0 ? e->sums[i - 1] : 0);
     const float chance = mine / e->sums[e->count - 1];
