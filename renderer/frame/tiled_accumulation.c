@@ -213,7 +213,8 @@ static void note_pages(const struct hg_draw *draw)
     const uint32_t missed = s->pages.missing;
     s->pages.missing = 0;
     s->pages.bias = 0.0f;
-    hg_tiled_accumulation_note(s, HG_SHORT_OF_TEXELS, false);
+    // Also where all pages have come since the maps were drawn.
+    hg_tiled_accumulation_note(s, HG_SHORT_OF_TEXELS, s->shadows.coarse_texels);
     if (!s->pages.on)
         return;
     hg_page_cache_collect(pages_of(draw), HG_PAGES_SHOW, &demand);
