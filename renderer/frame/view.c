@@ -455,23 +455,6 @@ static bool is_rougher(const struct hg_view_state *view)
            a->samples < SHOWN_SAMPLES && a->samples < view->settings.samples && a->areas.count <= 1;
 }
 
-// The first picture of a view in motion finds the pages that it needs; without any of them it would
-// have no colours. It is drawn again with those that come soon.
-static enum hg_status draw_opening(
-    struct hg_view_state *view, const struct hg_draw_request *request, struct hg_error *err)
-{
-    const struct hg_tiled_accumulation *a = &view->accumulation;
-    const uint64_t number = view->stats.number;
-    if (number != 1 || a->phase != HG_VIEW_DIRECT || (a->shortfall & HG_SHORT_OF_TEXELS) == 0)
-        return HG_OK;
-    const struct hg_draw draw = hg_view_draw(view, request);
-    enum hg_status status = hg_tiled_accumulation_await(&draw, OPENING_WAIT_NS, err);
-    if (status == HG_OK)
-        status = draw_batch(view, request, true, err);
-    view->stats.number = number;
-    return status;
-}
-
 static enum hg_status draw(
     struct hg_view_state *view, uint32_t max_samples, bool sharpens, struct hg_error *err)
 {
@@ -500,8 +483,6 @@ static enum hg_status draw(
     const uint64_t number = view->stats.number;
     if (status == HG_OK)
         status = draw_batch(view, &request, changed, err);
-    if (status == HG_OK && number == 0)
-        status = draw_opening(view, &request, err);
     if (status == HG_OK && number > 0 && is_rougher(view))
         view->stats.number = number;
     if (status == HG_OK)
@@ -642,6 +623,24 @@ static bool sharpens(const struct hg_view_state *view)
            view->motion.still < most && (!hg_gi_view_is_done(view) || hg_meter_is_due(view));
 }
 
+// The first picture of a view in motion finds the pages that it needs; without any of them it would
+// have no colours. It is drawn again with those that come soon.
+static enum hg_status draw_opening(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_tiled_accumulation *a = &view->accumulation;
+    if (a->phase != HG_VIEW_DIRECT || (a->shortfall & HG_SHORT_OF_TEXELS) == 0)
+        return HG_OK;
+    const struct hg_draw_request request = make_request(view, 1);
+    const struct hg_draw shown = hg_view_draw(view, &request);
+    const uint64_t number = view->stats.number;
+    enum hg_status status = hg_tiled_accumulation_await(&shown, OPENING_WAIT_NS, err);
+    a->key = (struct hg_view_key){0};
+    if (status == HG_OK)
+        status = draw(view, 1, false, err);
+    view->stats.number = number;
+    return status;
+}
+
 enum hg_status hg_view_state_step(
     struct hg_view_state *view, uint32_t max_samples, struct hg_error *err)
 {
@@ -652,7 +651,7 @@ enum hg_status hg_view_state_step(
     view->motion.still = is_other(view) ? 0 : view->motion.still + (sharp ? 1 : 0);
     const bool moves =
         max_samples <= 1 && !view->final && !is_known(view) && view->motion.still == 0;
-    const bool adapts = hg_view_state_only_adapts(view);
+    const bool adapts = hg_view_state_only_adapts(view), opens = view->stats.number == 0;
     view->stats.stage_count = 0;
     view->stats.waits = false;
     const uint32_t most = max_samples > 0 ? max_samples : 1;
@@ -664,6 +663,8 @@ enum hg_status hg_view_state_step(
     enum hg_status status = adapts  ? HG_OK
                             : sharp ? draw(view, 1, true, err)
                                     : draw_mode(view, most, err);
+    if (status == HG_OK && opens)
+        status = draw_opening(view, err);
     view->stats.step_ns = hg_clock_now_ns() - start;
     if (status == HG_OK)
         hg_view_stats_add_device(&view->stats, view->context->gpu);
