@@ -290,7 +290,7 @@ static enum hg_status check_total(
     r->doing = HG_CLI_DOING_ARGUMENTS;
     return hg_error_set(err, HG_E_INVAL, "--resume", NULL,
         "%s.checkpoint holds %u of the %u samples of this picture, and their pattern depends on "
-        "how many it is to have: --samples %u goes on from there; without --resume %u begin anew",
+        "the total: continue with --samples %u, or render %u from the start without --resume",
         name, head.samples, head.total, head.total, total);
 }
 

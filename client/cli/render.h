@@ -59,7 +59,7 @@ struct hg_cli_render {
     uint32_t skipped;             // files that were left as they were
     uint32_t next;                // index of the first frame that is not there yet
     struct hg_cli_film_kept film; // of the first frame that is not there yet
-    uint32_t losses;              // of the view, as far as the frame at hand knows
+    uint32_t losses;              // of the view, when the job of the current frame was asked for
     double closes_s;              // > 0: the daemon has just said that it stops after this time
     struct hg_cli_light light;
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come

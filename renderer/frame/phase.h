@@ -10,8 +10,8 @@
 //   any           asked, the sample is short                         PROVISIONAL
 //   any           asked, the sample is whole                         ACCUMULATING
 //   any           a step fails, the size changes                     EMPTY
-//   DIRECT        a step, and exposure or light take a while yet     DIRECT, of the whole size: a
-//   few DIRECT        a step otherwise                                   as asked, from sample 0
+//   DIRECT        a step; exposure or light is not ready (a few)     DIRECT, of the whole size
+//   DIRECT        a step otherwise                                   as asked, from sample 0
 //   PROVISIONAL   a step: the budgets of pages or geometry are too   EXACT; what was shown is the
 //                 small, or nothing that is missing is on its way    fallback
 //   PROVISIONAL   a step otherwise                                   as asked, from sample 0

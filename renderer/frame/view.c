@@ -616,8 +616,7 @@ static bool sharpens(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
     const struct hg_tiled_accumulation *a = &view->accumulation;
-    const uint32_t most =
-        (a->shortfall & HG_SHORT_OF_TEXELS) != 0 ? MOST_STILL_PICTURES : STILL_PICTURES;
+    const uint32_t most = a->pages.missing > 0 ? MOST_STILL_PICTURES : STILL_PICTURES;
     return !view->final && s->mode == HG_VIEW_MODE_REALTIME && s->debug == 0 &&
            s->temporal != HG_VIEW_TEMPORAL_NONE && a->phase == HG_VIEW_DIRECT && is_known(view) &&
            view->motion.still < most && (!hg_gi_view_is_done(view) || hg_meter_is_due(view));
@@ -628,7 +627,7 @@ static bool sharpens(const struct hg_view_state *view)
 static enum hg_status draw_opening(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_tiled_accumulation *a = &view->accumulation;
-    if (a->phase != HG_VIEW_DIRECT || (a->shortfall & HG_SHORT_OF_TEXELS) == 0)
+    if (a->phase != HG_VIEW_DIRECT || a->pages.missing == 0)
         return HG_OK;
     const struct hg_draw_request request = make_request(view, 1);
     const struct hg_draw shown = hg_view_draw(view, &request);

@@ -140,7 +140,7 @@ expect 0 trace "$temp/other.exr" --spp 8 --resume --seed 3 --connect "$url"
 told 'is of another picture'
 cp "$temp/part.exr.checkpoint" "$temp/more.exr.checkpoint" # the number of samples determines their pattern
 expect 2 trace "$temp/more.exr" --spp 512 --resume --connect "$url"
-told 'more.exr.checkpoint holds [0-9]* of the 256 samples .*--samples 256 goes on from there'
+told 'more.exr.checkpoint holds [0-9]* of the 256 samples .*continue with --samples 256'
 same "$temp/part.exr.checkpoint" "$temp/more.exr.checkpoint"
 [ -e "$temp/more.exr" ] && fail "a refused film left a picture"
 expect 0 trace "$temp/part.exr" --resume --connect "$url"
