@@ -389,7 +389,7 @@ static enum hg_status open_graph(struct hg_batch *f, struct hg_draw *draw, struc
     hg_graph_begin(f->graph, size.width, size.height);
     f->visibility = hg_graph_import(f->graph, "visibility", &t->visibility);
     f->depth = f->shaded_depth = hg_graph_import(f->graph, "depth", &t->depth);
-    if (draw->gathered != NULL && draw->request->smaller == 0)
+    if (draw->gathered != NULL)
         f->gathered = hg_graph_import(f->graph, "gathered light", draw->gathered);
     f->progress = hg_draw_is(draw, HG_DRAW_EXACT) ? hg_graph_buffer(f->graph, "pixel progress") : 0;
     return HG_OK;

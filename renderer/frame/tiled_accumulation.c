@@ -5,6 +5,7 @@
 
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
+#include "renderer/frame/waiting_pixels.h"
 #include "renderer/passes/shade.h"
 #include "shaders/shared/sample_blocks.h"
 
@@ -250,32 +251,16 @@ enum hg_status hg_tiled_accumulation_shown(const struct hg_draw *draw, struct hg
 
 // --- drawing -------------------------------------------------------------------------------------
 
-// Samples that are enough for a pixel.
-static uint32_t enough(const struct hg_draw *draw, uint32_t x, uint32_t y)
-{
-    const struct hg_draw_blocks *b = draw->blocks;
-    return b == NULL
-               ? draw->request->samples
-               : b->counts[y / HG_SAMPLE_BLOCK_HEIGHT * b->columns + x / HG_SAMPLE_BLOCK_WIDTH];
-}
-
-// Least number of samples of the pixels of a rectangle; those with samples enough have all.
-static uint32_t least_samples(const struct hg_draw *draw, VkRect2D rect)
+static struct hg_waiting_pixels waiting_pixels(const struct hg_draw *draw)
 {
     const struct hg_tiled_accumulation *s = draw->accumulation;
-    const uint32_t *words = reads_progress(draw) ? s->progress.mapped : s->progress_read.mapped;
-    uint32_t least = draw->request->samples;
-    for (uint32_t y = 0; y < rect.extent.height; y++) {
-        const uint32_t *row =
-            words + (size_t)((uint32_t)rect.offset.y + y) * draw->request->settings->width +
-            rect.offset.x;
-        for (uint32_t x = 0; x < rect.extent.width; x++) {
-            const uint32_t samples = row[x] & HG_PROGRESS_SAMPLES_MASK;
-            if (samples < enough(draw, (uint32_t)rect.offset.x + x, (uint32_t)rect.offset.y + y))
-                least = samples < least ? samples : least;
-        }
-    }
-    return least;
+    const struct hg_draw_blocks *b = draw->blocks;
+    return (struct hg_waiting_pixels){
+        .progress = reads_progress(draw) ? s->progress.mapped : s->progress_read.mapped,
+        .width = draw->request->settings->width,
+        .samples = draw->request->samples,
+        .counts = b != NULL ? b->counts : NULL,
+        .columns = b != NULL ? b->columns : 0};
 }
 
 // Cuts the area on top in two. False when it is a single pixel already, or the stack is full.
@@ -394,31 +379,47 @@ static struct hg_draw_request exact_request(const struct hg_draw *draw)
     return request;
 }
 
-enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, struct hg_error *err)
+// A picture of half the size, with the texels of this sample of the whole one.
+static enum hg_status find_pages(const struct hg_draw *draw, uint32_t sample,
+    struct hg_page_demand *demand, struct hg_error *err)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
-    struct hg_page_demand demand = {0};
     struct hg_draw_request request = exact_request(draw);
     request.smaller = HG_TILED_FIND_SMALLER;
     struct hg_draw find = hg_draw_with(draw, &request);
-    enum hg_status status = start_exact(draw, 0, err);
+    enum hg_status status = start_exact(draw, sample, err);
+    const uint64_t start = hg_clock_now_ns();
+    if (status == HG_OK)
+        status = hg_frame_cull(&find, HG_FRAME_PICTURE, 1, err);
+    if (status == HG_OK)
+        status = run_batch(&find, 1, false, demand, err);
     if (status != HG_OK)
         return status;
-    const uint64_t start = hg_clock_now_ns();
-    status = hg_frame_cull(&find, HG_FRAME_PICTURE, 1, err);
-    if (status == HG_OK)
-        status = run_batch(&find, 1, false, &demand, err);
-    if (status == HG_OK) {
-        note_slice(s,
-            pixels_of(hg_draw_size(&request)) / (HG_TILED_FIND_SMALLER * HG_TILED_FIND_SMALLER),
-            hg_clock_now_ns() - start);
-        hg_frame_note_blend(&find, 1);
-        status = start_exact(draw, 0, err); // discards it
+    note_slice(s,
+        pixels_of(hg_draw_size(&request)) / (HG_TILED_FIND_SMALLER * HG_TILED_FIND_SMALLER),
+        hg_clock_now_ns() - start);
+    hg_frame_note_blend(&find, 1);
+    return HG_OK;
+}
+
+enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, struct hg_error *err)
+{
+    struct hg_tiled_accumulation *s = draw->accumulation;
+    struct hg_page_demand demand = {.fits = true}, found = {.fits = true};
+    enum hg_status status = HG_OK;
+    // The first sample spreads along no footprint, all others do.
+    for (uint32_t i = 0; i < 2 && i < draw->request->samples && demand.fits && status == HG_OK;
+         i++) {
+        status = find_pages(draw, i, &demand, err);
+        found.missing += demand.missing;
+        found.shadows |= demand.shadows;
     }
+    if (status == HG_OK)
+        status = start_exact(draw, 0, err); // discards them
     s->has_fallback = false; // it would be outdated
-    s->pages.missing = demand.missing;
-    s->pages.waiting = demand.missing > 0;
-    s->shadows.coarse_texels = demand.shadows;
+    s->pages.missing = found.missing;
+    s->pages.waiting = found.missing > 0;
+    s->shadows.coarse_texels = found.shadows;
     draw->stats->number++;
     return status;
 }
@@ -572,15 +573,72 @@ static enum hg_status draw_behind(const struct hg_draw *draw, struct hg_error *e
     return HG_OK;
 }
 
+// Samples that the pixels of an area are drawn to.
+static uint32_t end_of(const struct hg_draw *draw, const struct hg_tiled_area *area)
+{
+    return area->end > 0 ? area->end : draw->request->samples;
+}
+
+// Few pixels of the area on top miss pages: they are drawn again in areas of their own, and the
+// others go on.
+static bool set_apart(const struct hg_draw *draw, uint32_t reached)
+{
+    struct hg_tiled_accumulation *s = draw->accumulation;
+    const struct hg_waiting_pixels waiting = waiting_pixels(draw);
+    const struct hg_tiled_area base = s->areas.items[s->areas.count - 1];
+    VkRect2D rects[HG_WAITING_MOST_RECTS];
+    if (base.end > 0 || s->forced || hg_frame_transmits(draw) ||
+        s->areas.count + HG_WAITING_MOST_RECTS > HG_TILED_MAX_AREAS)
+        return false;
+    const uint32_t count = hg_waiting_pixels_rects(&waiting, base.rect, reached, rects);
+    if (count == 0)
+        return false;
+    if (reached == draw->request->samples)
+        s->areas.count--;
+    else
+        s->areas.items[s->areas.count - 1].samples = reached;
+    for (uint32_t i = 0; i < count; i++)
+        s->areas.items[s->areas.count++] = (struct hg_tiled_area){.rect = rects[i],
+            .samples = hg_waiting_pixels_least(&waiting, rects[i]),
+            .end = reached};
+    return true;
+}
+
+// The area on top was drawn up to `reached` samples.
+static void advance(
+    const struct hg_draw *draw, uint32_t reached, const struct hg_page_demand *demand)
+{
+    struct hg_tiled_accumulation *s = draw->accumulation;
+    struct hg_tiled_area *area = &s->areas.items[s->areas.count - 1];
+    const struct hg_waiting_pixels waiting = waiting_pixels(draw);
+    s->most_samples = reached > s->most_samples ? reached : s->most_samples;
+    if (demand->missing > 0 && !demand->shadows && demand->fits && set_apart(draw, reached))
+        return;
+    area->samples = demand->missing == 0 && !demand->shadows
+                        ? reached
+                        : hg_waiting_pixels_least(&waiting, area->rect);
+    s->forced = s->forced && area->samples < draw->request->samples;
+    if (area->samples >= end_of(draw, area))
+        s->areas.count--;
+    else if (!demand->fits)
+        split(&s->areas);
+}
+
+static bool is_all(const struct hg_draw *draw, const struct hg_tiled_area *area)
+{
+    const struct hg_view_settings *settings = draw->request->settings;
+    return pixels_of(area->rect.extent) == (uint64_t)settings->width * settings->height;
+}
+
 static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
     cut_slice(draw);
     if (wants_behind(draw))
         return draw_behind(draw, err);
-    struct hg_tiled_area *area = &s->areas.items[s->areas.count - 1];
+    const struct hg_tiled_area area = s->areas.items[s->areas.count - 1];
     struct hg_page_demand demand;
-    uint32_t count = draw->request->samples - area->samples;
+    uint32_t count = end_of(draw, &area) - area.samples;
     count = count < draw->request->max_samples ? count : draw->request->max_samples;
     count = count < HG_VIEW_MAX_SAMPLES_PER_STEP ? count : HG_VIEW_MAX_SAMPLES_PER_STEP;
     count = s->behind.there ? 1 : count;
@@ -601,25 +659,15 @@ static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
     status = run_batch(draw, count, false, &demand, err);
     if (status != HG_OK)
         return status;
-    note_slice(s, pixels_of(area->rect.extent) * count, hg_clock_now_ns() - start);
+    if (area.end == 0) // small ones say little of others
+        note_slice(s, pixels_of(area.rect.extent) * count, hg_clock_now_ns() - start);
     hg_frame_note_drawn(draw, count);
     s->pages.missing = demand.missing;
     s->pages.waiting = demand.missing > 0;
     s->shadows.coarse_texels = demand.shadows;
-    const uint32_t reached = area->samples + count;
-    s->most_samples = reached > s->most_samples ? reached : s->most_samples;
-    area->samples =
-        demand.missing == 0 && !demand.shadows ? reached : least_samples(draw, area->rect);
-    s->forced = s->forced && area->samples < draw->request->samples;
-    if (area->samples == draw->request->samples)
-        s->areas.count--;
-    else if (!demand.fits)
-        split(&s->areas);
-    s->uneven =
-        demand.missing > 0 || s->areas.count > 1 ||
-        (s->areas.count == 1 &&
-            s->areas.items[0].rect.extent.width * (uint64_t)s->areas.items[0].rect.extent.height <
-                (uint64_t)draw->request->settings->width * draw->request->settings->height);
+    advance(draw, area.samples + count, &demand);
+    s->uneven = demand.missing > 0 || s->areas.count > 1 ||
+                (s->areas.count == 1 && !is_all(draw, &s->areas.items[0]));
     count_samples(draw);
     draw->stats->number++;
     return HG_OK;
