@@ -11,6 +11,7 @@
 #include "renderer/frame/path_view.h"
 #include "renderer/gi/gather.h"
 #include "shaders/shared/features.h"
+#include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 #include "shaders/shared/sample_blocks.h"
 
@@ -80,6 +81,13 @@ static float nearest_end(const struct hg_view_state *view)
     return probes.count > 0 ? REACH * probes.grids[probes.count - 1].spacing : 0;
 }
 
+// Lamps beyond the first ones share numbers.
+static uint32_t lamps_of(const struct hg_view_state *view)
+{
+    const uint32_t count = hg_lighting_shadowed_lamps(view->lighting);
+    return count < HG_GATHERED_LAMPS ? count : HG_GATHERED_LAMPS;
+}
+
 static struct hg_path_request request_of(const struct hg_view_state *view, bool glass)
 {
     const struct hg_view_settings *s = &view->settings;
@@ -92,7 +100,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
         .error_px = s->error_px,
         .gather = {.on = true,
             .glass = glass,
-            .lamps = !glass && hg_lighting_has_shadowed_lamps(view->lighting),
+            .lamps = glass ? 0 : lamps_of(view),
             .reach = REACH,
             .near_m = nearest_end(view),
             .full = samples_of(s)},
@@ -169,8 +177,11 @@ static enum hg_status load(
         .height = s->height,
         .samples = samples_of(s),
         .first_half = first_half(samples_of(s))};
-    enum hg_status status =
-        hg_path_read_gathered(view->gi.gather.path, &input.sums, &input.lamps, err);
+    struct hg_path_gathered film;
+    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &film, err);
+    input.sums = film.sums;
+    input.lamps = film.lamps;
+    input.lamp_count = film.lamp_count;
     *rows = hg_gi_gather_rows(s->height, input.lamps != NULL);
     if (status == HG_OK) {
         input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * (size_t)s->width * s->height;

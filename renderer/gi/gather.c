@@ -157,7 +157,7 @@ static void set_lamp(struct hg_gi_gather *w, size_t at)
     const float seen = floorf(packed / HG_PATH_LAMP_SEEN) / 16;
     const float asked = packed - seen * (16 * HG_PATH_LAMP_SEEN);
     const float a = seen + LAMP_PRIOR, b = asked - seen + LAMP_PRIOR, both = a + b;
-    w->from[LAMPLIT][RED][at] = asked > 0 ? fminf(seen / asked, 1) : 0.5f;
+    w->from[LAMPLIT][RED][at] = asked > 0 ? fminf(seen / asked, 1) : LAMP_UNKNOWN;
     w->from[LAMPLIT][WORTH][at] = asked > 0 ? 1 : 0;
     w->from[LAMPLIT][VARIANCE][at] = a * b / (both * both * (both + 1));
 }
@@ -167,6 +167,17 @@ static void lamp_row(void *user, size_t y)
     struct hg_gi_gather *w = user;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++)
         set_lamp(w, at);
+}
+
+// Some sample asked for the lamps of this number. Else there are none, or none reaches anything.
+static bool is_asked_for(const struct hg_gi_gather *w)
+{
+    const size_t pixels = hg_gi_gather_pixels(w);
+    const float *packed = w->in.lamps + w->lamp * pixels;
+    for (size_t at = 0; at < pixels && w->lamp < w->in.lamp_count; at++)
+        if (packed[at] > 0)
+            return true;
+    return false;
 }
 
 static void load_row(void *user, size_t y)
@@ -447,8 +458,11 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
         filter_kind(w, jobs, kind, kind == SUNLIT ? SUNLIT_STEP : widest);
     }
     for (w->lamp = 0; w->lamp < HG_GATHERED_LAMPS && w->in.lamps != NULL; w->lamp++) {
-        hg_jobs_for(jobs, height, lamp_row, w);
-        filter_kind(w, jobs, LAMPLIT, LAMPLIT_STEP);
+        w->lamp_asked = is_asked_for(w);
+        if (w->lamp_asked) {
+            hg_jobs_for(jobs, height, lamp_row, w);
+            filter_kind(w, jobs, LAMPLIT, LAMPLIT_STEP);
+        }
         hg_jobs_for(jobs, height, hg_gi_gather_pack_lamp_row, w);
     }
     hg_jobs_for(jobs, height, hg_gi_gather_part_row, w);
@@ -490,7 +504,7 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
         return no_memory(err);
     w->in = *input;
     const size_t pixels = hg_gi_gather_pixels(w), light = lay_out(w, NULL, NULL);
-    const size_t lamps = input->lamps != NULL ? HG_GATHERED_LAMPS * pixels : 0;
+    const size_t lamps = input->lamps != NULL ? input->lamp_count * pixels : 0;
     w->loaded = hg_calloc(GUIDES * pixels + light + lamps, sizeof *w->loaded);
     if (w->loaded == NULL) {
         hg_gi_gather_free(w);

@@ -19,12 +19,13 @@ struct hg_gi_gather_input {
     // [HG_PATH_GUIDE_CHANNELS][height][width] sums over samples, and [HG_PATH_GUIDE_LIGHT][..][..]
     // over the first half of them (shaders/shared/path.h).
     const float *sums, *halves;
-    // [HG_GATHERED_LAMPS][..][..] HG_PATH_PLANE_LAMPS; NULL: there are no such lamps.
+    // [lamp_count][..][..] HG_PATH_PLANE_LAMPS; NULL: there are no such lamps.
     const float *lamps;
+    uint32_t lamp_count; // at most HG_GATHERED_LAMPS
 };
 
-struct hg_gi_gather; // 92 bytes per pixel, and 57 more while it is filtered; 76 and 12 more with
-                     // lamps
+struct hg_gi_gather; // 92 bytes per pixel, and 57 more while it is filtered; with lamps 12 and
+                     // 12 more, and 4 for each
 
 // What the film has; the input is not needed any more then. HG_E_NOMEM.
 enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,

@@ -7,6 +7,7 @@
 #include "renderer/math/vec.h"
 
 #define ALIKE_DEPTH 0.05f // as a share of the depth
+#define LAMP_UNKNOWN 0.5f  // share of a lamp that no sample asked for
 
 // Light of one kind: radiance; of what scatters also the environment's part of it had nothing been
 // in its way, and the luminance of what did come. Then how much it is worth, variance of its
@@ -27,7 +28,8 @@ struct hg_gi_gather {
     float *rows;   // [strips][LIGHT_PLANES + 1][width]
     uint32_t step; // px between taps
     int kind;
-    uint32_t lamp; // number of those that are filtered
+    uint32_t lamp;   // number of those that are filtered
+    bool lamp_asked; // some sample asked for it
     uint32_t *out;
 };
 

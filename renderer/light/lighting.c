@@ -562,12 +562,12 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
     return a && a->image.width > 0 ? &a->image : &atlases_of(l)->none;
 }
 
-bool hg_lighting_has_shadowed_lamps(const struct hg_lighting *l)
+uint32_t hg_lighting_shadowed_lamps(const struct hg_lighting *l)
 {
     for (uint32_t i = l->set.directional_count; i < l->set.count; i++)
         if (l->set.casts[i] && !(l->set.items[i].radiance > 0))
-            return true;
-    return false;
+            return l->set.count;
+    return 0;
 }
 
 bool hg_lighting_has_sky_sun(const struct hg_lighting *l)

@@ -156,8 +156,9 @@ struct hg_lighting_sources {
 };
 void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);
 
-// There are lamps without a size that ask for shadows, as of the newest sync.
-bool hg_lighting_has_shadowed_lamps(const struct hg_lighting *lighting);
+// Numbers that lights have, where lamps without a size ask for shadows, as of the newest sync; 0:
+// none does.
+uint32_t hg_lighting_shadowed_lamps(const struct hg_lighting *lighting);
 
 // The sky brings a sun, which is the first light.
 bool hg_lighting_has_sky_sun(const struct hg_lighting *lighting);

@@ -13,7 +13,7 @@
 
 // --- memory --------------------------------------------------------------------------------------
 
-static uint32_t channels_of(uint32_t plane, uint32_t group_count)
+static uint32_t channels_of(uint32_t plane, const struct hg_path_film_plan *plan)
 {
     switch (plane) {
     case HG_PATH_PLANE_DEPTH:
@@ -29,11 +29,11 @@ static uint32_t channels_of(uint32_t plane, uint32_t group_count)
     case HG_PATH_PLANE_GUIDE:
         return HG_PATH_GUIDE_CHANNELS;
     case HG_PATH_PLANE_GROUPS:
-        return 3 * group_count;
+        return 3 * plan->group_count;
     case HG_PATH_PLANE_CATCHER:
         return HG_PATH_CATCHER_WORDS;
     case HG_PATH_PLANE_LAMPS:
-        return HG_GATHERED_LAMPS;
+        return plan->lamp_count;
     default:
         return 3;
     }
@@ -70,9 +70,10 @@ static void plan_channels(struct hg_path_film *f, const struct hg_path_settings 
     for (uint32_t i = 0; i < HG_PATH_PLANE_COUNT; i++) {
         const bool stored = is_stored(i, settings, plan);
         f->planes[i] = stored ? f->channels : HG_PATH_NO_PLANE;
-        f->channels += stored ? channels_of(i, plan->group_count) : 0;
+        f->channels += stored ? channels_of(i, plan) : 0;
     }
     f->sampled_channels = f->channels;
+    f->lamp_count = plan->lamp_count;
     const bool gathers = (plan->options & HG_PATH_GATHERS) != 0;
     f->halves = gathers ? HG_PATH_GUIDE_LIGHT : HG_PATH_GUIDE_CHANNELS;
     if (settings->denoise != 0)

@@ -13,6 +13,7 @@ struct hg_path_film { // zeroed = empty; hg_path_film_destroy
     uint32_t channels, planes[HG_PATH_PLANE_COUNT]; // first channel of each plane
     uint32_t sampled_channels; // written by each sample; half buffers follow, then lists
     uint32_t lists;            // first channel of the Cryptomatte lists
+    uint32_t lamp_count;       // channels of HG_PATH_PLANE_LAMPS
     double origin[3];          // scene space, metres: what positions are relative to
     struct hg_gpu_buffer sums, read_back;
     struct hg_gpu_buffer samples; // [tile_count] words: samples of each tile, mapped
@@ -29,6 +30,7 @@ struct hg_path_film_plan {
     uint32_t options;     // of which HG_PATH_CATCHER, _GATHERS and _LAMPS are used
     uint32_t group_count; // of lights
     uint32_t list_count;  // of names
+    uint32_t lamp_count;  // of HG_PATH_PLANE_LAMPS, at most HG_GATHERED_LAMPS
 };
 
 // HG_E_NOMEM, device errors. Destroys the previous film.

@@ -209,7 +209,7 @@ enum hg_status hg_light_groups_make(struct hg_light_groups *g, struct hg_gpu *gp
     if (request->gather.on) {
         *options |= HG_PATH_GATHERS | HG_PATH_SPLIT;
         *options |= request->gather.glass ? HG_PATH_GLASS : 0;
-        *options |= request->gather.lamps ? HG_PATH_LAMPS : 0;
+        *options |= request->gather.lamps > 0 ? HG_PATH_LAMPS : 0;
         return reserve_marks(&n, err);
     }
     if (request->ground)

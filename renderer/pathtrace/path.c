@@ -185,8 +185,10 @@ static bool needs_whole(const struct hg_path_request *request)
 static enum hg_status begin_film(struct hg_path *p, struct hg_error *err)
 {
     const bool part = !needs_whole(&p->request);
-    const struct hg_path_film_plan plan = {
-        p->options, p->scene.groups.count, p->scene.ids.list_count};
+    const struct hg_path_film_plan plan = {.options = p->options,
+        .group_count = p->scene.groups.count,
+        .list_count = p->scene.ids.list_count,
+        .lamp_count = p->request.gather.lamps};
     enum hg_status status = hg_path_film_create(p->context->gpu, &p->request, &plan, &p->film, err);
     if (status == HG_OK)
         status = hg_path_progress_begin(&p->progress, &p->film, part, err);

@@ -48,7 +48,9 @@ struct hg_path_settings {
 struct hg_path_gather {
     bool on;
     bool glass;  // to transmissive surfaces, of which the colour is read; else to opaque ones
-    bool lamps;  // there are such as shadow maps are for: what of their light arrives is told
+    // Numbers of lamps, at most HG_GATHERED_LAMPS, where there are such as shadow maps are for: of
+    // each is told what of its light arrives. 0: there are none.
+    uint32_t lamps;
     float reach; // from which on a hit is shaded by the field, in spacings of its probes there
     float near_m;  // nearer than that no hit is, wherever: `reach` of the finest grid's spacing
     uint32_t full; // samples, the first ones: others bring the light of directional lights alone,
@@ -168,11 +170,15 @@ enum hg_status hg_path_history_save(
 enum hg_status hg_path_history_load(struct hg_path *path, const void *data, uint64_t size_bytes,
     struct hg_error *err) HG_MUST_CHECK;
 
-// Sums of a gathering film, [channel][height][width] floats: HG_PATH_GUIDE_*, and
-// HG_PATH_PLANE_LAMPS, NULL where that is not there. Borrowed until the next step. HG_E_STATE:
-// there is none, or it is not complete.
-enum hg_status hg_path_read_gathered(struct hg_path *path, const float **out, const float **lamps,
-    struct hg_error *err) HG_MUST_CHECK;
+// Sums of a gathering film, [channel][height][width] floats.
+struct hg_path_gathered {
+    const float *sums;   // HG_PATH_GUIDE_*
+    const float *lamps;  // HG_PATH_PLANE_LAMPS; NULL where that is not there
+    uint32_t lamp_count; // channels of that
+};
+// Borrowed until the next step. HG_E_STATE: there is none, or it is not complete.
+enum hg_status hg_path_read_gathered(
+    struct hg_path *path, struct hg_path_gathered *out, struct hg_error *err) HG_MUST_CHECK;
 
 enum hg_path_piece {      // where the time of a picture is spent
     HG_PATH_PIECE_BEGIN,  // camera rays

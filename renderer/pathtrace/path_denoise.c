@@ -173,20 +173,23 @@ static enum hg_status denoise(struct hg_path *p, struct hg_error *err)
 }
 
 enum hg_status hg_path_read_gathered(
-    struct hg_path *p, const float **out, const float **lamps, struct hg_error *err)
+    struct hg_path *p, struct hg_path_gathered *out, struct hg_error *err)
 {
     struct hg_path_film *f = &p->film;
     const size_t pixels = (size_t)f->width * f->height;
     const float *film;
-    *out = *lamps = NULL;
+    *out = (struct hg_path_gathered){0};
     if (!hg_path_done(p) || !p->request.gather.on)
         return hg_error_set(err, HG_E_STATE, "view", NULL, "nothing was gathered yet");
     const enum hg_status status = hg_path_film_fetch(p->context->gpu, f, f->channels, &film, err);
-    if (status == HG_OK)
-        *out = film + f->planes[HG_PATH_PLANE_GUIDE] * pixels;
-    if (status == HG_OK && f->planes[HG_PATH_PLANE_LAMPS] != HG_PATH_NO_PLANE)
-        *lamps = film + f->planes[HG_PATH_PLANE_LAMPS] * pixels;
-    return status;
+    if (status != HG_OK)
+        return status;
+    out->sums = film + f->planes[HG_PATH_PLANE_GUIDE] * pixels;
+    if (f->planes[HG_PATH_PLANE_LAMPS] != HG_PATH_NO_PLANE) {
+        out->lamps = film + f->planes[HG_PATH_PLANE_LAMPS] * pixels;
+        out->lamp_count = f->lamp_count;
+    }
+    return HG_OK;
 }
 
 enum hg_status hg_path_denoise_if_due(struct hg_path *p, struct hg_error *err)

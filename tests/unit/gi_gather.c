@@ -81,7 +81,8 @@ static void run(struct film *f)
         .first_half = (f->samples + 1) / 2,
         .sums = f->sums,
         .halves = f->halves,
-        .lamps = f->lamps};
+        .lamps = f->lamps,
+        .lamp_count = HG_GATHERED_LAMPS};
     struct hg_gi_gather *gather;
     assert_int_equal(hg_gi_gather_load(f->jobs, &input, &gather, &err), HG_OK);
     assert_int_equal(hg_gi_gather_filter(gather, f->jobs, f->words, &err), HG_OK);
