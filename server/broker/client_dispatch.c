@@ -234,6 +234,23 @@ static bool refuse_used(struct hg_conn *conn)
     return false;
 }
 
+// A use must be in the state log before its session is open: else it could be used again.
+static bool refuse_unrecorded(struct hg_conn *conn)
+{
+    const struct hg_admission *a = conn->table->owner;
+    const enum hg_status status = hg_state_log_refusal(a->sessions->scenes.log);
+    struct hg_error err = {0};
+    if (!status)
+        return false;
+    hg_error_set(&err, status, "auth", NULL,
+        "join tickets cannot be used now: the daemon's state cannot be written (state-dir): %s; "
+        "try again later",
+        hg_status_text(status));
+    audit_refusal(conn, NULL, status, err.reason);
+    hg_conn_close(conn, &err, "auth");
+    return true;
+}
+
 // Of a join ticket. False: it was refused.
 static bool open_by_ticket(
     struct hg_conn *conn, struct hg_join_ticket *ticket, const struct hg_token *token)
@@ -242,7 +259,7 @@ static bool open_by_ticket(
     const bool resumes = is_known_session(conn, ticket);
     if (!resumes && (conn->auth.resumes || !hg_join_ticket_is_good(ticket, (uint64_t)time(NULL))))
         return refuse_used(conn);
-    if (!open_session(conn, token))
+    if ((!resumes && refuse_unrecorded(conn)) || !open_session(conn, token))
         return false;
     conn->session->resume.only = resumes;
     if (!resumes)

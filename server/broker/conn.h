@@ -95,7 +95,7 @@ struct hg_conn_table {
     void *owner;              // for `events`
     const struct hg_web *web; // what those get that speak HTTP
     const struct hg_tls *tls; // of the tls listeners
-    const uint64_t *reached;  // of the state log, for hg_outq_hold; NULL without one
+    const struct hg_outq_reached *reached; // by the state log; NULL without one
     struct hg_conn *first, *dead;
     struct hgp_chunk_pool chunks; // to read into
     uint32_t rested;          // connections that gave their buffers back since the heap was trimmed

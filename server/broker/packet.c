@@ -50,7 +50,7 @@ struct hg_outq_item {
     struct hg_outq_item *next;
     struct hg_packet *packet;
     size_t sent; // of header and payload
-    uint64_t hold;
+    uint64_t hold, hold_kept;
     uint8_t header[HGP_HEADER_BYTES];
 };
 
@@ -96,6 +96,7 @@ enum hg_status hg_outq_push(
         return HG_E_NOMEM;
     begin_queue(q);
     item->hold = q->hold;
+    item->hold_kept = q->hold_kept;
     insert(q, q->tail, item);
     return HG_OK;
 }
@@ -120,9 +121,15 @@ void hg_outq_hold(struct hg_outq *q, uint64_t position)
         q->hold = position;
 }
 
+void hg_outq_hold_kept(struct hg_outq *q, uint64_t position)
+{
+    if (position > q->hold_kept)
+        q->hold_kept = position;
+}
+
 static bool is_held(const struct hg_outq *q, const struct hg_outq_item *item)
 {
-    return q->reached && item->hold > *q->reached;
+    return q->reached && (item->hold > q->reached->durable || item->hold_kept > q->reached->kept);
 }
 
 bool hg_outq_may_send(const struct hg_outq *q)

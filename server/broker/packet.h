@@ -24,6 +24,12 @@ void hg_packet_unref(struct hg_packet *packet); // accepts NULL
 
 struct hg_outq_item;
 
+// How far the state log has come.
+struct hg_outq_reached {
+    uint64_t durable; // everything up to this position is
+    uint64_t kept;    // the same for what is kept of sessions; while the log is broken, everything
+};
+
 // Zero-initialised = empty.
 struct hg_outq {
     struct hg_outq_item *head, **tail;
@@ -32,8 +38,8 @@ struct hg_outq {
     uint64_t progress_ns; // when the transport last took something, or the queue became non-empty
     // When the queue became non-empty, or was last judged; what was taken since then.
     uint64_t window_ns, window_bytes;
-    const uint64_t *reached; // see hg_outq_hold; NULL: nothing is held
-    uint64_t hold;
+    const struct hg_outq_reached *reached; // see hg_outq_hold; NULL: nothing is held
+    uint64_t hold, hold_kept;
 };
 
 // Takes over the caller's reference, also on failure. HG_E_NOMEM.
@@ -42,8 +48,12 @@ enum hg_status hg_outq_push(
 // Likewise, before all that nothing of was written yet and that is not urgent; nothing holds it.
 enum hg_status hg_outq_push_urgent(
     struct hg_outq *q, struct hg_packet *packet, uint32_t request) HG_MUST_CHECK;
-// What is queued from now on is not sent before *reached, of the state log, has come to `position`.
+// What is queued from now on is not sent before reached->durable, of the state log, has come to
+// `position`: answers to edits.
 void hg_outq_hold(struct hg_outq *q, uint64_t position);
+// The same with reached->kept: what a session that comes back is to find. A disk that is full holds
+// nothing for its sake.
+void hg_outq_hold_kept(struct hg_outq *q, uint64_t position);
 bool hg_outq_may_send(const struct hg_outq *q);          // there is something that is not held
 void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns); // what is held is not the peer's fault
 // Writes what the transport takes now, at most about a MiB. HG_OK (also when some is left),

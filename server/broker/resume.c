@@ -22,8 +22,10 @@ void hg_resume_keep(struct hg_session *s, uint32_t request)
     if (!s->table->options->resume_timeout_ns)
         hg_error_set(&err, HG_E_UNSUPPORTED, "keep", NULL,
             "sessions are not kept by this daemon (resume-timeout)");
-    else if (!hg_session_new_ticket(s, secret, &err))
+    else if (!hg_session_new_ticket(s, secret, &err)) {
         hg_session_record_all(s);
+        hg_outq_hold_kept(&s->conn->out, hg_state_log_position(s->table->scenes.log));
+    }
     if (err.status)
         hg_conn_fail(s->conn, request, &err);
     else if (request)

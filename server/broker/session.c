@@ -62,7 +62,8 @@ static void open_scene(struct hg_session *s, uint32_t request, const struct hgp_
     else if (!may_open(s, m->name))
         hg_error_set(&err, HG_E_PERM, "scene_open", "name",
             "this token may open scenes named '%s' only", s->scope.scenes);
-    else if (hg_session_rules_may_change(table, "scene_open", &err))
+    else if (!hg_shared_scene_find(&table->scenes, s->tenant, m->name) &&
+             hg_session_rules_may_change(table, "scene_open", &err))
         ; // err says why
     else if (s->scope.is_ticket && s->role < HGP_role_EDIT &&
              !hg_shared_scene_find(&table->scenes, s->tenant, m->name))

@@ -13,7 +13,7 @@ static struct hg_state_log *log_of(const struct hg_session *s)
 static void hold(struct hg_session *s, uint64_t position)
 {
     if (s->conn)
-        hg_outq_hold(&s->conn->out, position);
+        hg_outq_hold_kept(&s->conn->out, position);
 }
 
 uint32_t hg_session_record_color(const struct hg_session *s)
@@ -44,7 +44,7 @@ void hg_session_record_take_share(struct hg_session *s, const struct hg_state_se
         m->label.size ? m->label.data : "");
 }
 
-void hg_session_record(struct hg_session *s)
+static uint64_t put_session(struct hg_session *s)
 {
     struct hg_state_session m = {.number = s->number,
         .scene = s->scene ? s->scene->number : 0,
@@ -60,7 +60,12 @@ void hg_session_record(struct hg_session *s)
         .label = hgp_str_make(s->share.label)};
     memcpy(m.token, s->resume.token, sizeof m.token);
     memcpy(m.ticket, s->resume.ticket, sizeof m.ticket);
-    hold(s, hg_state_put_session(log_of(s), &m));
+    return hg_state_put_session(log_of(s), &m);
+}
+
+void hg_session_record(struct hg_session *s)
+{
+    hold(s, put_session(s));
 }
 
 void hg_session_record_end(struct hg_session *s)
@@ -74,24 +79,34 @@ static struct hgp_bytes payload_of(const struct hg_packet *packet)
                   : (struct hgp_bytes){0};
 }
 
-void hg_session_record_view(struct hg_session *s, struct hg_session_view *view)
+static uint64_t put_view(struct hg_session *s, struct hg_session_view *view)
 {
     view->unrecorded = false;
-    if (view->accepted)
-        hold(
-            s, hg_state_put_view(log_of(s), &(struct hg_state_view){.session = s->number,
-                                                .number = view->number,
-                                                .credit = view->subscribed ? view->first_credit : 0,
-                                                .follows = view->follow.on,
-                                                .params = payload_of(view->params),
-                                                .camera = payload_of(view->camera)}));
+    if (!view->accepted)
+        return 0;
+    return hg_state_put_view(log_of(s), &(struct hg_state_view){.session = s->number,
+                                            .number = view->number,
+                                            .credit = view->subscribed ? view->first_credit : 0,
+                                            .follows = view->follow.on,
+                                            .params = payload_of(view->params),
+                                            .camera = payload_of(view->camera)});
+}
+
+void hg_session_record_view(struct hg_session *s, struct hg_session_view *view)
+{
+    hold(s, put_view(s, view));
+}
+
+static uint64_t put_look(
+    struct hg_session *s, const struct hg_session_view *view, struct hg_packet *packet)
+{
+    return view->accepted ? hg_state_put_look(log_of(s), s->number, view->number, packet) : 0;
 }
 
 void hg_session_record_look(
     struct hg_session *s, const struct hg_session_view *view, struct hg_packet *packet)
 {
-    if (view->accepted)
-        hold(s, hg_state_put_look(log_of(s), s->number, view->number, packet));
+    hold(s, put_look(s, view, packet));
 }
 
 void hg_session_record_view_end(struct hg_session *s, const struct hg_session_view *view)
@@ -105,15 +120,15 @@ void hg_session_record_cameras(struct hg_session_table *table)
     for (struct hg_session *s = table->first; s && table->scenes.log; s = s->next)
         for (struct hg_session_view *it = s->views; it; it = it->next)
             if (it->unrecorded)
-                hg_session_record_view(s, it);
+                put_view(s, it);
 }
 
 void hg_session_record_all(struct hg_session *s)
 {
-    hg_session_record(s);
+    put_session(s);
     for (struct hg_session_view *it = s->views; it; it = it->next) {
-        hg_session_record_view(s, it);
+        put_view(s, it);
         for (uint32_t i = 0; i < it->looks.count; i++)
-            hg_session_record_look(s, it, it->looks.items[i]);
+            put_look(s, it, it->looks.items[i]);
     }
 }

@@ -1,6 +1,7 @@
 // session_record.h - records of the state log about sessions with a ticket, and their views.
-// Floor 6 (broker). Thread: the loop. Answers that are sent from here on wait for the record.
-// Sessions without a ticket are not recorded.
+// Floor 6 (broker). Thread: the loop. Answers that are sent from here on wait for the record
+// (hg_outq_hold_kept), but for cameras and snapshots, which nothing answers. Sessions without a
+// ticket are not recorded.
 #ifndef HG_BROKER_SESSION_RECORD_H
 #define HG_BROKER_SESSION_RECORD_H
 
@@ -19,7 +20,7 @@ void hg_session_record_look(
 void hg_session_record_view_end(struct hg_session *session, const struct hg_session_view *view);
 // Once in a while: cameras that have moved.
 void hg_session_record_cameras(struct hg_session_table *table);
-// For a snapshot: the session and all its views.
+// The session and all its views; nothing waits for it.
 void hg_session_record_all(struct hg_session *session);
 
 #endif

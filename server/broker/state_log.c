@@ -78,7 +78,8 @@ struct hg_state_log {
     struct shared shared;
     struct writer writer;
     // Of the loop.
-    uint64_t position, reached, backlog_bytes;
+    uint64_t position, backlog_bytes;
+    struct hg_outq_reached reached;
     uint64_t lost; // position of a record for which there was no memory; 0 = none
     uint64_t bytes, base_bytes;
     enum hg_status status;
@@ -471,7 +472,7 @@ uint64_t hg_state_log_position(const struct hg_state_log *log)
     return log ? log->position : 0;
 }
 
-const uint64_t *hg_state_log_reached(const struct hg_state_log *log)
+const struct hg_outq_reached *hg_state_log_reached(const struct hg_state_log *log)
 {
     return &log->reached;
 }
@@ -504,7 +505,7 @@ bool hg_state_log_poll(struct hg_state_log *log)
 {
     struct shared *s = &log->shared;
     eventfd_t count;
-    uint64_t before = log->reached;
+    const struct hg_outq_reached before = log->reached;
     if (eventfd_read(log->event_fd, &count) != 0)
         return false;
     pthread_mutex_lock(&s->lock);
@@ -525,10 +526,11 @@ bool hg_state_log_poll(struct hg_state_log *log)
         end_sync(it);
     }
     destroy_list(&done);
-    log->reached = log->status ? log->reached : reached;
+    log->reached.durable = log->status ? log->reached.durable : reached;
     if (log->status && log->options.go_on)
-        log->reached = UINT64_MAX;
-    return log->reached != before;
+        log->reached.durable = UINT64_MAX;
+    log->reached.kept = log->status ? UINT64_MAX : reached;
+    return log->reached.durable != before.durable || log->reached.kept != before.kept;
 }
 
 bool hg_state_log_wants_snapshot(const struct hg_state_log *log, uint64_t now_ns)

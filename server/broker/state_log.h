@@ -3,8 +3,8 @@
 // waits for the disk.
 //
 // Every record has a position, from 1 on. A record is durable once hg_state_log_reached() is not
-// below its position: answers that must not come before wait for that (hg_outq_hold). All records
-// that wait while a sync runs are written and synced together.
+// below its position: answers that must not come before wait for that (hg_outq_hold,
+// hg_outq_hold_kept). All records that wait while a sync runs are written and synced together.
 //
 // When the log has grown to twice what it was after the last rewrite (and HG_STATE_LOG_SLACK), a
 // snapshot of the state is written beside it, what was appended meanwhile is copied behind that,
@@ -49,8 +49,8 @@ struct hg_state_sync {
 // descriptor, which may be -1. `sync` may be NULL: errors are logged only.
 void hg_state_log_sync_file(struct hg_state_log *log, int fd, struct hg_state_sync *sync);
 uint64_t hg_state_log_position(const struct hg_state_log *log); // of the newest; accepts NULL
-// Everything up to this position is durable. The address is valid as long as the log.
-const uint64_t *hg_state_log_reached(const struct hg_state_log *log);
+// The address is valid as long as the log.
+const struct hg_outq_reached *hg_state_log_reached(const struct hg_state_log *log);
 // HG_OK, or why nothing may be accepted now: the log is broken, and is not to go on without.
 // HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_state_log_refusal(const struct hg_state_log *log);

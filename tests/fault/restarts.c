@@ -302,6 +302,8 @@ static void set_mesh(struct peer *p, uint32_t number, enum hgp_type answer)
         .mode = HGP_primitive_mode_POINTS, .positions = {points, sizeof points / 12 * 12}};
     peer_send(p, HGP_T_mesh_set,
         &(struct hgp_mesh_set){.mesh = p->first_id + number, .parts = {&part, 1}});
+    if (!answer)
+        return;
     if (answer == HGP_T_error)
         peer_error(p, p->next_request - 1, HG_E_NOSPACE);
     else
@@ -355,6 +357,42 @@ static void full_disk_refuses(void **state)
     assert_int_equal(other.m.scene_opened.revision, 1);
     peer_close(&p);
     peer_close(&other);
+    daemon_finish(&d);
+}
+
+// Of a session that a client keeps only what it edits waits for the disk: it is shown pictures,
+// also when its view changes, joins scenes that are there, and leaves them.
+static void full_disk_shows_kept_sessions_pictures(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer owner, viewer;
+    fill_disk(&d, "refuse");
+    peer_open_scene(&owner, &d, "kept");
+    peer_open(&viewer, &d);
+    peer_call(&viewer, HGP_T_keep, &(struct hgp_keep){0}, HGP_T_ticket);
+    set_file_limit(&d, 64 << 10);
+    set_mesh(&owner, 0, 0);
+    daemon_wait_log(&d, "cannot be rewritten");
+    const struct hgp_scene_open open = {.name = hgp_str_make("kept")};
+    peer_call(&viewer, HGP_T_scene_open, &open, HGP_T_scene_opened);
+    viewer.first_id = viewer.m.scene_opened.first_id;
+    for (uint32_t i = 1; i < 4; i++) {
+        peer_view(&viewer, i, 16, 16);
+        peer_call(
+            &viewer, HGP_T_frame_request, &(struct hgp_frame_request){.view = i}, HGP_T_frame);
+        usleep(400000); // between them the log is tried again
+    }
+    peer_refused(
+        &viewer, HGP_T_node_set, &(struct hgp_node_set){.node = viewer.first_id}, HG_E_NOSPACE);
+    peer_call(&viewer, HGP_T_scene_close, &(struct hgp_scene_close){0}, HGP_T_ok);
+    const struct hgp_scene_open fresh = {.name = hgp_str_make("fresh")};
+    peer_refused(&viewer, HGP_T_scene_open, &fresh, HG_E_NOSPACE);
+    set_file_limit(&d, RLIM_INFINITY);
+    daemon_wait_log(&d, "is complete again");
+    peer_call(&viewer, HGP_T_scene_open, &fresh, HGP_T_scene_opened);
+    peer_close(&viewer);
+    peer_close(&owner);
     daemon_finish(&d);
 }
 
@@ -492,6 +530,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(no_answered_edit_is_lost),
         cmocka_unit_test(one_daemon_at_a_time),
         cmocka_unit_test(full_disk_refuses),
+        cmocka_unit_test(full_disk_shows_kept_sessions_pictures),
         cmocka_unit_test(full_disk_goes_on),
         cmocka_unit_test(quarantine_survives),
         cmocka_unit_test(uploads_and_audit_survive),

@@ -86,7 +86,7 @@ static bool poll_log(struct rig *r, int ms)
 
 static void await(struct rig *r, uint64_t position)
 {
-    for (int i = 0; *hg_state_log_reached(r->log) < position; i++)
+    for (int i = 0; hg_state_log_reached(r->log)->durable < position; i++)
         assert_true(poll_log(r, 20000) && i < 10000);
 }
 
@@ -311,7 +311,7 @@ static void failures_while_rewriting(void **state)
         put(&r, large, NULL); // less than the limit, and two steps at least
     hg_state_log_end_snapshot(r.log);
     uint64_t position = put(&r, "after the snapshot", NULL);
-    while (*hg_state_log_reached(r.log) < position) {
+    while (hg_state_log_reached(r.log)->durable < position) {
         assert_true(poll_log(&r, 20000));
         if (!hg_state_log_refusal(r.log) || !hg_state_log_wants_snapshot(r.log, UINT64_MAX))
             continue;
@@ -345,12 +345,12 @@ static void full_disk(bool go_on)
     while (!hg_state_log_wants_snapshot(r.log, hg_clock_now_ns()))
         assert_true(poll_log(&r, 20000));
     assert_int_equal(hg_state_log_refusal(r.log), go_on ? HG_OK : HG_E_NOSPACE);
-    assert_true((*hg_state_log_reached(r.log) >= lost) == go_on);
+    assert_true((hg_state_log_reached(r.log)->durable >= lost) == go_on);
     hg_state_log_begin_snapshot(r.log, hg_clock_now_ns()); // the disk is still full
     put(&r, "a state that is too long", NULL);
     hg_state_log_end_snapshot(r.log);
     assert_true(poll_log(&r, 20000));
-    assert_true((*hg_state_log_reached(r.log) >= lost) == go_on);
+    assert_true((hg_state_log_reached(r.log)->durable >= lost) == go_on);
     assert_int_equal(setrlimit(RLIMIT_FSIZE, &before), 0);
     uint64_t now_ns = hg_clock_now_ns();
     assert_false(hg_state_log_wants_snapshot(r.log, now_ns)); // not at once again
@@ -358,11 +358,13 @@ static void full_disk(bool go_on)
     hg_state_log_begin_snapshot(r.log, now_ns);
     put(&r, "before and during", NULL);
     hg_state_log_end_snapshot(r.log);
-    while (hg_state_log_wants_snapshot(r.log, UINT64_MAX) || *hg_state_log_reached(r.log) < lost)
+    while (hg_state_log_wants_snapshot(r.log, UINT64_MAX) ||
+           hg_state_log_reached(r.log)->durable < lost)
         assert_true(poll_log(&r, 20000));
     assert_int_equal(hg_state_log_refusal(r.log), HG_OK);
     uint64_t after = put(&r, "after", NULL);
-    while (*hg_state_log_reached(r.log) == UINT64_MAX || *hg_state_log_reached(r.log) < after)
+    while (hg_state_log_reached(r.log)->durable == UINT64_MAX ||
+           hg_state_log_reached(r.log)->durable < after)
         assert_true(poll_log(&r, 20000));
     close_log(&r);
     open_log(&r);

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -260,6 +261,45 @@ static void survives_a_kill(void **state)
 }
 
 // A ticket is never worth more than the token that it was made with is now.
+static void limit_files(struct daemon *d, rlim_t bytes)
+{
+    struct rlimit limit;
+    assert_int_equal(prlimit(d->pid, RLIMIT_FSIZE, NULL, &limit), 0);
+    limit.rlim_cur = bytes;
+    assert_int_equal(prlimit(d->pid, RLIMIT_FSIZE, &limit, NULL), 0);
+}
+
+// A use that cannot be recorded is refused at once, and is none.
+static void is_not_used_where_the_disk_is_full(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer issuer, guest;
+    struct ticket ticket;
+    char folder[TEST_FOLDER_MAX + 16];
+    daemon_init_tokens(&d);
+    snprintf(folder, sizeof folder, "%s/state", d.folder);
+    daemon_option(&d, "state-dir", folder);
+    daemon_start(&d);
+    peer_enter(&issuer, &d, "edit-token-1");
+    peer_scene(&issuer, "hall");
+    make(&issuer, &(struct hgp_join_make){0}, &ticket);
+    static const uint8_t points[300000];
+    struct hgp_mesh_part part = {
+        .mode = HGP_primitive_mode_POINTS, .positions = {points, sizeof points}};
+    limit_files(&d, sizeof points);
+    peer_send(&issuer, HGP_T_mesh_set,
+        &(struct hgp_mesh_set){.mesh = issuer.first_id, .parts = {&part, 1}});
+    daemon_wait_log(&d, "cannot be rewritten");
+    is_refused(&guest, &d, ticket.secret, HG_E_NOSPACE);
+    limit_files(&d, RLIM_INFINITY);
+    daemon_wait_log(&d, "is complete again");
+    enter(&guest, &d, &ticket);
+    peer_close(&guest);
+    peer_close(&issuer);
+    daemon_finish(&d);
+}
+
 static void ends_with_its_token(void **state)
 {
     (void)state;
@@ -321,6 +361,7 @@ int main(void)
         cmocka_unit_test(scene_is_no_pattern),
         cmocka_unit_test(revoked_ends_its_sessions),
         cmocka_unit_test(survives_a_kill),
+        cmocka_unit_test(is_not_used_where_the_disk_is_full),
         cmocka_unit_test(ends_with_its_token),
         cmocka_unit_test(tickets_are_limited),
     };
