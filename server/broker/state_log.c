@@ -482,6 +482,11 @@ enum hg_status hg_state_log_refusal(const struct hg_state_log *log)
     return log && !log->options.go_on ? log->status : HG_OK;
 }
 
+bool hg_state_log_is_broken(const struct hg_state_log *log)
+{
+    return log && log->status;
+}
+
 bool hg_state_log_is_behind(const struct hg_state_log *log)
 {
     return log && log->backlog_bytes > HG_STATE_LOG_BACKLOG;

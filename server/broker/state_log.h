@@ -54,6 +54,9 @@ const struct hg_outq_reached *hg_state_log_reached(const struct hg_state_log *lo
 // HG_OK, or why nothing may be accepted now: the log is broken, and is not to go on without.
 // HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM.
 enum hg_status hg_state_log_refusal(const struct hg_state_log *log);
+// Nothing that is accepted is durable, whether it is refused (above) or the daemon goes on. Accepts
+// NULL.
+bool hg_state_log_is_broken(const struct hg_state_log *log);
 // So much waits to be written that nothing more should come.
 bool hg_state_log_is_behind(const struct hg_state_log *log);
 

@@ -292,8 +292,11 @@ static void is_not_used_where_the_disk_is_full(void **state)
         &(struct hgp_mesh_set){.mesh = issuer.first_id, .parts = {&part, 1}});
     daemon_wait_log(&d, "cannot be rewritten");
     is_refused(&guest, &d, ticket.secret, HG_E_NOSPACE);
+    assert_int_equal((int)daemon_metric(&d, "heliod_state_broken"), 1);
     limit_files(&d, RLIM_INFINITY);
     daemon_wait_log(&d, "is complete again");
+    while (daemon_metric(&d, "heliod_state_broken") > 0)
+        usleep(10000); // the loop hears of it a little later
     enter(&guest, &d, &ticket);
     peer_close(&guest);
     peer_close(&issuer);
