@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/epoll.h>
-#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -190,6 +189,15 @@ static enum hg_status open_state(struct hg_broker *b, struct hg_error *err)
     return HG_OK;
 }
 
+static void watch_accepts(struct hg_broker *b, uint64_t now_ns)
+{
+    if (b->conns.accept_pause_ns && now_ns >= b->conns.accept_pause_ns)
+        b->conns.accept_pause_ns = 0;
+    for (struct hg_listener *it = b->listeners; it; it = it->next)
+        hg_loop_set_events(
+            &b->loop, &it->source, b->conns.accept_pause_ns || b->conns.quiet ? 0 : EPOLLIN);
+}
+
 static void accept_ready(struct hg_source *source, uint32_t events)
 {
     struct hg_broker *b = source->owner;
@@ -197,6 +205,8 @@ static void accept_ready(struct hg_source *source, uint32_t events)
     for (struct hg_listener *it = b->listeners; it; it = it->next)
         if (&it->source == source)
             hg_conn_accept(&b->conns, it);
+    if (b->conns.accept_pause_ns) // else the loop would come here again and again until the tick
+        watch_accepts(b, b->loop.now_ns);
 }
 
 static enum hg_status watch_listeners(struct hg_broker *b, struct hg_error *err)
@@ -317,6 +327,7 @@ static void reload(struct hg_broker *b)
         hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
             differ ? "; a restart is needed for: " : "", differ ? names : "");
         warn_exposed(b);
+        hg_slots_measure_files(&b->conns.slots);
     }
     hg_audit_write(&b->audit, "reload", NULL, status, status ? err.reason : NULL);
     hg_notify_send("READY=1");
@@ -432,15 +443,6 @@ static void bury(struct hg_broker *b)
 {
     hg_conn_bury(&b->conns);
     hg_session_bury(&b->sessions);
-}
-
-static void watch_accepts(struct hg_broker *b, uint64_t now_ns)
-{
-    if (b->conns.accept_pause_ns && now_ns >= b->conns.accept_pause_ns)
-        b->conns.accept_pause_ns = 0;
-    for (struct hg_listener *it = b->listeners; it; it = it->next)
-        hg_loop_set_events(
-            &b->loop, &it->source, b->conns.accept_pause_ns || b->conns.quiet ? 0 : EPOLLIN);
 }
 
 static void tick(struct hg_broker *b)
@@ -638,15 +640,6 @@ static void stop(struct hg_broker *b)
     hg_options_finish(&b->options);
 }
 
-static void raise_file_limit(void)
-{
-    struct rlimit limit;
-    if (getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur < limit.rlim_max) {
-        limit.rlim_cur = limit.rlim_max < 65536 ? limit.rlim_max : 65536;
-        setrlimit(RLIMIT_NOFILE, &limit);
-    }
-}
-
 int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
 {
     static struct hg_broker broker; // large, one per process
@@ -674,13 +667,14 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
     if (!status)
         status = check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
-    raise_file_limit();
+    hg_slots_raise_files();
     if (!status)
         status = start(b, &err);
     if (!status) {
         b->sessions.started_ns = b->loop.now_ns;
         b->watchdog.interval_ns = hg_notify_watchdog_ns();
         warn_exposed(b);
+        hg_slots_measure_files(&b->conns.slots);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);
         if (b->takeover.inherited_fd < 0)

@@ -1,7 +1,38 @@
 #include "server/broker/slots.h"
 
+#include <sys/resource.h>
+
 #include "base/clock.h"
+#include "base/log.h"
 #include "server/broker/counters.h"
+
+// Of the daemon itself, and of each worker.
+enum { OTHER_FILES = 64 + HG_SLOTS_REFUSED, WORKER_FILES = 4, MOST_FILES = 1 << 17 };
+
+void hg_slots_raise_files(void)
+{
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur < limit.rlim_max) {
+        limit.rlim_cur = limit.rlim_max < MOST_FILES ? limit.rlim_max : MOST_FILES;
+        setrlimit(RLIMIT_NOFILE, &limit);
+    }
+}
+
+void hg_slots_measure_files(struct hg_slots *slots)
+{
+    const struct hg_options *o = slots->options;
+    struct rlimit limit;
+    if (getrlimit(RLIMIT_NOFILE, &limit) != 0)
+        return;
+    const rlim_t most = limit.rlim_cur < MOST_FILES ? limit.rlim_cur : MOST_FILES;
+    const rlim_t others = OTHER_FILES + WORKER_FILES * (rlim_t)(o->max_workers + 1);
+    slots->files = (uint32_t)(most > 2 * others ? most - others : most / 2);
+    if (slots->files < o->max_connections)
+        hg_warn(NET,
+            "the limit of open files (LimitNOFILE, ulimit -Hn), %u, has room for %u connections, "
+            "not for max-connections %u",
+            (uint32_t)most, slots->files, o->max_connections);
+}
 
 enum hg_status hg_slots_take(
     struct hg_slots *slots, const struct hg_peer *peer, struct hg_slot *slot)
@@ -79,10 +110,14 @@ enum { RETRY_MS = 10000, RETRY_HANDSHAKE_MS = 2000 };
 
 static const struct hg_refusal
     no_slot = {"max-connections",
-        "the daemon has as many connections as it takes (max-connections)", RETRY_MS},
+        "the daemon has as many connections as it takes (max-connections, or what its limit of "
+        "open "
+        "files has room for)",
+        RETRY_MS},
     no_free_slot = {"max-connections",
-        "the daemon has as many connections as it takes (max-connections); the last are kept for "
-        "its own user (reserved-connections)",
+        "the daemon has as many connections as it takes (max-connections, or what its limit of "
+        "open "
+        "files has room for); the last are kept for its own user (reserved-connections)",
         RETRY_MS},
     no_slot_of_address = {"max-per-address",
         "this address has as many connections as one may have (max-per-address)", RETRY_MS},
@@ -100,12 +135,13 @@ static const struct hg_refusal *because(enum hg_counter counter, const struct hg
 const struct hg_refusal *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
 {
     const struct hg_options *o = slots->options;
-    if (slots->count > o->max_connections)
+    const uint32_t most =
+        slots->files && slots->files < o->max_connections ? slots->files : o->max_connections;
+    if (slots->count > most)
         return because(HG_COUNT_REFUSED_CONNECTIONS, &no_slot);
     if (slot->own)
         return NULL;
-    if (slots->count >
-        o->max_connections - hg_slots_kept(o->max_connections, o->reserved_connections))
+    if (slots->count > most - hg_slots_kept(most, o->reserved_connections))
         return because(HG_COUNT_REFUSED_CONNECTIONS, &no_free_slot);
     if (slot->source->connections > o->max_per_address)
         return because(HG_COUNT_REFUSED_ADDRESS, &no_slot_of_address);

@@ -18,7 +18,13 @@ struct hg_slots {
     uint32_t opening; // of these, those whose session is not open
     uint32_t refused; // besides, those that are still being told so
     uint64_t random;  // state of the early drop
+    uint32_t files;   // connections that the limit of open files has room for; 0 = not measured
 };
+
+// Raises the limit of open files to what the system allows.
+void hg_slots_raise_files(void);
+// Finds `files`, which holds beside max-connections, and warns where it is less.
+void hg_slots_measure_files(struct hg_slots *slots);
 
 // Of one connection.
 struct hg_slot {

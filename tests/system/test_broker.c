@@ -1,5 +1,6 @@
 // test_broker.c - heliod with a fake worker: handshake, rules of the wire, scenes, quotas, uploads.
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -338,6 +339,32 @@ static void quotas_are_explained(void **state)
     daemon_finish(&d);
 }
 
+// Where the system allows few open files, clients are refused before there are none left.
+static void open_files_limit_connections(void **state)
+{
+    (void)state;
+    enum { FILES = 64, ROOM = FILES / 2 };
+    struct daemon d;
+    struct peer peers[ROOM], last;
+    daemon_begin(&d);
+    const struct rlimit few = {FILES, FILES};
+    assert_int_equal(prlimit(d.pid, RLIMIT_NOFILE, &few, NULL), 0);
+    daemon_signal(&d, SIGHUP);
+    daemon_wait_log(&d, "has room for 32 connections");
+    for (int i = 0; i < ROOM; i++)
+        peer_open(&peers[i], &d);
+    peer_connect(&last, &d, false);
+    peer_raw(&last, HGP_PREFACE, HGP_PREFACE_BYTES);
+    peer_tell(&last, HGP_T_hello, &(struct hgp_hello){.version_min = 1, .version_max = 1});
+    assert_true(peer_next(&last));
+    assert_int_equal(last.m.error.code, HG_E_LIMIT);
+    assert_string_equal(last.limit, "max-connections");
+    peer_close(&last);
+    for (int i = 0; i < ROOM; i++)
+        peer_close(&peers[i]);
+    daemon_finish(&d);
+}
+
 // One part of a file of so many bytes to be verified.
 static struct hgp_image_query part_of(uint64_t size, uint64_t offset, uint32_t bytes)
 {
@@ -560,6 +587,7 @@ int main(void)
         cmocka_unit_test(relays_edits_and_frames),
         cmocka_unit_test(shares_scenes),
         cmocka_unit_test(quotas_are_explained),
+        cmocka_unit_test(open_files_limit_connections),
         cmocka_unit_test(verified_files_are_uploads),
         cmocka_unit_test(verified_files_stay_as_large_as_they_began),
         cmocka_unit_test(journals_are_limited),
