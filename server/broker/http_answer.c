@@ -309,6 +309,13 @@ static void answer_upgrade(
 
 // ---- requests -----------------------------------------------------------------------------------
 
+// As it was sent, without escapes: rules of proxies see that, and would be passed by /%6detrics.
+static bool is_path(const struct hg_http_head *request, const char *path)
+{
+    return request->path.size == strlen(path) &&
+           memcmp(request->path.data, path, request->path.size) == 0;
+}
+
 static void answer_path(const struct hg_web *web, const struct hg_peer *peer,
     const struct hg_http_head *request, struct hg_http_answer *a)
 {
@@ -316,13 +323,13 @@ static void answer_path(const struct hg_web *web, const struct hg_peer *peer,
     if (!decode_path(request->path, path) || climbs(path)) {
         hg_count(HG_COUNT_REFUSED_PATH);
         refuse(a, 400, "the path is malformed\n");
-    } else if (strcmp(path, "/hgp") == 0) {
+    } else if (is_path(request, "/hgp")) {
         answer_upgrade(web, request, a);
-    } else if (strcmp(path, "/healthz") == 0) {
+    } else if (is_path(request, "/healthz")) {
         answer_text(a, 200, "ok\n");
-    } else if (strcmp(path, "/readyz") == 0) {
+    } else if (is_path(request, "/readyz")) {
         answer_ready(web, a);
-    } else if (strcmp(path, "/metrics") == 0) {
+    } else if (is_path(request, "/metrics")) {
         answer_metrics(web, peer, a);
     } else {
         answer_file(web, request, path, a);

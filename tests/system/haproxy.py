@@ -328,6 +328,8 @@ def check(folder):
         until(lambda: is_up(panel, 2), "daemons that pass the checks")
         assert http(bind, "/readyz")[0] == 200
         assert http(bind, "/metrics")[0] == 403
+        for path in ("/%6detrics", "/metric%73", "//metrics", "/metrics/"):  # not as the rule has it
+            assert http(bind, path)[0] == http(daemons[0].socket, path)[0] == 404, path
         for name in ("d1", "d2"):
             status, said = http(numbers, "/%s/metrics" % name)
             assert status == 200 and "\nheliod_sessions 0\n" in said, said[:200]
