@@ -301,19 +301,20 @@ void hg_cli_on_notice(void *user, const struct hgp_notice *notice)
     hg_cli_clean(reason, sizeof reason, notice->reason.data, notice->reason.size);
     struct hg_cli_progress *p = user;
     const bool replaced = notice->code == HG_E_WORKER && strcmp(what, "worker") == 0;
+    const bool waits = strcmp(what, "state-dir") == 0; // for the daemon's disk
     char text[960];
     snprintf(text, sizeof text, "%s%s%s%s%s", what, what[0] ? ": " : "", where,
         where[0] ? ": " : "", reason);
     p->replaced += replaced;
-    p->warnings += !replaced; // about the scene
+    p->warnings += !replaced && !waits; // about the scene
     if (p->mode == HG_CLI_PROGRESS_JSON) {
-        json_t *o = make_event(p, replaced ? "note" : "warning");
+        json_t *o = make_event(p, replaced || waits ? "note" : "warning");
         set_text(o, "what", what);
         set_text(o, "where", where);
         set_text(o, "reason", reason);
         set_text(o, "text", text);
         print_event(o);
-    } else if (replaced || p->verbose) {
+    } else if (replaced || waits || p->verbose) {
         hg_cli_progress_clear(p);
         if (!p->quiet)
             fprintf(stderr, "warning: %s\n", text);

@@ -59,6 +59,7 @@ struct hg_conn {
     struct hg_turn turn;
     bool peer_ended;
     bool starved; // something waits for room in its output
+    bool told;    // that the disk holds its answers
     struct hg_peer peer;
     struct hg_slot slot;
     struct hg_conn_auth auth;

@@ -1,5 +1,7 @@
 #include "server/broker/conn_time.h"
 
+#include <stdio.h>
+
 #include "base/alloc.h"
 #include "server/broker/counters.h"
 
@@ -18,7 +20,27 @@ static void check_idle(struct hg_conn *conn, uint64_t now_ns)
         hg_conn_kill(conn, "silent for too long (idle-timeout)");
     } else if (silent_ns > o->idle_ping_ns && !conn->ping_ns) {
         conn->ping_ns = now_ns;
-        hg_conn_send(conn, 0, HGP_T_ping, &(struct hgp_ping){.nonce = now_ns});
+        hg_conn_send_urgent(conn, 0, HGP_T_ping, &(struct hgp_ping){.nonce = now_ns});
+    }
+}
+
+// Once, before what is held: else its client would see a picture that stands still, and no reason.
+static void tell_held(struct hg_conn *conn)
+{
+    const struct hg_outq *q = &conn->out;
+    char reason[200];
+    if (!q->reached || !q->reached->status) {
+        conn->told = false;
+    } else if (!conn->told && conn->state == HG_CONN_OPEN && hg_outq_is_stopped(q)) {
+        conn->told = true;
+        snprintf(reason, sizeof reason,
+            "the daemon's state cannot be written: %s; the answer to the newest edit, and all that "
+            "comes behind it, waits until that is over",
+            hg_status_text(q->reached->status));
+        hg_conn_send_urgent(conn, 0, HGP_T_notice,
+            &(struct hgp_notice){.code = (uint16_t)q->reached->status,
+                .what = hgp_str_make("state-dir"),
+                .reason = hgp_str_make(reason)});
     }
 }
 
@@ -47,6 +69,7 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
             hg_conn_close(conn, &err, "handshake");
         return;
     }
+    tell_held(conn);
     hg_outq_excuse(&conn->out, now_ns);
     if (conn->out.head && now_ns > conn->out.progress_ns + o->peer_timeout_ns) {
         hg_count(HG_COUNT_REFUSED_PEER_TIMEOUT);

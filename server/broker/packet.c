@@ -137,6 +137,11 @@ bool hg_outq_may_send(const struct hg_outq *q)
     return q->head && !is_held(q, q->head);
 }
 
+bool hg_outq_is_stopped(const struct hg_outq *q)
+{
+    return q->head && is_held(q, q->head) && q->reached->status;
+}
+
 void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns)
 {
     if (!q->head || hg_outq_may_send(q))

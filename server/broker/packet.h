@@ -28,6 +28,7 @@ struct hg_outq_item;
 struct hg_outq_reached {
     uint64_t durable; // everything up to this position is
     uint64_t kept;    // the same for what is kept of sessions; while the log is broken, everything
+    enum hg_status status; // HG_OK, or why the log is broken
 };
 
 // Zero-initialised = empty.
@@ -55,6 +56,8 @@ void hg_outq_hold(struct hg_outq *q, uint64_t position);
 // nothing for its sake.
 void hg_outq_hold_kept(struct hg_outq *q, uint64_t position);
 bool hg_outq_may_send(const struct hg_outq *q);          // there is something that is not held
+// Something is held by a log that is broken: for as long as that lasts nothing can be sent.
+bool hg_outq_is_stopped(const struct hg_outq *q);
 void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns); // what is held is not the peer's fault
 // Writes what the transport takes now, at most about a MiB. HG_OK (also when some is left),
 // HG_E_CLOSED, HG_E_IO.

@@ -535,6 +535,7 @@ bool hg_state_log_poll(struct hg_state_log *log)
     if (log->status && log->options.go_on)
         log->reached.durable = UINT64_MAX;
     log->reached.kept = log->status ? UINT64_MAX : reached;
+    log->reached.status = log->status;
     return log->reached.durable != before.durable || log->reached.kept != before.kept;
 }
 

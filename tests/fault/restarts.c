@@ -338,6 +338,10 @@ static void full_disk_refuses(void **state)
         .mode = HGP_primitive_mode_POINTS, .positions = {points, sizeof points / 12 * 12}};
     waits = peer_send(
         &p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = p.first_id + 3, .parts = {&part, 1}});
+    assert_true(peer_next(&p)); // before the answer, which waits
+    assert_int_equal(p.header.type, HGP_T_notice);
+    assert_int_equal(p.m.notice.code, HG_E_NOSPACE);
+    assert_memory_equal(p.m.notice.what.data, "state-dir", 9);
     assert_false(peer_next_within(&p, 300));
     daemon_wait_log(&d, "edits are not answered");
     set_mesh(&other, 0, HGP_T_error);
