@@ -34,6 +34,19 @@ static void give_up(struct hg_takeover *t, const char *reason)
     hg_notify_send("READY=1");
 }
 
+// Where the state log cannot be written clients would wait for nothing: all of it must be durable.
+static bool give_up_on_disk(struct hg_takeover *t)
+{
+    const enum hg_status status = hg_state_log_refusal(*t->state);
+    char reason[160];
+    if (!status)
+        return false;
+    snprintf(reason, sizeof reason, "the state log cannot be written (state-dir): %s",
+        hg_status_text(status));
+    give_up(t, reason);
+    return true;
+}
+
 // The program as it is on the disk now: it must at least start, and like the configuration.
 void hg_takeover_begin(struct hg_takeover *t)
 {
@@ -65,6 +78,8 @@ void hg_takeover_checked(struct hg_takeover *t, int status)
         give_up(t, "its --check-config fails");
         return;
     }
+    if (give_up_on_disk(t))
+        return;
     hg_info(MAIN, "a new program takes over as soon as nothing is under way");
     t->hurried = false;
     t->deadline_ns = t->loop->now_ns + t->all.sessions->options->drain_timeout_ns;
@@ -101,14 +116,14 @@ static void exec_successor(struct hg_takeover *t)
 void hg_takeover_step(struct hg_takeover *t)
 {
     bool late = t->loop->now_ns >= t->deadline_ns;
+    if (give_up_on_disk(t))
+        return;
     const bool shed = hg_handover_shed(&t->all, false);
-    if (!shed && hg_handover_is_quiet(&t->all) && !hg_state_log_refusal(*t->state)) {
+    if (!shed && hg_handover_is_quiet(&t->all)) {
         if (!hg_handover_shed(&t->all, true)) // their sessions are parked first
             exec_successor(t);
     } else if (late && t->hurried) {
-        give_up(t, hg_state_log_refusal(*t->state)
-                       ? "the state log cannot be written (state-dir)"
-                       : "edits or workers are still busy (drain-timeout)");
+        give_up(t, "edits or workers are still busy (drain-timeout)");
     } else if (late) { // edits that began have as long again
         t->hurried = true;
         t->deadline_ns = t->loop->now_ns + t->all.sessions->options->drain_timeout_ns;

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -270,6 +271,43 @@ static void takes_over_only_when_it_can(void **state)
     daemon_finish(&d);
 }
 
+// Clients do not wait for a takeover that the disk forbids.
+static void takes_over_with_a_disk_only(void **state)
+{
+    (void)state;
+    static const uint8_t points[300000];
+    struct hgp_mesh_part part = {
+        .mode = HGP_primitive_mode_POINTS, .positions = {points, sizeof points}};
+    struct daemon d;
+    struct peer p, other;
+    char folder[TEST_FOLDER_MAX + 16];
+    daemon_init(&d);
+    snprintf(folder, sizeof folder, "%s/state", d.folder);
+    daemon_option(&d, "state-dir", folder);
+    daemon_start(&d);
+    peer_open_scene(&p, &d, "kept");
+    peer_open_view(&other, &d, 16, 16);
+    const struct rlimit full = {sizeof points, RLIM_INFINITY},
+                        enough = {RLIM_INFINITY, RLIM_INFINITY};
+    assert_int_equal(prlimit(d.pid, RLIMIT_FSIZE, &full, NULL), 0);
+    peer_send(&p, HGP_T_mesh_set, &(struct hgp_mesh_set){.mesh = p.first_id, .parts = {&part, 1}});
+    daemon_wait_log(&d, "cannot be rewritten");
+    daemon_signal(&d, SIGUSR2);
+    daemon_wait_log(&d, "everything goes on: the state log cannot be written (state-dir): ");
+    char *log = daemon_read(&d, "log");
+    assert_null(strstr(log, "as soon as nothing is under way")); // nobody had to wait
+    free(log);
+    peer_call(&other, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    assert_int_equal(prlimit(d.pid, RLIMIT_FSIZE, &enough, NULL), 0);
+    daemon_wait_log(&d, "is complete again");
+    daemon_signal(&d, SIGUSR2);
+    daemon_wait_log(&d, "took over 2 sessions");
+    peer_call(&other, HGP_T_frame_request, &(struct hgp_frame_request){.view = 1}, HGP_T_frame);
+    peer_close(&p);
+    peer_close(&other);
+    daemon_finish(&d);
+}
+
 // The only process of its own that is not a worker.
 static pid_t launcher_of(const struct daemon *d)
 {
@@ -434,6 +472,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(streams_are_cut_nowhere),
         cmocka_unit_test(what_is_known_goes_along),
         cmocka_unit_test(takes_over_only_when_it_can),
+        cmocka_unit_test(takes_over_with_a_disk_only),
         cmocka_unit_test(workers_start_as_before),
         cmocka_unit_test(workers_stay_what_they_are),
     };
