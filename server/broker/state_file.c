@@ -73,3 +73,17 @@ enum hg_status hg_state_record_next(struct hg_reader *r, const uint8_t **body, s
     r->pos += HG_STATE_PREFIX_BYTES + length;
     return HG_OK;
 }
+
+bool hg_state_record_is_followed(struct hg_reader r)
+{
+    const uint8_t *body;
+    size_t size;
+    if (r.size - r.pos < HG_STATE_PREFIX_BYTES)
+        return false;
+    struct hg_reader prefix = hg_reader_make(r.data + r.pos, HG_STATE_PREFIX_BYTES);
+    const uint32_t length = hg_read_u32(&prefix);
+    if (length > r.size - r.pos - HG_STATE_PREFIX_BYTES)
+        return false;
+    r.pos += HG_STATE_PREFIX_BYTES + length;
+    return hg_state_record_next(&r, &body, &size) == HG_OK;
+}

@@ -29,5 +29,8 @@ void hg_state_prefix_encode(uint8_t out[HG_STATE_PREFIX_BYTES], const void *head
 // HG_E_HASH: the rest was not written completely, and the reader stays where that begins.
 enum hg_status hg_state_record_next(
     struct hg_reader *r, const uint8_t **body, size_t *size) HG_MUST_CHECK;
+// Behind the record at which hg_state_record_next stopped there is a whole one: that record is not
+// the end of what was written, it is damaged.
+bool hg_state_record_is_followed(struct hg_reader r);
 
 #endif

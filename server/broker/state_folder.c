@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -13,7 +14,8 @@
 #include "server/broker/folder_lock.h"
 #include "server/broker/state_file.h"
 
-static const char log_name[] = "state.log", new_name[] = "state.log.new";
+static const char log_name[] = "state.log", new_name[] = "state.log.new",
+                  damaged_name[] = "state.log.damaged";
 
 static enum hg_status fail_errno(
     const struct hg_state_folder *f, const char *action, struct hg_error *err)
@@ -84,11 +86,35 @@ static enum hg_status make_log(struct hg_state_folder *f, struct hg_error *err)
     return status ? fail_errno(f, "make the log", err) : HG_OK;
 }
 
+// What stands behind a damaged record was durable once: the file is kept as it is, beside the log.
+static enum hg_status keep_damaged(
+    const struct hg_state_folder *f, const struct hg_reader *r, struct hg_error *err)
+{
+    char path[PATH_MAX];
+    if (snprintf(path, sizeof path, "%s/%s", f->path, damaged_name) >= (int)sizeof path)
+        return hg_error_set(err, HG_E_LIMIT, f->path, NULL, "--state-dir: the path is too long");
+    enum hg_status status = hg_file_write_atomic(path, r->data, r->size, err);
+    if (!status)
+        hg_fault(JOURNAL, HG_E_HASH,
+            "%s/%s is damaged: the record at byte %zu does not match its checksum, and whole ones "
+            "stand behind it; what was accepted from there on, %zu bytes, is lost; the file as it "
+            "was is kept as %s",
+            f->path, log_name, r->pos, r->size - r->pos, damaged_name);
+    return status;
+}
+
 static enum hg_status cut_tail(
     struct hg_state_folder *f, const struct hg_reader *r, struct hg_error *err)
 {
-    hg_warn(JOURNAL, "%s/%s: its last %zu bytes were not written completely and are cut off at %zu",
-        f->path, log_name, r->size - r->pos, r->pos);
+    enum hg_status status = HG_OK;
+    if (hg_state_record_is_followed(*r))
+        status = keep_damaged(f, r, err);
+    else
+        hg_warn(JOURNAL,
+            "%s/%s: its last %zu bytes were not written completely and are cut off at %zu", f->path,
+            log_name, r->size - r->pos, r->pos);
+    if (status)
+        return status;
     if (ftruncate(f->log_fd, (off_t)r->pos) != 0 || fsync(f->log_fd) != 0)
         return fail_errno(f, "cut the log", err);
     return HG_OK;

@@ -15,7 +15,8 @@ struct hg_state_folder {
 // Takes a record that was read; what it returns ends the reading.
 typedef enum hg_status hg_state_take(void *user, const uint8_t *body, size_t size);
 
-// Locks the folder (made, but not its parents), reads the log there and cuts a torn tail off.
+// Locks the folder (made, but not its parents), reads the log there and cuts a torn tail off. Where
+// a damaged record is no tail the log is copied to state.log.damaged before.
 // HG_E_BUSY: another process has it; HG_E_VERSION, HG_E_FORMAT: the log is of another version, or
 // is none; HG_E_PERM, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM; what `take` returned. Closed on failure.
 enum hg_status hg_state_folder_open(const char *path, hg_state_take *take, void *user,

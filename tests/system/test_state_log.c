@@ -203,6 +203,20 @@ static void torn_tails_are_cut_off(void **state)
     finish(&r);
 }
 
+// The file is there, and is the log that was damaged; it is removed.
+static bool is_kept(const char *path, const uint8_t *data, size_t size)
+{
+    uint8_t *found;
+    size_t found_size;
+    if (hg_file_read(path, 1 << 20, &found, &found_size, NULL))
+        return false;
+    assert_int_equal(found_size, size);
+    assert_memory_equal(found, data, size);
+    hg_free(found);
+    assert_int_equal(unlink(path), 0);
+    return true;
+}
+
 // A damaged byte: what is before it is read, nothing of it or behind it.
 static void damage_ends_the_log(void **state)
 {
@@ -210,11 +224,13 @@ static void damage_ends_the_log(void **state)
     struct rig r;
     uint8_t *data;
     size_t size;
+    char kept[TEST_FOLDER_MAX + 48];
     init(&r);
     open_log(&r);
     put(&r, "first", NULL);
     await(&r, put(&r, "second", NULL));
     close_log(&r);
+    snprintf(kept, sizeof kept, "%s.damaged", r.file);
     assert_int_equal(hg_file_read(r.file, 1 << 20, &data, &size, NULL), HG_OK);
     const size_t second = HG_STATE_HEADER_BYTES + HG_STATE_PREFIX_BYTES + 5;
     for (size_t at = HG_STATE_HEADER_BYTES; at < size; at++)
@@ -224,6 +240,9 @@ static void damage_ends_the_log(void **state)
             open_log(&r);
             assert_string_equal(r.read.text, at < second ? "" : "first\n");
             close_log(&r);
+            // The second record is whole, and where it begins is known.
+            const bool is_known = at >= HG_STATE_HEADER_BYTES + 4 && at < second;
+            assert_int_equal(is_kept(kept, data, size), is_known);
             data[at] ^= (uint8_t)(1 << bit);
         }
     hg_free(data);
