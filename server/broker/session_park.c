@@ -55,14 +55,24 @@ static void end(struct hg_session *s)
     s->table->ended = true;
 }
 
-// Of those of the token of `like` (NULL: of all): how many are parked, and the first of them.
+// What breaks one connection, a proxy or a switch, breaks those beside it: that many come back.
+static const uint64_t grace_ns = 30000000000u;
+
+// Whom a limit counts.
+struct whom {
+    const struct hg_session *like; // those of its token; NULL: all
+    uint64_t until_ns;             // those who were parked until then
+};
+
+// How many are parked, and the first of them.
 static uint32_t count(
-    const struct hg_session_table *table, const struct hg_session *like, struct hg_session **oldest)
+    const struct hg_session_table *table, struct whom whom, struct hg_session **oldest)
 {
     uint32_t n = 0;
     *oldest = NULL;
     for (struct hg_session *it = table->first; it; it = it->next) {
-        if (!it->resume.parked_ns || (like && !shares_token(it, like)))
+        if (!it->resume.parked_ns || it->resume.parked_ns > whom.until_ns ||
+            (whom.like && !shares_token(it, whom.like)))
             continue;
         n++;
         if (!*oldest || it->resume.parked_ns < (*oldest)->resume.parked_ns)
@@ -74,15 +84,30 @@ static uint32_t count(
 uint32_t hg_session_count_parked(const struct hg_session_table *table)
 {
     struct hg_session *oldest;
-    return count(table, NULL, &oldest);
+    return count(table, (struct whom){NULL, UINT64_MAX}, &oldest);
 }
 
-static void keep_within(
-    struct hg_session_table *table, const struct hg_session *like, uint32_t most)
+static void keep_within(struct hg_session_table *table, struct whom whom, uint32_t most)
 {
     struct hg_session *oldest;
-    while (count(table, like, &oldest) > most)
+    while (count(table, whom, &oldest) > most)
         end(oldest);
+}
+
+// max-parked of a token; those of the last half minute are above it as many as it may have open,
+// unless they take the places of others.
+static void limit_parked(const struct hg_session *s)
+{
+    struct hg_session_table *table = s->table;
+    const struct hg_options *o = table->options;
+    const uint64_t now_ns = table->loop->now_ns;
+    const uint32_t open = s->scope.max_sessions ? s->scope.max_sessions : o->max_sessions_per_token;
+    const bool crowded = hg_session_count_parked(table) > o->max_sessions;
+    const bool at_once = !crowded && o->max_parked;
+    const uint64_t until_ns = !at_once ? UINT64_MAX : now_ns > grace_ns ? now_ns - grace_ns : 0;
+    keep_within(table, (struct whom){s, until_ns}, o->max_parked);
+    keep_within(table, (struct whom){s, UINT64_MAX}, open > o->max_parked ? open : o->max_parked);
+    keep_within(table, (struct whom){NULL, UINT64_MAX}, o->max_sessions);
 }
 
 void hg_session_check_parked(struct hg_session_table *table)
@@ -137,8 +162,7 @@ bool hg_session_park(struct hg_session *s)
     s->resume.parked_ns = table->loop->now_ns;
     if (s->scene)
         hg_session_share_leave(s, true);
-    keep_within(table, s, table->options->max_parked);
-    keep_within(table, NULL, table->options->max_sessions);
+    limit_parked(s);
     return true;
 }
 

@@ -310,6 +310,35 @@ static void edits_under_way_are_done(void **state)
     daemon_finish(&d);
 }
 
+// All connections of a token break at once: all may come back.
+static void all_that_break_at_once_come_back(void **state)
+{
+    (void)state;
+    enum { MANY = 5 };
+    struct daemon d;
+    struct peer p[MANY];
+    struct ticket tickets[MANY];
+    daemon_init(&d);
+    daemon_option(&d, "max-parked", "1");
+    daemon_option(&d, "max-sessions-per-token", "5");
+    daemon_start(&d);
+    for (int i = 0; i < MANY; i++) {
+        peer_open_view(&p[i], &d, 16, 16);
+        keep(&p[i], &tickets[i]);
+    }
+    for (int i = 0; i < MANY; i++) {
+        peer_close(&p[i]);
+        wait_parked(&d, i + 1);
+    }
+    for (int i = 0; i < MANY; i++) {
+        peer_open(&p[i], &d);
+        resume(&p[i], &tickets[i]);
+    }
+    for (int i = 0; i < MANY; i++)
+        peer_close(&p[i]);
+    daemon_finish(&d);
+}
+
 static void only_so_many_are_kept(void **state)
 {
     (void)state;
@@ -318,6 +347,7 @@ static void only_so_many_are_kept(void **state)
     struct ticket tickets[3];
     daemon_init(&d);
     daemon_option(&d, "max-parked", "2");
+    daemon_option(&d, "max-sessions-per-token", "2"); // does not hold for the daemon's own user
     daemon_option(&d, "max-sessions", "4");
     daemon_start(&d);
     for (int i = 0; i < 3; i++) {
@@ -351,6 +381,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(tickets_are_good_once_and_for_their_token),
         cmocka_unit_test(takes_the_place_of_a_connection_that_lives),
         cmocka_unit_test(edits_under_way_are_done),
+        cmocka_unit_test(all_that_break_at_once_come_back),
         cmocka_unit_test(only_so_many_are_kept),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
