@@ -196,6 +196,7 @@ static enum hg_status parse_lines(
         enum hg_status status = parse_line(text, &token, &plain, err);
         if (!status && token.role != HGP_role_NONE) {
             out->plain += plain;
+            token.line = number;
             status = add_token(out, &token);
         }
         if (!status)
@@ -207,6 +208,37 @@ static enum hg_status parse_lines(
         return status;
     }
     return HG_OK;
+}
+
+static int compare_tokens(const void *a, const void *b)
+{
+    const struct hg_token *x = *(const struct hg_token *const *)a;
+    const struct hg_token *y = *(const struct hg_token *const *)b;
+    const int order = memcmp(x->hash, y->hash, sizeof x->hash);
+    return order ? order : x->line < y->line ? -1 : 1;
+}
+
+// A token that stands there twice would have what one of its lines says, and nobody sees which.
+static enum hg_status check_unique(
+    const struct hg_tokens *tokens, const char *path, struct hg_error *err)
+{
+    char where[32];
+    enum hg_status status = HG_OK;
+    const struct hg_token **sorted = hg_calloc(tokens->count + 1, sizeof *sorted);
+    if (!sorted)
+        return HG_E_NOMEM;
+    for (size_t i = 0; i < tokens->count; i++)
+        sorted[i] = &tokens->items[i];
+    qsort(sorted, tokens->count, sizeof *sorted, compare_tokens);
+    for (size_t i = 1; i < tokens->count && !status; i++) {
+        if (memcmp(sorted[i - 1]->hash, sorted[i]->hash, sizeof sorted[i]->hash) != 0)
+            continue;
+        snprintf(where, sizeof where, "line %u", sorted[i]->line);
+        status = hg_error_set(err, HG_E_INVAL, path, where,
+            "the token of line %u again; only one of them can count", sorted[i - 1]->line);
+    }
+    hg_free(sorted);
+    return status;
 }
 
 enum hg_status hg_tokens_read(const char *path, struct hg_tokens *out, struct hg_error *err)
@@ -223,6 +255,8 @@ enum hg_status hg_tokens_read(const char *path, struct hg_tokens *out, struct hg
     status = parse_lines((char *)data, path, &tokens, err);
     OPENSSL_cleanse(data, size);
     hg_free(data);
+    if (!status)
+        status = check_unique(&tokens, path, err);
     if (status)
         hg_tokens_finish(&tokens);
     else

@@ -25,6 +25,7 @@ struct hg_token_scope {
 struct hg_token {
     uint8_t hash[32];
     enum hgp_role role;
+    unsigned line; // of the file
     char name[129];
     char tenant[129]; // whose scenes and worker it gets
     struct hg_token_scope scope;

@@ -566,7 +566,9 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
     char path[4096];
     const bool is_inherited = b->takeover.inherited_fd >= 0;
-    enum hg_status status = hg_loop_init(&b->loop, err);
+    enum hg_status status = hg_worker_process_check_roots(&b->options, err);
+    if (!status)
+        status = hg_loop_init(&b->loop, err);
     if (!status) // the key may be root's
         status = hg_tls_open(&b->options, &b->streams.tls, err);
     if (!status && !is_inherited)

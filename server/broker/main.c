@@ -21,7 +21,7 @@ static int complain(const struct hg_error *err)
 static int check(const struct hg_options *options)
 {
     struct hg_error err = {0};
-    if (hg_broker_check(options, &err))
+    if (hg_broker_check(options, &err) || hg_worker_process_check_roots(options, &err))
         return complain(&err);
     puts("the configuration is good");
     return 0;

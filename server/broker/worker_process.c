@@ -4,8 +4,10 @@
 #include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/file.h"
 #include "base/log.h"
 #include "base/program.h"
 
@@ -163,4 +165,19 @@ void hg_worker_process_make_first_victim(void)
         hg_debug(WORKER, "oom_score_adj: %s", strerror(errno));
     if (fd >= 0)
         close(fd);
+}
+
+enum hg_status hg_worker_process_check_roots(const struct hg_options *o, struct hg_error *err)
+{
+    struct stat st;
+    for (size_t i = 0; i < o->asset_root.count; i++) {
+        const char *root = o->asset_root.items[i];
+        if (stat(root, &st) == 0 && !S_ISDIR(st.st_mode))
+            errno = ENOTDIR;
+        else if (access(root, F_OK) == 0)
+            continue;
+        return hg_error_set(err, hg_status_from_errno(errno), root, NULL,
+            "--asset-root: no worker starts without it: %s", strerror(errno));
+    }
+    return HG_OK;
 }

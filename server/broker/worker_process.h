@@ -23,6 +23,9 @@ bool hg_worker_process_find(const struct hg_options *options, char *path, size_t
 enum { HG_WORKER_ARGUMENTS = 1024, HG_WORKER_FILES = 1000000 };
 #define HG_WORKER_SHADER_BYTES (UINT64_C(256) << 20) // Mesa's cache of one worker
 
+// All asset roots are folders: else no worker would start. HG_E_NOTFOUND, HG_E_PERM, HG_E_IO.
+enum hg_status hg_worker_process_check_roots(
+    const struct hg_options *options, struct hg_error *err) HG_MUST_CHECK;
 // What a tenant's baked data may take: those that have workers share half of it, the rest is for
 // those that have none. 0 = no limit.
 uint64_t hg_worker_cache_share(const struct hg_options *options);

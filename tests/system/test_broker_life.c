@@ -295,6 +295,12 @@ static void refuses_bad_starts(void **state)
     daemon_option(&d, "worker", "/nonexistent/worker");
     assert_int_equal(daemon_run(&d), 4);
     daemon_finish(&d);
+    daemon_init(&d);
+    daemon_option(&d, "asset-root", "/nonexistent/scenes");
+    assert_int_equal(daemon_run(&d), 4); // may be mounted later
+    daemon_option(&d, "check-config", NULL);
+    assert_int_equal(daemon_run(&d), 2);
+    daemon_finish(&d);
     // A socket that is served is left alone; one of a dead daemon is replaced.
     daemon_begin(&d);
     struct daemon second = d;

@@ -199,6 +199,10 @@ static void tokens_are_read(void **state)
         assert_string_equal(err.where, "line 1");
         assert_int_equal(tokens.count, 0);
     }
+    test_text_write(folder, "tokens", "abcdefgh edit\nijklmnop view\nabcdefgh view\n"); // twice
+    assert_int_equal(hg_tokens_read(path_of("tokens"), &tokens, &err), HG_E_INVAL);
+    assert_string_equal(err.where, "line 3");
+    assert_non_null(strstr(err.reason, "the token of line 1 again"));
 }
 
 static void tokens_have_scopes(void **state)
