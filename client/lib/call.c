@@ -33,17 +33,22 @@ static bool take_interrupt(struct helio *h)
 }
 
 // A full queue is not added to.
+static bool is_full(const struct helio *h)
+{
+    return h->queue.count >= HG_CLIENT_QUEUE_MESSAGES;
+}
+
 static short events_wanted(const struct helio *h)
 {
     const struct hg_client_transport *t = &h->transport;
-    bool read = h->queue.count < HG_CLIENT_QUEUE_MESSAGES;
-    return t->class ? t->class->wants(t, read, helio_want_write(h)) : 0;
+    return t->class ? t->class->wants(t, !is_full(h), helio_want_write(h)) : 0;
 }
 
 enum { REDIAL_MS = 20 };
 
 static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct hg_error *err)
 {
+    const bool was_full = is_full(h);
     for (;;) {
         if (take_interrupt(h))
             return hg_error_set(err, HG_E_CANCELLED, h->url, NULL, "interrupted");
@@ -55,8 +60,8 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
             {.fd = h->wake_fd, .events = POLLIN},
         };
         const struct hg_client_transport *t = &h->transport;
-        const bool has_input = t->class && t->class->has_input && t->class->has_input(t) &&
-                               h->queue.count < HG_CLIENT_QUEUE_MESSAGES;
+        const bool has_input =
+            t->class && t->class->has_input && t->class->has_input(t) && !is_full(h);
         int ms = has_input ? 0 : poll_ms(deadline_ns);
         int n = poll(p, 2, is_lost && ms > REDIAL_MS ? REDIAL_MS : ms);
         if (n < 0 && errno != EINTR)
@@ -65,7 +70,7 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
         enum hg_status status = helio_process(h, err);
         if (status)
             return status;
-        if (n > 0 && p[0].revents)
+        if ((n > 0 && p[0].revents) || (is_full(h) && !was_full)) // nothing more would come
             return HG_OK;
         if (n == 0 && h->handlers.tick)
             h->handlers.tick(h->handlers.user);
@@ -193,7 +198,7 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
             return status;
         if (h->resume.losses != losses)
             return HG_E_AGAIN;
-        if (h->queue.count >= HG_CLIENT_QUEUE_MESSAGES)
+        if (is_full(h))
             return hg_error_set(err, HG_E_STATE, h->url, NULL,
                 "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES);
         status = wait_until(h, deadline, err);

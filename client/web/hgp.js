@@ -335,7 +335,7 @@ export const messages = {
             { name: "sessions", kind: "list", items: "participant", max: 4096, since: 1 },
         ],
     },
-    // where this client points; newest wins, never answered unless it is wrong
+    // where this client points; newest wins. Without a request number it is never answered
     cursor_set: {
         type: 0x0133, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [
@@ -899,7 +899,7 @@ export const messages = {
             { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
         ],
     },
-    // newest wins; never answered unless it is wrong
+    // newest wins; usually sent without a request number, and then never answered (what is wrong is told by notice); with one by ok
     view_camera: {
         type: 0x0303, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [
