@@ -16,6 +16,7 @@
 #define AREA_LEAST_PX   8          // areas are cut at multiples of this
 #define REGION_ALIGN_PX 16u        // of what is drawn of a picture with a region
 #define BEHIND_TRIES    4          // of an area whose pages may drive each other out
+#define COARSE_PICTURES 16         // in motion, until maps are drawn again while pages still come
 #define MOST_SHARES     (1u << 20) // of the geometry of shadow maps
 #define SLICES_FROM_PX  (1u << 18) // smaller pictures are drawn as a whole,
 #define SLICE_LEAST_PX  (1u << 13) // and so are smaller areas: culling takes as long for all
@@ -69,6 +70,22 @@ void hg_tiled_accumulation_restart(struct hg_tiled_accumulation *s, struct hg_li
     if (s->shadows.error_px > 0.0f) // coarse maps are not kept
         forget_shadows(s, lighting);
     s->shadows.error_px = 0.0f;
+}
+
+// All maps wait for all pages that are on their way, but not for ever.
+void hg_tiled_accumulation_sharpen_shadows(const struct hg_draw *draw)
+{
+    struct hg_tiled_accumulation *s = draw->accumulation;
+    if (!s->shadows.coarse_texels)
+        return;
+    struct hg_page_cache_stats stats;
+    hg_page_cache_stats(pages_of(draw), &stats);
+    const bool waits = s->pages.bias > 0.0f || hg_page_cache_under_way(pages_of(draw)) > 0;
+    if (stats.pages_loaded == s->shadows.loaded ||
+        (waits && ++s->shadows.pictures < COARSE_PICTURES))
+        return;
+    forget_shadows(s, draw->lighting);
+    hg_lighting_forget_pages(draw->lighting);
 }
 
 void hg_tiled_accumulation_note(
@@ -206,6 +223,20 @@ enum hg_status hg_tiled_accumulation_await(
     return status;
 }
 
+// `missed`: maps of the sample were drawn without texels that they asked for.
+static void note_coarse_shadows(const struct hg_draw *draw, bool missed)
+{
+    struct hg_tiled_shadows *shadows = &draw->accumulation->shadows;
+    const bool biased = draw->accumulation->pages.bias > 0.0f && draw->stats->stale_shadows > 0;
+    if (!missed && !biased)
+        return;
+    struct hg_page_cache_stats stats;
+    hg_page_cache_stats(pages_of(draw), &stats);
+    shadows->coarse_texels = true;
+    shadows->pictures = 0;
+    shadows->loaded = stats.pages_loaded;
+}
+
 // Texture requests of the sample.
 static void note_pages(const struct hg_draw *draw)
 {
@@ -221,7 +252,7 @@ static void note_pages(const struct hg_draw *draw)
     hg_page_cache_collect(pages_of(draw), HG_PAGES_SHOW, &demand);
     s->pages.missing = demand.missing;
     s->pages.bias = draw->frame->textures.bias;
-    s->shadows.coarse_texels |= demand.shadows;
+    note_coarse_shadows(draw, demand.shadows);
     if (draw->request->settings->debug !=
         0) { // provisional until nothing is missing, or nothing more can be loaded
         const bool idle = hg_page_cache_under_way(pages_of(draw)) == 0;

@@ -58,6 +58,8 @@ struct hg_tiled_pages {
 struct hg_tiled_shadows {
     bool coarse_texels; // maps were drawn with coarser texels
     bool begun;         // maps were cleared: all else adds to them
+    uint32_t pictures;  // that were displayed since; and the pages that had been loaded by then
+    uint64_t loaded;
     float error_px;     // the view's, times the texels that casters may be off; 0: one
     struct hg_tiled_areas areas;
 };
@@ -107,6 +109,9 @@ void hg_tiled_accumulation_restart(
     struct hg_tiled_accumulation *accumulation, struct hg_lighting *lighting);
 // The picture of a view that is not displayed yet is to be drawn in areas from the start.
 bool hg_tiled_accumulation_slices(const struct hg_draw *draw);
+// Before the picture of another state is displayed: shadow maps that were drawn with coarser texels
+// are to be drawn again, when those have come.
+void hg_tiled_accumulation_sharpen_shadows(const struct hg_draw *draw);
 // After a restart of a view that is not displayed yet: collects its requests and switches to exact.
 enum hg_status hg_tiled_accumulation_begin_exact(
     const struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;

@@ -401,6 +401,7 @@ static enum hg_status begin_state(
 {
     const struct hg_draw draw = hg_view_draw(view, request);
     restart(view);
+    hg_tiled_accumulation_sharpen_shadows(&draw);
     const bool cut = view->accumulation.pages.on || hg_tiled_accumulation_slices(&draw);
     if (!cut || !view->final || view->settings.debug != 0)
         return HG_OK;

@@ -270,6 +270,12 @@ bool hg_lighting_has_pages(const struct hg_lighting *l)
     return l->plan.paged;
 }
 
+void hg_lighting_forget_pages(struct hg_lighting *l)
+{
+    if (l->pages.table)
+        hg_shadow_pages_forget(l->pages.table);
+}
+
 void hg_lighting_see(
     struct hg_lighting *l, const struct hg_gpu_camera *camera, const struct hg_shadow_depth *depth)
 {

@@ -129,6 +129,8 @@ void hg_lighting_see(struct hg_lighting *lighting, const struct hg_gpu_camera *c
     const struct hg_shadow_depth *depth);
 // The sun of the newest sync has pages.
 bool hg_lighting_has_pages(const struct hg_lighting *lighting);
+// All pages are to be drawn again; until then the map of the whole scene is used.
+void hg_lighting_forget_pages(struct hg_lighting *lighting);
 // RGBA of what a pixel of such a picture shows: the level of its page, from the coarsest on in the
 // colours of mips, every other page darker; pale where it waits for a finer one; grey the map of
 // the whole scene.

@@ -281,6 +281,22 @@ static void test_missing_is_told(void **state)
     rig_close(&rig);
 }
 
+// Shadows of masks are sharp in motion, too, once the pages of their alpha are there.
+static void test_shadows_sharpen_in_motion(void **state)
+{
+    (void)state;
+    struct rig rig;
+    bool coarse = true;
+    open_rig(&rig, 0);
+    for (int i = 0; i < 4000 && coarse; i++) {
+        look(&rig, 0.001f * (float)(i % 2), 6.5f);
+        rig_step(&rig, 1);
+        coarse = rig.view->state.accumulation.shadows.coarse_texels;
+    }
+    assert_false(coarse);
+    rig_close(&rig);
+}
+
 // In motion a budget that is too small raises the bias evenly until all fits; then it stays: sixty
 // frames in a row, however long the images took to be read.
 static void test_bias_settles(void **state)
@@ -494,9 +510,9 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_budgets_do_not_show),
         cmocka_unit_test(test_another_scene_comes), cmocka_unit_test(test_budgets_behind_glass),
         cmocka_unit_test(test_history_does_not_show), cmocka_unit_test(test_missing_is_told),
-        cmocka_unit_test(test_bias_settles), cmocka_unit_test(test_finding_does_not_show),
-        cmocka_unit_test(test_slices_do_not_show), cmocka_unit_test(test_final_is_drawn_once),
-        cmocka_unit_test(test_final_no_longer), cmocka_unit_test(test_prediction),
-        cmocka_unit_test(test_looking_ahead)};
+        cmocka_unit_test(test_shadows_sharpen_in_motion), cmocka_unit_test(test_bias_settles),
+        cmocka_unit_test(test_finding_does_not_show), cmocka_unit_test(test_slices_do_not_show),
+        cmocka_unit_test(test_final_is_drawn_once), cmocka_unit_test(test_final_no_longer),
+        cmocka_unit_test(test_prediction), cmocka_unit_test(test_looking_ahead)};
     return cmocka_run_group_tests(tests, set_up, finish);
 }
