@@ -395,6 +395,7 @@ float hg_light_lobe(hg_gpu_light light, vec3 l)
 // The light of lamps with a size was gathered for the surface that is shaded, and rays told which share of
 // that of directional lights arrives, and of lamps without a size.
 bool hg_light_gathered = false;
+bool hg_light_by_maps = false; // all the same shadow maps say which share arrives, as they know both sides
 float hg_light_sun_seen = 1.0;
 uvec4 hg_light_lamps_seen = uvec4(0xffffffffu); // HG_FEATURE2_LAMPS_GATHERED: of each HG_GATHERED_LAMP
 
@@ -453,7 +454,7 @@ vec3 hg_light_side(hg_brdf b, vec3 n_geometric, vec3 l)
 float hg_light_lit(hg_gpu_light light, vec3 pos_ws, vec3 n_geometric, vec3 l, bool sky_sun)
 {
     bool directional = !HG_HAS(HG_FEATURE_LOCAL) || light.kind == HG_LIGHT_KIND_DIRECTIONAL;
-    if (HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered && directional)
+    if (HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered && !hg_light_by_maps && directional)
         return hg_light_sun_seen;
     return hg_shadow(light, pos_ws, n_geometric, l, sky_sun);
 }
@@ -495,7 +496,7 @@ vec3 hg_light_one(hg_brdf b, uint index, vec3 pos_ws, vec3 n_geometric)
     vec3 sum = e * hg_light_reflected(b, l);
     n_geometric = hg_light_side(b, n_geometric, l);
     // Those that no shadow map, or that cast no shadows, among them.
-    if (HG_HAS2(HG_FEATURE2_LAMPS_GATHERED) && hg_light_gathered && lamp)
+    if (HG_HAS2(HG_FEATURE2_LAMPS_GATHERED) && hg_light_gathered && !hg_light_by_maps && lamp)
         return dot(n_geometric, l) > 0.0 ? sum * hg_light_lamp_seen(light.id) : vec3(0.0);
     bool first = index == 0u; // the sky's sun, if there is one
     if (HG_HAS(HG_FEATURE_SHADOWS) && light.shadow != HG_SHADOW_NONE)
@@ -511,7 +512,7 @@ vec3 hg_light_sun(hg_brdf b, vec3 pos_ws, vec3 n_geometric)
     n_geometric = hg_light_side(b, n_geometric, l);
     if (HG_HAS(HG_FEATURE_SHADOWS) && hg_sun.shadow != HG_SHADOW_NONE)
         sum *= dot(n_geometric, l) <= 0.0                         ? 0.0
-            : HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered ? hg_light_sun_seen
+            : HG_HAS2(HG_FEATURE2_GATHERED) && hg_light_gathered && !hg_light_by_maps ? hg_light_sun_seen
                                                                  : hg_shadow_of_sun(pos_ws, n_geometric, l);
     return sum;
 }

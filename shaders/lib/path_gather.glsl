@@ -28,11 +28,19 @@ vec3 hg_gather_base_scattering(hg_brdf b)
     return b.diffuse * clamp(1.0 - b.f0_dielectric * b.dfg_v.x - b.dfg_v.y - b.f_ms_dielectric * miss, 0.0, 1.0);
 }
 
+// Light that scatters through the surface counts for what scatters.
+bool hg_gather_scatters_through(hg_bsdf b)
+{
+    return HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
+}
+
 // The same of all lobes, sheen with them: as in hg_environment_bsdf.
 vec3 hg_gather_scattering(hg_bsdf b)
 {
     if (HG_HAS(HG_FEATURE_LOBES)) {
         vec3 scattering = b.base.diffuse * b.enter_v;
+        if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION))
+            scattering += b.behind * b.enter_v;
         if (HG_HAS(HG_FEATURE_SHEEN))
             scattering += b.sheen * (b.sheen_albedo_v.y * b.coat_v);
         return scattering;
@@ -42,7 +50,8 @@ vec3 hg_gather_scattering(hg_bsdf b)
 
 // A path that met a surface after t metres ends there. Every second one goes on for a bounce more, which
 // halves the error of the field; pairs of samples and pixels take turns. Mirrors and glass are no ends, as
-// what they show is not what the field has about them, unless there may be no more bounces.
+// what they show is not what the field has about them, unless there may be no more bounces. Nor are surfaces that
+// scatter light through: a lampshade has another field on each side, and is smaller than the spacing of probes.
 bool hg_gather_mirrors(vec3 mirrored, float roughness)
 {
     return roughness < HG_GATHER_ROUGH && hg_max3(mirrored) > HG_GATHER_MIRRORS;
@@ -58,7 +67,7 @@ bool hg_gather_ends_at(path p, float t)
 
 bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
 {
-    if (hg_gather_mirrors(hg_features_mirroring(b), s.roughness))
+    if (hg_gather_mirrors(hg_features_mirroring(b), s.roughness) || hg_gather_scatters_through(b))
         return p.bounce >= hg_path.max_bounces;
     return p.bounce >= hg_path.max_bounces || hg_gather_ends_at(p, t);
 }

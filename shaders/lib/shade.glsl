@@ -216,11 +216,12 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
 vec3 lobes(hg_surface s, hg_vertex v, vec3 view)
 {
     hg_bsdf b = hg_bsdf_make(s, view, 1.0);
-    // Light from behind is not gathered apart: probes know both sides.
-    bool thin = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
-    if (HG_HAS2(HG_FEATURE2_GATHERED) && !thin) {
+    if (HG_HAS2(HG_FEATURE2_GATHERED)) {
         hg_gathered_look(hg_at, v.depth, b.base.n);
         s.occlusion = 1.0;
+        // What was gathered is over the albedo of both sides together.
+        hg_probes_behind = hg_probes_irradiance;
+        hg_light_by_maps = HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION) && hg_max3(b.behind) > 0.0;
     } else if (HG_HAS2(HG_FEATURE2_PROBE_LIGHT)) {
         hg_probe_light_look(hg_at, v.depth, b.base.n);
         occlude(s, b.base.n_dot_v, b.base.alpha);

@@ -201,7 +201,8 @@ void note_guide(path p, hg_bsdf b, hg_vertex v, hg_surface s)
     hg_path_set3(guide + HG_PATH_GUIDE_REFLECTION, p.slot, hg_features_mirroring(b));
     hg_path_set3(guide + HG_PATH_GUIDE_NORMAL, p.slot, s.normal);
     hg_path_set(guide + HG_PATH_GUIDE_DEPTH, p.slot, log(max(v.depth, 1e-6)));
-    bool cloth = HG_PATH_CAN(HG_PATH_GATHERS) && HG_HAS(HG_FEATURE_SHEEN) && hg_max3(b.sheen) > 0.0;
+    bool cloth = HG_PATH_CAN(HG_PATH_GATHERS) &&
+        ((HG_HAS(HG_FEATURE_SHEEN) && hg_max3(b.sheen) > 0.0) || hg_gather_scatters_through(b));
     hg_path_set(guide + HG_PATH_GUIDE_ROUGHNESS, p.slot, s.roughness + (cloth ? HG_PATH_GUIDE_CLOTH : 0.0));
     hg_path_set(guide + HG_PATH_GUIDE_HITS, p.slot, 1.0);
 }
@@ -225,7 +226,7 @@ void note_group(uint slot, uint group, bool second)
 // Which share of f, the light by this way, the first surface's diffuse lobe reflects.
 void note_split(uint slot, uint word, hg_bsdf b, vec3 l, vec3 f)
 {
-    vec3 share = vec3(-1.0);
+    vec3 share = vec3(HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_scatters_through(b) ? 1.0 : -1.0);
     if (dot(b.base.n, l) > 0.0)
         share = clamp(hg_bsdf_evaluate_diffuse_part(b, l) / max(f, 1e-30), 0.0, 1.0);
     hg_path_set3(hg_path.split + word, slot, share);

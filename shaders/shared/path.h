@@ -137,7 +137,8 @@
 // a white surface, luminance, had it met nothing, and as it arrived.
 #define HG_PATH_GUIDE_OPEN_SUN 3
 #define HG_PATH_GUIDE_SEEN_SUN 4
-#define HG_PATH_GUIDE_CLOTH    1024.0f // added to their ROUGHNESS where the surface has sheen; more than a sum of that
+// Added to their ROUGHNESS where the surface has sheen or lets light through diffusely; more than a sum of that.
+#define HG_PATH_GUIDE_CLOTH    1024.0f
 
 // What the guide knows as pixels show it: sums over all samples that count for them, as the colour's.
 #define HG_PATH_SHOWN_LIGHT      0 // rgb: DIRECT, INDIRECT and SPECULAR together

@@ -1,5 +1,6 @@
 // glass.c - what smooth glass shows of a closed room: a ball, a pane and a thin-walled bubble,
-// against path tracing, under a sky that is brighter than the room and must not be seen.
+// against path tracing, under a sky that is brighter than the room and must not be seen; and a ball
+// of paper around a lamp.
 #include <math.h>
 #include <string.h>
 
@@ -222,6 +223,32 @@ static void test_furnace(void **state)
     }
 }
 
+// What light scatters through has the light of its other side, nearer than probes are to each
+// other.
+static void test_lampshade(void **state)
+{
+    struct rig *rig = *state;
+    static const float lit_by[2][3] = {{0, 1.4f, -0.4f}, {0, 2.7f, -2.4f}}; // within, from outside
+    for (int i = 0; i < 2; i++) {
+        struct hg_refbuf *pixels[2];
+        rig_scene(rig);
+        gi_room(rig, gi_grey(rig, 0.5f, 0), hall_box);
+        struct hg_material *paper = gi_grey(rig, 0.8f, 0);
+        paper->diffuse_transmission.factor = 0.7f;
+        paper->double_sided = true;
+        rig_sphere(rig, paper, lit_by[0], 0.6f, 24);
+        rig_sphere(rig, gi_grey(rig, 0, 50), lit_by[i], 0.1f, 12);
+        pixels[0] = take(rig, HG_GI_RAYS, HG_MODE_REALTIME);
+        pixels[1] = take(rig, HG_GI_NONE, HG_MODE_PATH);
+        const double got = middle_of(pixels[0]), want = middle_of(pixels[1]);
+        print_message(
+            "a shade lit from %s: %.3f, paths %.3f\n", i ? "behind" : "within", got, want);
+        assert_true(fabs(got / want - 1) < 0.1);
+        hg_refbuf_unref(pixels[0]);
+        hg_refbuf_unref(pixels[1]);
+    }
+}
+
 // Paths of both kinds at rest are counted apart.
 static void test_counters(void **state)
 {
@@ -246,6 +273,7 @@ int main(int argc, char **argv) // argv[1]: only tests of this name
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rooms),
         cmocka_unit_test(test_furnace),
+        cmocka_unit_test(test_lampshade),
         cmocka_unit_test(test_counters),
     };
     if (argc > 1)
