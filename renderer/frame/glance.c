@@ -90,26 +90,58 @@ static bool is_due(struct hg_view_state *view)
     return view->gi.field != HG_GI_NO_FIELD && hg_meter_is_due(view);
 }
 
-enum hg_status hg_glance_step(struct hg_view_state *view, struct hg_error *err)
+// What a camera of the present scene is exposed for.
+static enum hg_status glance(struct hg_view_state *view, const struct hg_view_camera_state *eye,
+    float *ev, struct hg_error *err)
 {
-    if (!is_due(view))
-        return HG_OK;
     struct hg_lighting_sources sources;
-    const uint64_t start = hg_clock_now_ns();
     struct picture *p = hg_calloc(1, sizeof *p);
     if (p == NULL)
         return hg_error_set(err, HG_E_NOMEM, "exposure", NULL, "out of host memory");
     hg_meter_size(&view->settings, HG_GLANCE_SIDE_PX, &p->width, &p->height);
     const struct hg_camera_setup camera =
-        hg_scene_gpu_camera(view->scene_gpu, &view->camera, p->width, p->height);
+        hg_scene_gpu_camera(view->scene_gpu, eye, p->width, p->height);
     aim(&camera, p);
     hg_lighting_sources(view->lighting, &sources);
     const struct hg_gi_look look = {
         view->gi.field, hg_gi_view_id(view), &sources, p->rays, p->width * p->height};
     const enum hg_status status = hg_gi_see(view->scene_gpu->gi, &look, p->sights, err);
     if (status == HG_OK)
-        hg_meter_take(view, value_of(p, hg_meter_sun_stops(view->scene_gpu->scene)));
+        *ev = value_of(p, hg_meter_sun_stops(view->scene_gpu->scene));
     hg_free(p);
+    return status;
+}
+
+// Glances know nothing of what surfaces mirror, nor of the noise of few paths. What one would be
+// off for the camera that rested is taken from those that follow, the less the more they differ
+// from it.
+static enum hg_status compare(struct hg_view_state *view, struct hg_error *err)
+{
+    struct hg_exposure_rest *rest = &view->exposure.rest;
+    if (view->exposure.cut || (!rest->compared && !hg_meter_is_of_scene(view)))
+        rest->known = rest->compared = false;
+    if (!rest->known || rest->compared)
+        return HG_OK;
+    const enum hg_status status = glance(view, &rest->camera, &rest->glance_ev, err);
+    rest->compared = status == HG_OK;
+    rest->off = rest->ev - rest->glance_ev;
+    return status;
+}
+
+enum hg_status hg_glance_step(struct hg_view_state *view, struct hg_error *err)
+{
+    const struct hg_exposure_rest *rest = &view->exposure.rest;
+    if (!is_due(view))
+        return HG_OK;
+    const uint64_t start = hg_clock_now_ns();
+    float ev = 0.0f;
+    enum hg_status status = compare(view, err);
+    if (status == HG_OK)
+        status = glance(view, &view->camera, &ev, err);
+    if (status == HG_OK && rest->compared)
+        ev += rest->off * exp2f(-fabsf(ev - rest->glance_ev));
+    if (status == HG_OK)
+        hg_meter_take(view, ev);
     hg_view_stats_add_stage(&view->stats, "meter", hg_clock_now_ns() - start);
     return status;
 }

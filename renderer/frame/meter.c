@@ -67,6 +67,13 @@ bool hg_meter_is_due(const struct hg_view_state *view)
            !(e->metered && memcmp(&key, &e->key, sizeof key) == 0);
 }
 
+bool hg_meter_is_of_scene(const struct hg_view_state *view)
+{
+    const struct hg_meter_key now = present_key(view), *then = &view->exposure.key;
+    return now.scene == then->scene && now.environment == then->environment &&
+           now.geometry == then->geometry;
+}
+
 bool hg_meter_has_begun(const struct hg_view_state *view)
 {
     const struct hg_meter_key key = present_key(view);
@@ -137,6 +144,7 @@ static void note(struct hg_view_state *view, const struct hg_meter_key *key, flo
 {
     struct hg_view_exposure *e = &view->exposure;
     hg_meter_take(view, ev);
+    e->rest = (struct hg_exposure_rest){.camera = view->camera, .known = true, .ev = ev};
     e->key = *key;
     e->metered = true;
     view->stats.number += view->stats.number > 0 ? 1 : 0;

@@ -29,6 +29,8 @@ void hg_meter_note_camera(struct hg_view_state *view, const struct hg_view_camer
 // Whether the view waits for a value of what it shows now. False: its exposure is stated, or
 // metered.
 bool hg_meter_is_due(const struct hg_view_state *view);
+// What was metered at rest last is of the scene as it is now.
+bool hg_meter_is_of_scene(const struct hg_view_state *view);
 // It is being metered for what the view shows now.
 bool hg_meter_has_begun(const struct hg_view_state *view);
 // One slice of metering, of a synced scene. It replaces the film of the view, which restarts

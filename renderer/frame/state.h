@@ -85,6 +85,13 @@ struct hg_meter_key {
 };
 
 // Automatic exposure (meter.h). settings.exposure follows.
+// What a glance is off from what was metered at rest, for the same camera.
+struct hg_exposure_rest {
+    struct hg_view_camera_state camera; // that it was metered for
+    bool known, compared;               // compared: glance_ev and off are there
+    float ev, glance_ev, off;           // stops
+};
+
 struct hg_view_exposure {
     bool automatic;
     bool metered;                // metered_ev is of `key`; false: it is 0
@@ -97,6 +104,7 @@ struct hg_view_exposure {
     uint64_t glanced_ns;         // when it was metered in motion last
     struct hg_meter_key key, begun_key;
     const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
+    struct hg_exposure_rest rest;
 };
 
 // What light is gathered for.

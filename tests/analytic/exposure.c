@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/clock.h"
 #include "renderer/frame/meter.h"
 #include "tests/analytic/path_rig.h"
 
@@ -248,6 +249,45 @@ static void test_adaptation_in_motion(void **state)
     hg_view_destroy(view);
 }
 
+// A dark floor that mirrors a bright sky, of which only the meter of rest knows: what is shown
+// stays when the camera begins to move, and is another one when light changes.
+static void test_motion_keeps_rest(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_view_params params = card_params;
+    params.gi = HG_GI_PROBES;
+    rig_scene(rig);
+    struct hg_material *m = path_rig_lambert(rig, 0.05f);
+    m->specular.factor = 1;
+    m->roughness = 0.2f;
+    path_rig_floor(rig, m, 20);
+    path_rig_environment(rig, 32);
+    struct hg_view *view = look(rig, &params);
+    hg_view_set_final(view, false);
+    const float rest = settle(view, 8).exposure_ev;
+    struct hg_frame_info info = {0};
+    const uint64_t start = hg_clock_now_ns();
+    float least = rest, most = rest;
+    for (int i = 0; hg_clock_now_ns() - start < UINT64_C(1500000000); i++) {
+        look_aside(view, i % 10 + 1);
+        info = step(view);
+        assert_false(info.settled);
+        least = fminf(least, info.exposure_ev);
+        most = fmaxf(most, info.exposure_ev);
+    }
+    print_message(
+        "at rest %.3f EV, in motion %.3f to %.3f\n", (double)rest, (double)least, (double)most);
+    assert_true(rest - least < 0.2f && most - rest < 0.2f);
+    path_rig_environment(rig, 2);
+    hg_scene_publish(rig->scene);
+    for (int i = 0; i < 100000 && !(info.exposure_ev > rest + 3); i++) {
+        look_aside(view, i % 10 + 1);
+        info = step(view);
+    }
+    assert_true(info.exposure_ev > rest + 3);
+    hg_view_destroy(view);
+}
+
 // Settings of a camera: a card under light of L cd/m^2 comes out as 0.18 L / (1.2 * 2^EV100).
 static void test_camera(void **state)
 {
@@ -381,8 +421,8 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_card),
         cmocka_unit_test(test_one_value), cmocka_unit_test(test_stated),
         cmocka_unit_test(test_motion), cmocka_unit_test(test_adaptation),
-        cmocka_unit_test(test_adaptation_in_motion), cmocka_unit_test(test_camera),
-        cmocka_unit_test(test_camera_of_file), cmocka_unit_test(test_camera_lens_and_shutter),
-        cmocka_unit_test(test_nothing)};
+        cmocka_unit_test(test_adaptation_in_motion), cmocka_unit_test(test_motion_keeps_rest),
+        cmocka_unit_test(test_camera), cmocka_unit_test(test_camera_of_file),
+        cmocka_unit_test(test_camera_lens_and_shutter), cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }
