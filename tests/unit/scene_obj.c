@@ -206,6 +206,18 @@ static void test_missing_library(void **state)
     hg_asset_destroy(asset);
 }
 
+static void test_missing_material(void **state)
+{
+    (void)state;
+    struct hg_asset *asset =
+        load_with("mtllib a b.mtl\n" CORNERS "f 1 2 3\nusemtl m\nf 1 2 3\nusemtl M\nf 1 3 4\n",
+            "newmtl m\nKd 1 0 0\n");
+    assert_int_equal(asset->warning_count, 1);
+    assert_string_equal(asset->warnings[0].where, "M");
+    assert_true(has_warning(asset, "no material library defines the material"));
+    hg_asset_destroy(asset);
+}
+
 static void test_far_models(void **state)
 {
     (void)state;
@@ -278,8 +290,8 @@ int main(void)
         cmocka_unit_test(test_groups_and_materials), cmocka_unit_test(test_concave_face),
         cmocka_unit_test(test_lines_and_points), cmocka_unit_test(test_smoothing_groups),
         cmocka_unit_test(test_material_keys), cmocka_unit_test(test_texture_options),
-        cmocka_unit_test(test_missing_library), cmocka_unit_test(test_far_models),
-        cmocka_unit_test(test_refusals), cmocka_unit_test(test_large_polygons),
-        cmocka_unit_test(test_every_prefix)};
+        cmocka_unit_test(test_missing_library), cmocka_unit_test(test_missing_material),
+        cmocka_unit_test(test_far_models), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_large_polygons), cmocka_unit_test(test_every_prefix)};
     return cmocka_run_group_tests_name("scene_obj", tests, NULL, NULL);
 }

@@ -53,6 +53,7 @@ struct hg_obj {
         uint64_t index, offset;
     } most[3];
     bool has_free_forms;
+    bool has_library; // one was read
 };
 
 // False at the end of the text or when memory is short (then the error is set).

@@ -291,6 +291,7 @@ static enum hg_status read_one(struct hg_obj *obj, struct hg_text name, bool *fo
         return f->err->status;
     f->memory_used += data->size;
     status = read_library(obj, data);
+    obj->has_library = true;
     f->memory_used -= data->size;
     hg_refbuf_unref(data);
     return status;
@@ -364,6 +365,11 @@ static void finish_factors(struct hg_obj *obj, struct hg_obj_material *m)
             to->emissive[c] = 1;
     for (int c = 0; c < 3 && !m->defined && obj->colors.count; c++)
         to->base_color[c] = 1; // the colours are those of the vertices
+    const bool named = to->head.name != NULL && to->head.name[0] != '\0';
+    if (!m->defined && named && obj->has_library)
+        hg_asset_warn(obj->file.asset, to->head.name,
+            "no material library defines the material: it is shown in %s",
+            obj->colors.count ? "white" : "grey");
     if (m->raw.opacity <= 0) {
         hg_asset_warn(obj->file.asset, to->head.name,
             "the material is wholly transparent: it is shown as opaque");
