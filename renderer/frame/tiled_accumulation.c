@@ -13,11 +13,9 @@
 #define REST_MOST_NS    500000000u // between the two four times as long as drawing it took
 #define EXACT_WAIT_NS   50000000u  // per step
 #define STILL_SAMPLES   8          // of a debug view that will not get sharper
-#define AREA_LEAST_PX   8          // areas are cut at multiples of this
 #define REGION_ALIGN_PX 16u        // of what is drawn of a picture with a region
 #define BEHIND_TRIES    4          // of an area whose pages may drive each other out
 #define COARSE_PICTURES 16         // in motion, until maps are drawn again while pages still come
-#define MOST_SHARES     (1u << 20) // of the geometry of shadow maps
 #define SLICES_FROM_PX  (1u << 18) // smaller pictures are drawn as a whole,
 #define SLICE_LEAST_PX  (1u << 13) // and so are smaller areas: culling takes as long for all
 
@@ -294,43 +292,6 @@ static struct hg_waiting_pixels waiting_pixels(const struct hg_draw *draw)
         .columns = b != NULL ? b->columns : 0};
 }
 
-// Cuts the area on top in two. False when it is a single pixel already, or the stack is full.
-static bool split(struct hg_tiled_areas *areas)
-{
-    struct hg_tiled_area *a = &areas->items[areas->count - 1], b = *a;
-    const VkExtent2D size = a->rect.extent;
-    const bool wide = size.width >= size.height;
-    uint32_t half = (wide ? size.width : size.height) / 2;
-    if (half > AREA_LEAST_PX)
-        half -= half % AREA_LEAST_PX;
-    if (half == 0 || areas->count == HG_TILED_MAX_AREAS)
-        return false;
-    if (wide) {
-        b.rect.offset.x += (int32_t)half;
-        b.rect.extent.width -= half;
-        a->rect.extent.width = half;
-    } else {
-        b.rect.offset.y += (int32_t)half;
-        b.rect.extent.height -= half;
-        a->rect.extent.height = half;
-    }
-    areas->items[areas->count++] = *a; // the first half is finished first
-    areas->items[areas->count - 2] = b;
-    return true;
-}
-
-// Cuts the share of the geometry on top in two. False when hardly more than a chunk can be in it.
-static bool share(struct hg_tiled_areas *areas)
-{
-    struct hg_tiled_area *a = &areas->items[areas->count - 1], b = *a;
-    if (a->shares >= MOST_SHARES || areas->count == HG_TILED_MAX_AREAS)
-        return false;
-    a->shares = b.shares = a->shares > 0 ? 2 * a->shares : 2;
-    b.share += b.shares / 2;
-    areas->items[areas->count++] = b;
-    return true;
-}
-
 static uint64_t pixels_of(VkExtent2D size)
 {
     return (uint64_t)size.width * size.height;
@@ -358,7 +319,8 @@ static void cut_slice(const struct hg_draw *draw)
         return;
     const float most = (float)s->slices.ns / s->slices.px_ns;
     const uint64_t most_px = most > (float)SLICE_LEAST_PX ? (uint64_t)most : SLICE_LEAST_PX;
-    while (pixels_of(s->areas.items[s->areas.count - 1].rect.extent) > most_px && split(&s->areas))
+    while (pixels_of(s->areas.items[s->areas.count - 1].rect.extent) > most_px &&
+           hg_tiled_areas_split(&s->areas))
         ;
 }
 
@@ -501,7 +463,7 @@ static enum hg_status finish_shadows(struct hg_draw *draw, struct hg_error *err)
     enum hg_status status = hg_frame_cull(draw, HG_FRAME_SHADOWS, 0, err);
     s->shadows.coarse_texels = true;
     if (status == HG_OK && draw->crowded && !s->forced) {
-        s->forced = !share(&s->shadows.areas);
+        s->forced = !hg_tiled_areas_share(&s->shadows.areas);
         return HG_OK;
     }
     if (status == HG_OK)
@@ -515,7 +477,7 @@ static enum hg_status finish_shadows(struct hg_draw *draw, struct hg_error *err)
     if (!demand.shadows)
         s->shadows.coarse_texels = --s->shadows.areas.count > 0;
     else if (!demand.fits)
-        split(&s->shadows.areas);
+        hg_tiled_areas_split(&s->shadows.areas);
     if (!s->shadows.coarse_texels)
         keep_shadows(s, draw->lighting);
     return HG_OK;
@@ -586,7 +548,7 @@ static enum hg_status draw_behind(const struct hg_draw *draw, struct hg_error *e
         s->shadows.coarse_texels =
             hg_culling_count(draw->culling) > 1; // without the camera they may fit
         if (!s->shadows.coarse_texels)
-            s->forced = !split(&s->behind.areas);
+            s->forced = !hg_tiled_areas_split(&s->behind.areas);
         return HG_OK;
     }
     s->pages.missing = demand.missing;
@@ -598,7 +560,7 @@ static enum hg_status draw_behind(const struct hg_draw *draw, struct hg_error *e
         s->behind.there = --s->behind.areas.count == 0;
     } else if (!demand.fits || ++s->behind.tries == BEHIND_TRIES) {
         s->behind.tries = 0;
-        split(&s->behind.areas);
+        hg_tiled_areas_split(&s->behind.areas);
     }
     draw->stats->number++;
     return HG_OK;
@@ -652,7 +614,7 @@ static void advance(
     if (area->samples >= end_of(draw, area))
         s->areas.count--;
     else if (!demand->fits)
-        split(&s->areas);
+        hg_tiled_areas_split(&s->areas);
 }
 
 static bool is_all(const struct hg_draw *draw, const struct hg_tiled_area *area)
@@ -681,7 +643,7 @@ static enum hg_status draw_area(struct hg_draw *draw, struct hg_error *err)
         // A single pixel may need more than the budget holds: it is drawn coarser, and the picture
         // reports the larger error.
         if (!s->shadows.coarse_texels)
-            s->forced = !split(&s->areas);
+            s->forced = !hg_tiled_areas_split(&s->areas);
         return HG_OK;
     }
     if (status != HG_OK)

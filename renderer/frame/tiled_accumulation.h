@@ -18,25 +18,10 @@
 #define HG_RENDERER_FRAME_TILED_ACCUMULATION_H
 
 #include "renderer/frame/draw.h"
+#include "renderer/frame/tiled_areas.h"
 #include "renderer/texture/cache/page_cache.h"
 
-#define HG_TILED_FIND_SMALLER 2  // by which the sides of a picture are that only finds pages
-#define HG_TILED_MAX_AREAS    64 // halving 16384 x 16384 px down to one takes 28
-
-// All pixels inside have at least that many samples, or are in areas further up with an end. Shadow
-// maps have no samples: depths of one share of the geometry after the other are added to them.
-struct hg_tiled_area {
-    VkRect2D rect;
-    uint32_t samples;
-    uint32_t end; // samples that it is drawn to, to catch up with the area around it; 0: all
-    uint32_t share, shares; // of shadow maps: the share of the geometry; shares 0 or 1: all of it
-};
-
-// A stack; areas that are not in it are finished.
-struct hg_tiled_areas {
-    struct hg_tiled_area items[HG_TILED_MAX_AREAS];
-    uint32_t count;
-};
+#define HG_TILED_FIND_SMALLER 2 // by which the sides of a picture are that only finds pages
 
 // What the accumulated samples were made of; any difference restarts.
 struct hg_view_key {
