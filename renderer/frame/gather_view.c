@@ -20,6 +20,8 @@
 #define FULL_SAMPLES 32.0     // where so many are asked for
 #define MOST_BITS    6        // log2 of samples
 #define SUN_SAMPLES  2u       // at least, of directional lights: their shadows have edges
+#define LAMP_RAYS    2u       // of a pixel, to each lamp without a size,
+#define LAMPS_APART  3u       // of so many; more share them
 #define MOST_BOUNCE  6    // of paths that do not find the field,
 #define GLASS_BOUNCE 16   // and of those by way of glass, which pass both its sides
 #define COLOR        0u   // enum hg_plane of renderer.h
@@ -84,8 +86,23 @@ static float nearest_end(const struct hg_view_state *view)
 // Lamps beyond the first ones share numbers.
 static uint32_t lamps_of(const struct hg_view_state *view)
 {
-    const uint32_t count = hg_lighting_shadowed_lamps(view->lighting);
-    return count < HG_GATHERED_LAMPS ? count : HG_GATHERED_LAMPS;
+    struct hg_lighting_sources lights;
+    hg_lighting_sources(view->lighting, &lights);
+    if (hg_lighting_shadowed_lamps(view->lighting) == 0)
+        return 0;
+    return lights.count < HG_GATHERED_LAMPS ? lights.count : HG_GATHERED_LAMPS;
+}
+
+// Samples of lamps alone, with two rays each, so that each lamp has some from each pixel; where no
+// directional light has it the second ray of all others is for lamps as well.
+static uint32_t lamp_samples_of(const struct hg_view_state *view)
+{
+    struct hg_lighting_sources lights;
+    hg_lighting_sources(view->lighting, &lights);
+    const uint32_t lamps = hg_lighting_shadowed_lamps(view->lighting);
+    const uint32_t rays = LAMP_RAYS * (lamps < LAMPS_APART ? lamps : LAMPS_APART);
+    const uint32_t there = lights.directional_count > 0 ? 0 : samples_of(&view->settings);
+    return rays > there ? (rays - there + 1) / 2 : 0;
 }
 
 static struct hg_path_request request_of(const struct hg_view_state *view, bool glass)
@@ -103,7 +120,8 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
             .lamps = glass ? 0 : lamps_of(view),
             .reach = REACH,
             .near_m = nearest_end(view),
-            .full = samples_of(s)},
+            .full = samples_of(s),
+            .lamp_samples = glass ? 0 : lamp_samples_of(view)},
         .aside = true,
         .build_wait_ns = HG_FRAME_BUILD_WAIT_NS};
     request.settings = (struct hg_path_settings){.trace = s->path.trace,

@@ -14,7 +14,9 @@
 #define FINEST_MOST  3  // down to this share of it
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
 #define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
-#define LAMPLIT_STEP 4  // of those of lamps, which fewer samples ask for
+#define LAMPLIT_STEP  2  // of those of lamps
+#define FEW_ASKED     2u // times that, where less than one sample of a pixel asks for a lamp
+#define ASKED_CELL    8u // px
 #define LAMP_PRIOR   0.02f
 #define LAMP_FILLED  0.1f // worth of a pixel that has its share of a lamp from others
 #define STRIP        8  // rows that are filtered together
@@ -27,7 +29,8 @@
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define ALIKE_COSINE     0.9f  // of pixels that tell each other's variance,
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
-#define SUNLIT_REACH     1.5f  // those of shares of directional lights: their edges are sharp
+#define SUNLIT_REACH                                                                               \
+    1.5f // those of shares of lights that many samples ask for: their edges are sharp
 #define ROUGH_REACH      0.1f
 #define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
 #define LOBE_SHARE       1.0f  // and half the squared share of alpha by which their normals may
@@ -169,15 +172,25 @@ static void lamp_row(void *user, size_t y)
         set_lamp(w, at);
 }
 
-// Some sample asked for the lamps of this number. Else there are none, or none reaches anything.
-static bool is_asked_for(const struct hg_gi_gather *w)
+// Samples of a pixel that asked for the lamps of this number, in the mean over the cells in which
+// some did. 0: there are none, or none reaches anything.
+static float asked_per_pixel(const struct hg_gi_gather *w)
 {
-    const size_t pixels = hg_gi_gather_pixels(w);
-    const float *packed = w->in.lamps + w->lamp * pixels;
-    for (size_t at = 0; at < pixels && w->lamp < w->in.lamp_count; at++)
-        if (packed[at] > 0)
-            return true;
-    return false;
+    const float *packed = w->in.lamps + w->lamp * hg_gi_gather_pixels(w);
+    double asked = 0, pixels = 0;
+    for (uint32_t top = 0; top < w->in.height && w->lamp < w->in.lamp_count; top += ASKED_CELL)
+        for (uint32_t left = 0; left < w->in.width; left += ASKED_CELL) {
+            double here = 0, count = 0;
+            for (uint32_t y = top; y < top + ASKED_CELL && y < w->in.height; y++)
+                for (uint32_t x = left; x < left + ASKED_CELL && x < w->in.width; x++) {
+                    const size_t at = (size_t)y * w->in.width + x;
+                    here += (double)fmodf(packed[at], HG_PATH_LAMP_SEEN);
+                    count += w->guides[DEPTH][at] > 0 ? 1 : 0;
+                }
+            asked += here;
+            pixels += here > 0 ? count : 0;
+        }
+    return pixels > 0 ? (float)(asked / pixels) : 0;
 }
 
 static void load_row(void *user, size_t y)
@@ -299,7 +312,8 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
     float *restrict weights = out->weights;
     const ptrdiff_t to = tap->to;
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
-    const float deviations = w->kind == SUNLIT ? SUNLIT_REACH : LIGHT_REACH;
+    const bool sharp = w->kind == SUNLIT || (w->kind == LAMPLIT && w->lamp_asked >= 1);
+    const float deviations = sharp ? SUNLIT_REACH : LIGHT_REACH;
     HG_SIMD_APART
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
@@ -458,10 +472,11 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
         filter_kind(w, jobs, kind, kind == SUNLIT ? SUNLIT_STEP : widest);
     }
     for (w->lamp = 0; w->lamp < HG_GATHERED_LAMPS && w->in.lamps != NULL; w->lamp++) {
-        w->lamp_asked = is_asked_for(w);
-        if (w->lamp_asked) {
+        w->lamp_asked = asked_per_pixel(w);
+        if (w->lamp_asked > 0) {
             hg_jobs_for(jobs, height, lamp_row, w);
-            filter_kind(w, jobs, LAMPLIT, LAMPLIT_STEP);
+            filter_kind(
+                w, jobs, LAMPLIT, w->lamp_asked < 1 ? FEW_ASKED * LAMPLIT_STEP : LAMPLIT_STEP);
         }
         hg_jobs_for(jobs, height, hg_gi_gather_pack_lamp_row, w);
     }

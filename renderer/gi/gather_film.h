@@ -29,7 +29,7 @@ struct hg_gi_gather {
     uint32_t step; // px between taps
     int kind;
     uint32_t lamp;   // number of those that are filtered
-    bool lamp_asked; // some sample asked for it
+    float lamp_asked; // samples of a pixel that asked for it, where it reaches; 0: none
     uint32_t *out;
 };
 

@@ -89,7 +89,7 @@ void hg_gi_gather_pack_lamp_row(void *user, size_t y)
 {
     struct hg_gi_gather *w = user;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
-        const float share = w->lamp_asked ? w->from[LAMPLIT][RED][at] : LAMP_UNKNOWN;
+        const float share = w->lamp_asked > 0 ? w->from[LAMPLIT][RED][at] : LAMP_UNKNOWN;
         uint32_t *word = &w->out[4 * (hg_gi_gather_pixels(w) + at) + w->lamp / 4];
         *word |= (uint32_t)(sqrtf(share) * 255 + 0.5f) << (8 * (w->lamp % 4));
     }

@@ -570,10 +570,10 @@ struct hg_gpu_image *hg_lighting_image_shadow(struct hg_lighting *l)
 
 uint32_t hg_lighting_shadowed_lamps(const struct hg_lighting *l)
 {
+    uint32_t count = 0;
     for (uint32_t i = l->set.directional_count; i < l->set.count; i++)
-        if (l->set.casts[i] && !(l->set.items[i].radiance > 0))
-            return l->set.count;
-    return 0;
+        count += l->set.casts[i] && !(l->set.items[i].radiance > 0);
+    return count;
 }
 
 bool hg_lighting_has_sky_sun(const struct hg_lighting *l)

@@ -158,8 +158,7 @@ struct hg_lighting_sources {
 };
 void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);
 
-// Numbers that lights have, where lamps without a size ask for shadows, as of the newest sync; 0:
-// none does.
+// Lamps without a size that ask for shadows, as of the newest sync.
 uint32_t hg_lighting_shadowed_lamps(const struct hg_lighting *lighting);
 
 // The sky brings a sun, which is the first light.

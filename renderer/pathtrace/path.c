@@ -239,8 +239,7 @@ static enum hg_status judge(struct hg_path *p, float noise, struct hg_error *err
 
 static uint32_t last_pass(const struct hg_path *p)
 {
-    const bool suns = p->wave.block.emitters.directional_count > 0;
-    return p->request.gather.on && !suns ? p->request.gather.full : p->request.samples;
+    return hg_path_lamps_from(p) + (p->request.gather.on ? p->request.gather.lamp_samples : 0);
 }
 
 static enum hg_status end_pass(struct hg_path *p, struct hg_error *err)

@@ -55,6 +55,7 @@ struct hg_path_gather {
     float near_m;  // nearer than that no hit is, wherever: `reach` of the finest grid's spacing
     uint32_t full; // samples, the first ones: others bring the light of directional lights alone,
                    // if there are any
+    uint32_t lamp_samples; // behind all of them: of what lamps bring alone
 };
 
 #define HG_PATH_DENOISE_SERIES 2u // flag of `denoise`: temporal, with the previous pictures

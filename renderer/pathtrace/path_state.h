@@ -72,6 +72,8 @@ enum hg_status hg_path_wave_begin(struct hg_path *path, struct hg_error *err) HG
 void hg_path_wave_fill(struct hg_path *path);
 // Number of bits of sample indices.
 uint32_t hg_path_sample_bits(uint32_t samples);
+// The sample from which on gathering paths tell of lamps alone, as many as request.gather says.
+uint32_t hg_path_lamps_from(const struct hg_path *path);
 
 // wave_kernels.c: runs a kernel on `count` slots of a list (from `first`). *demand: pages it
 // missed.

@@ -88,6 +88,12 @@ uint32_t hg_path_sample_bits(uint32_t samples)
     return bits;
 }
 
+uint32_t hg_path_lamps_from(const struct hg_path *p)
+{
+    const bool suns = p->wave.block.emitters.directional_count > 0;
+    return p->request.gather.on && !suns ? p->request.gather.full : p->request.samples;
+}
+
 // Fewer pipeline variants on devices for which branches are cheap.
 static uint32_t may_of(const struct hg_path *p, const struct hg_gpu_emitters *e)
 {
@@ -154,6 +160,7 @@ void hg_path_wave_fill(struct hg_path *p)
         .has_alpha_mask = p->scene.has_alpha_mask,
         .estimators = estimators != 0 ? estimators : HG_PATH_USE_EMITTERS | HG_PATH_USE_SURFACES};
     hg_emitters_fill(p->scene.emitters, &p->wave.block.emitters);
+    p->wave.block.gather.lamps_from = hg_path_lamps_from(p);
     memcpy(p->wave.block.moments, p->scene.blur.moments, sizeof p->scene.blur.moments);
     p->wave.may = may_of(p, &p->wave.block.emitters) | (p->film.splats ? HG_PATH_SPLATS : 0);
     memcpy(p->wave.block.planes, p->film.planes, sizeof p->film.planes);

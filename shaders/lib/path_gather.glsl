@@ -1,12 +1,13 @@
 // path_gather.glsl - paths that gather light for a real-time picture (HG_PATH_GATHERS).
 //
-// Define struct path, CANDIDATES, clamped and weight_found first; include lib/path.glsl, lib/probes.glsl,
+// Define struct path, CANDIDATES, clamped, weight_found and first_mask first; include lib/path.glsl, lib/probes.glsl,
 // lib/emitters.glsl and lib/path_features.glsl.
 #ifndef HG_LIB_PATH_GATHER_GLSL
 #define HG_LIB_PATH_GATHER_GLSL
 
 #define HG_GATHER_ROUGH   0.3 // lobes from this roughness on are rough
 #define HG_GATHER_ASKS    0.2 // where paths end, rays to lights find what lobes from this roughness on mirror
+#define HG_GATHER_LAMP_TRIES 8u // lamps that are looked at for one that reaches a first surface
 #define HG_GATHER_MIRRORS 0.2 // of light from everywhere: smooth surfaces that mirror more are no ends
 
 // Of a gathering path: light that real-time pictures draw themselves at the first surface, or that is looked
@@ -72,6 +73,12 @@ bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
     return p.bounce >= hg_path.max_bounces || hg_gather_ends_at(p, t);
 }
 
+// Drawn as a layer. Where nothing transmits, fragments of layers that hide all behind them are drawn as opaque ones.
+bool hg_gather_is_layer(hg_vertex v, float alpha)
+{
+    return (v.flags & HG_DRAW_BLEND) != 0u && (HG_HAS(HG_FEATURE_TRANSMISSION) || alpha < 1.0);
+}
+
 // The surface of a camera ray that only looks for transmissive ones (HG_PATH_GLASS).
 bool hg_gather_is_glass(hg_vertex v, hg_surface s)
 {
@@ -131,6 +138,44 @@ bool hg_gather_turns(path p, vec3 position_ws, vec3 normal, inout hg_emitter_sam
     if (faces)
         e = other;
     return faces;
+}
+
+// Whether the first surface sees a lamp without a size, by a ray to it: one of all in turn, or the next one of those
+// that reach it. True when there is one.
+bool hg_gather_ask_lamp(inout path p, vec3 position_ws, vec3 geometric_normal, vec3 normal, uint turn, bool second)
+{
+    uint count = HG_EMITTERS.leaf_count - HG_EMITTERS.first_lamp_leaf, tries = min(count, HG_GATHER_LAMP_TRIES);
+    hg_emitter_sample e = hg_emitter_nothing();
+    bool found = false;
+    for (uint i = 0u; i < tries && !found; i++) {
+        e = hg_emitter_light(HG_EMITTERS.directional_count + (turn + i) % count, 1.0, position_ws, vec2(0.5));
+        found = e.delta && min(dot(normal, e.direction), dot(geometric_normal, e.direction)) > 0.0;
+    }
+    hg_gpu_ray ray;
+    ray.origin_ws = hg_hit_offset(position_ws, geometric_normal);
+    ray.direction_ws = e.direction;
+    ray.t_min = 0.0;
+    ray.t_max = found ? e.distance : -1.0;
+    ray.time = p.ray.time;
+    ray.mask = first_mask(e);
+    hg_path.shadow_rays.v[p.slot + (second ? hg_path.capacity : 0u)] = ray;
+    hg_path_set3(second ? HG_PATH_PENDING_SUN : HG_PATH_PENDING, p.slot, vec3(1.0));
+    if (!found)
+        return false;
+    uint lamp = HG_GATHERED_LAMP(e.draw);
+    if (second)
+        hg_path_set(hg_path.split + HG_PATH_SPLIT_SUN, p.slot, float(lamp + 1u));
+    else
+        p.flags = bitfieldInsert(p.flags, lamp, HG_PATH_LAMP_SHIFT, 4) | HG_PATH_ASKS_LAMP;
+    hg_path_add(hg_path_out(hg_path.planes[HG_PATH_PLANE_LAMPS] + lamp), p.slot, 1.0);
+    return true;
+}
+
+// Whose turn it is.
+uint hg_gather_lamp_turn(path p, uint number)
+{
+    uvec2 pixel = hg_path_pixel(p.slot);
+    return number + pixel.x + 2u * pixel.y;
 }
 
 // The first surface has a shadow ray to a light: what may stop it is not known yet. Of lamps without a size

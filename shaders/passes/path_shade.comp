@@ -127,6 +127,12 @@ vec3 background(path p, vec3 direction)
         weight_found(p, hg_emitter_pdf_environment(p.ray.origin_ws, p.normal, direction), CANDIDATES);
 }
 
+// First mask of a shadow ray: opaque surfaces.
+uint first_mask(hg_emitter_sample e)
+{
+    return hg_path.has_alpha_mask != 0u ? e.mask & ~(HG_RAY_MASK | HG_RAY_BLEND) : e.mask;
+}
+
 #include "lib/path_lights.glsl"
 #include "lib/path_features.glsl"
 #include "lib/path_gather.glsl"
@@ -300,12 +306,6 @@ light_choice choose_light(hg_bsdf b, hg_vertex v, hg_surface s, vec3 normal, vec
     return one_of(one, candidate(b, v, s, normal, fract(u.xyz + 0.5), ends), u.w);
 }
 
-// First mask of a shadow ray: opaque surfaces.
-uint first_mask(hg_emitter_sample e)
-{
-    return hg_path.has_alpha_mask != 0u ? e.mask & ~(HG_RAY_MASK | HG_RAY_BLEND) : e.mask;
-}
-
 // What the medium that the surface is in, or bounds, lets through of a light. Light from outside of
 // the scene is not held back, as when a path runs into it: volumes end before that.
 vec3 dimmed(path p, hg_bsdf b, hg_vertex v, hg_surface s, hg_emitter_sample e)
@@ -425,7 +425,20 @@ bool ask_sun(path p, hg_vertex v, hg_surface s, vec3 side, vec3 u)
     e.radiance = e.mask != 0u ? e.radiance : vec3(0.0); // it casts no shadows
     float light = catch_light(p, v, s, e, true);
     hg_path_add_sun(HG_PATH_GUIDE_OPEN_SUN, p.slot, light);
+    if (HG_PATH_CAN(HG_PATH_LAMPS))
+        hg_path_set(hg_path.split + HG_PATH_SPLIT_SUN, p.slot, 0.0);
     return light > 0.0;
+}
+
+// Whether it sees two lamps, in turn.
+uint ask_lamps(inout path p, hg_vertex v, hg_surface s)
+{
+    uint turn = hg_gather_lamp_turn(p, 2u * (hg_path_number(p.slot) - hg_path.gather.lamps_from));
+    uint status = HG_PATH_DONE;
+    bool first = hg_gather_ask_lamp(p, v.position_ws, s.geometric_normal, s.normal, turn, false);
+    bool second = hg_gather_ask_lamp(p, v.position_ws, s.geometric_normal, s.normal, turn + 1u, true);
+    status |= first ? HG_PATH_SHADOW : 0u;
+    return status | (second ? HG_PATH_SUN : 0u);
 }
 
 // For planes alone: the surface and its emission, no incident light.
@@ -481,7 +494,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
 
     // Nothing there: holes, and what only has a front.
     bool one_sided = s.unlit || HG_PATH_CAN(HG_PATH_SURFACES | HG_PATH_GATHERS);
-    bool layer = HG_PATH_CAN(HG_PATH_GATHERS) && (v.flags & HG_DRAW_BLEND) != 0u;
+    bool layer = HG_PATH_CAN(HG_PATH_GATHERS) && hg_gather_is_layer(v, s.alpha);
     layer = layer && !(HG_PATH_CAN(HG_PATH_GLASS) && hg_gather_is_glass(v, s));
     if (ub.w >= s.alpha || ((layer || (one_sided && behind)) && p.bounce == 0u))
         return pass_by(p, hit.t);
@@ -549,6 +562,9 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
         hg_gather_asked(p, light.e);
     if (HG_PATH_CAN(HG_PATH_SUNS_APART) && HG_PATH_CAN(HG_PATH_GATHERS) && p.bounce == 0u) {
         status |= ask_sun(p, v, s, side, ua.xyz) ? HG_PATH_SUN : 0u;
+    } else if (HG_PATH_CAN(HG_PATH_LAMPS) && p.bounce == 0u) {
+        status |= hg_gather_ask_lamp(p, v.position_ws, s.geometric_normal, s.normal, hg_gather_lamp_turn(p, number), true)
+            ? HG_PATH_SUN : 0u;
     } else if (HG_PATH_CAN(HG_PATH_SUNS_APART)) {
         light.e = hg_emitter_pick_apart(v.position_ws, side, ua.xyz);
         light.light = reflected(b, s, light.e, 1u, ends, light.f);
@@ -578,7 +594,7 @@ uint surface(inout path p, hg_gpu_hit hit, uvec2 pixel)
     return status;
 }
 
-// A sample of what directional lights bring to what the camera sees, and of nothing else.
+// A sample of what directional lights, or lamps, bring to what the camera sees, and of nothing else.
 uint sunlit(inout path p, hg_gpu_hit hit, uvec2 pixel)
 {
     if (hit.draw == HG_HIT_NONE)
@@ -590,13 +606,17 @@ uint sunlit(inout path p, hg_gpu_hit hit, uvec2 pixel)
         return HG_PATH_WAITS;
     bool behind = !v.front && (v.flags & HG_DRAW_DOUBLE_SIDED) == 0u;
     bool masked = (HG_MATERIAL_AT(v.material, flags) & HG_MATERIAL_MASK) != 0u && s.alpha <= 0.0;
-    if (behind || masked || (v.flags & HG_DRAW_BLEND) != 0u)
+    if (behind || masked || hg_gather_is_layer(v, s.alpha))
         return pass_by(p, hit.t);
     hg_sampler points = hg_path_step_sampler(pixel, hg_path_number(p.slot));
     points.dimension = HG_PATH_CAMERA_PAIRS + p.steps * HG_PATH_STEP_PAIRS;
     p.steps++;
     p.bounce++;
-    return !s.unlit && ask_sun(p, v, s, s.normal, hg_sobol4(points).xyz) ? HG_PATH_SUN : HG_PATH_DONE;
+    if (s.unlit)
+        return HG_PATH_DONE;
+    if (HG_PATH_CAN(HG_PATH_LAMPS) && hg_path_number(p.slot) >= hg_path.gather.lamps_from)
+        return ask_lamps(p, v, s);
+    return ask_sun(p, v, s, s.normal, hg_sobol4(points).xyz) ? HG_PATH_SUN : HG_PATH_DONE;
 }
 
 #include "lib/path_end.glsl"

@@ -41,7 +41,10 @@ vec3 let_through(uint slot, hg_gpu_ray ray, hg_gpu_hit hit)
 {
     vec2 cone = hg_path_unpack_cone(hg_path_get(HG_PATH_CONE, slot));
     uvec2 pixel = hg_path_pixel(slot);
-    uint steps = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot)) & HG_PATH_STEPS_MASK;
+    uint kept = floatBitsToUint(hg_path_get(HG_PATH_FLAGS, slot)), steps = kept & HG_PATH_STEPS_MASK;
+    // By few samples the path spreads widely from the first surface on; rays to lights do not.
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && bitfieldExtract(kept, HG_PATH_BOUNCE_SHIFT, 9) == 1u)
+        cone.y = 0.0;
     uvec3 bits = hg_hash3(uvec3(pixel, hg_path_number(slot) * 1024u + steps +
         (hg_frame.seed + (hg_path.status.v[slot] >> HG_PATH_ALPHA_MASK_SHIFT) + 1u) * 0x9e3779b1u));
     hg_texture_xi = vec2(bits.xy >> 8u) * (1.0 / 16777216.0);
@@ -71,12 +74,16 @@ void arrive(uint slot, vec3 light)
             hg_path_get(lit, slot) + dot(light, vec3(0.2126, 0.7152, 0.0722)));
         return;
     }
-    if (HG_PATH_CAN(HG_PATH_GATHERS) && bounce == 1u && push.second != 0u) {
+    uint lamp = 0u; // 1 + its number
+    if (HG_PATH_CAN(HG_PATH_LAMPS) && bounce == 1u)
+        lamp = push.second != 0u ? uint(hg_path_get(hg_path.split + HG_PATH_SPLIT_SUN, slot))
+            : (flags & HG_PATH_ASKS_LAMP) != 0u ? bitfieldExtract(flags, HG_PATH_LAMP_SHIFT, 4) + 1u : 0u;
+    if (HG_PATH_CAN(HG_PATH_GATHERS) && bounce == 1u && push.second != 0u && lamp == 0u) {
         hg_path_add_sun(HG_PATH_GUIDE_SEEN_SUN, slot, dot(light, vec3(0.2126, 0.7152, 0.0722)));
         return;
     }
-    if (HG_PATH_CAN(HG_PATH_LAMPS) && bounce == 1u && push.second == 0u && (flags & HG_PATH_ASKS_LAMP) != 0u) {
-        uint lamp = bitfieldExtract(flags, HG_PATH_LAMP_SHIFT, 4);
+    if (HG_PATH_CAN(HG_PATH_LAMPS) && lamp > 0u) {
+        lamp--;
         float sixteenths = floor(16.0 * dot(light, vec3(0.2126, 0.7152, 0.0722)) + 0.5);
         hg_path_add(hg_path_out(hg_path.planes[HG_PATH_PLANE_LAMPS] + lamp), slot, HG_PATH_LAMP_SEEN * sixteenths);
         return;

@@ -23,7 +23,7 @@
 #define HG_PATH_FINE  3u // it does not end here: nothing was written, another kernel shades it
 // and bits for paths of any kind:
 #define HG_PATH_SHADOW 4u // it has a shadow ray
-#define HG_PATH_SUN    8u // and one to a directional light (HG_PATH_SUNS_APART)
+#define HG_PATH_SUN    8u // and one to a directional light (HG_PATH_SUNS_APART), or a lamp (HG_PATH_LAMPS)
 #define HG_PATH_STATUS_MASK 3u
 #define HG_PATH_ALPHA_MASK_SHIFT 8    // masked and blended surfaces that the shadow ray has passed
 #define HG_PATH_MOST_ALPHA_MASKS  256u // then it is blocked
@@ -42,7 +42,7 @@
 // that shadow rays go to, 8 bits each.
 #define HG_PATH_SPLIT_PATH  0
 #define HG_PATH_SPLIT_ASKED 3
-#define HG_PATH_SPLIT_SUN    6
+#define HG_PATH_SPLIT_SUN    6 // from the first surface of a gathering path: 1 + the HG_GATHERED_LAMP, 0: a directional light
 #define HG_PATH_SPLIT_GROUPS 9
 #define HG_PATH_SPLIT_WORDS  10
 // Behind those, with HG_PATH_FOLLOWS: the way of a path with HG_PATH_FOLLOWED.
@@ -222,7 +222,8 @@ HG_SHARED_SIZE(hg_gpu_path_moment, 80);
 // (shared/gi.h) at the first hit that a rough lobe found from at least `reach` away, in spacings of the probes there,
 // or after max_bounces.
 struct hg_gpu_path_gather {
-    float reach;    // spacings
+    float reach;        // spacings
+    HG_UINT lamps_from; // the first sample that tells of lamps alone
 };
 
 // Uniform block HG_BIND_PATH.

@@ -53,24 +53,6 @@ static void hall(struct rig *rig, float turn, float tilt)
     rig_quad(rig, mirror(rig), corners);
 }
 
-// Bars, every second of eight columns; the others are holes.
-static struct hg_texture *bars(struct rig *rig)
-{
-    enum { SIDE = 256 }; // finer than what rays see of it
-    struct hg_texture *t = rig_object(rig, HG_OBJECT_TEXTURE);
-    t->image = hg_calloc(1, sizeof *t->image);
-    assert_non_null(t->image);
-    t->image->refs = 1;
-    t->image->label = hg_strdup("bars");
-    t->image->pixels_srgb = true;
-    test_ok(hg_image_create(SIDE, SIDE, HG_PIXEL_RGBA8, NULL, &t->image->pixels), NULL);
-    uint8_t *texels = t->image->pixels.pixels;
-    memset(texels, 255, 4 * SIDE * SIDE);
-    for (int i = 0; i < SIDE * SIDE; i++)
-        texels[4 * i + 3] = i % SIDE * 8 / SIDE % 2 ? 255 : 0;
-    return t;
-}
-
 // A dark fence before the patches.
 static void fence(struct rig *rig)
 {
@@ -80,7 +62,7 @@ static void fence(struct rig *rig)
     m->alpha_mode = HG_ALPHA_MASK;
     m->alpha_cutoff = 0.5f;
     m->double_sided = true;
-    m->slots[HG_SLOT_BASE_COLOR].texture = bars(rig);
+    m->slots[HG_SLOT_BASE_COLOR].texture = rig_bars(rig);
     rig_quad(rig, m, corners);
 }
 

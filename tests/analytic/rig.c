@@ -114,6 +114,23 @@ struct hg_node *rig_quad(struct rig *rig, struct hg_material *material, const fl
     return node;
 }
 
+struct hg_texture *rig_bars(struct rig *rig)
+{
+    enum { BARS_SIDE = 256 }; // finer than what rays see of it
+    struct hg_texture *t = rig_object(rig, HG_OBJECT_TEXTURE);
+    t->image = hg_calloc(1, sizeof *t->image);
+    assert_non_null(t->image);
+    t->image->refs = 1;
+    t->image->label = hg_strdup("bars");
+    t->image->pixels_srgb = true;
+    test_ok(hg_image_create(BARS_SIDE, BARS_SIDE, HG_PIXEL_RGBA8, NULL, &t->image->pixels), NULL);
+    uint8_t *texels = t->image->pixels.pixels;
+    memset(texels, 255, 4 * BARS_SIDE * BARS_SIDE);
+    for (int i = 0; i < BARS_SIDE * BARS_SIDE; i++)
+        texels[4 * i + 3] = i % BARS_SIDE * 8 / BARS_SIDE % 2 ? 255 : 0;
+    return t;
+}
+
 struct hg_node *rig_plane(struct rig *rig, struct hg_material *material)
 {
     static const float corners[4][3] = {{-9, 0, 9}, {9, 0, 9}, {9, 0, -9}, {-9, 0, -9}};

@@ -42,6 +42,8 @@ struct hg_node *rig_mesh(struct rig *rig, struct hg_material *material,
     const struct rig_vertices *vertices, uint32_t indices, const uint32_t *index);
 // Two triangles between four corners, counter-clockwise; uv 0 0, 1 0, 1 1, 0 1.
 struct hg_node *rig_quad(struct rig *rig, struct hg_material *material, const float corners[4][3]);
+// Bars, every second of eight columns; the others are holes.
+struct hg_texture *rig_bars(struct rig *rig);
 // The plane y = 0, 18 m wide, facing up.
 struct hg_node *rig_plane(struct rig *rig, struct hg_material *material);
 // A face of a box seen from inside (side 1) or outside (-1): across axis which / 2, at its low or

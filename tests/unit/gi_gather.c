@@ -435,7 +435,7 @@ static void test_lamps(void **state)
     const double mean = sum / count, deviation = sqrt(squares / count - mean * mean);
     print_message("lamps: mean %.3f, deviation %.3f\n", mean, deviation);
     assert_true(fabs(mean - 0.5) <= 0.01);
-    assert_true(deviation <= 0.5 * sqrt(0.25 / 6));
+    assert_true(deviation <= 0.6 * sqrt(0.25 / 6));
     film_finish(&f);
 }
 
