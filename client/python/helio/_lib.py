@@ -100,7 +100,8 @@ def _text(value: Any, keep: List[Any]) -> Str:
 
 
 def encode(name: str, values: Mapping[str, Any], keep: List[Any]) -> Any:
-    """The C struct of a message. `keep` holds what it points at: it has to live as long."""
+    """The C struct of a message. `keep` holds what it points at: it has to live as long. A required field
+    that is not there, or None, is a TypeError."""
     if name not in structs:
         near = difflib.get_close_matches(name, numbers)
         raise ValueError("there is no message %r%s" % (name, "; is it %s?" % " or ".join(near) if near else ""))
@@ -116,6 +117,9 @@ def encode(name: str, values: Mapping[str, Any], keep: List[Any]) -> Any:
             setattr(out, "has_" + field, True)
         setattr(out, field, _integer(name, field, kind, value) if kind in _WHOLE else
                 _encode_value(kind, of, value, keep))
+    missing = [field for field, row in rows.items() if not row[3] and values.get(field) is None]
+    if missing:
+        raise TypeError("%s needs %s" % (name, ", ".join(missing)))
     return out
 
 

@@ -42,7 +42,7 @@ class Scene:
             self._assets += 1
             return _lib.decode("asset_loaded", loaded)
         out = session.call("asset_load", "asset_loaded", asset=asset,
-                           path="" if upload else self._path(path), **fields).fields
+                           path="" if upload else self._path(path), **{"files": [], **fields}).fields
         self._assets += 1
         return out
 

@@ -71,6 +71,17 @@ class Tables(unittest.TestCase):
             _lib.encode("node_sett", {"node": 1}, [])
         self.assertIn("node_set", str(caught.exception))
 
+    def test_required_fields_are_never_made_up(self):
+        for name, fields, text in (
+                ("object_remove", {"object": 5}, "object_remove needs kind"),
+                ("object_remove", {"object": 5, "kind": None}, "object_remove needs kind"),
+                ("asset_load", {"path": "a.glb"}, "asset_load needs asset, files"),
+                ("view_overrides", {"view": 1, "overrides": [{"node": 1}]}, "node_override needs set")):
+            with self.assertRaises(TypeError) as caught:
+                _lib.encode(name, fields, [])
+            self.assertIn(text, str(caught.exception))
+        _lib.encode("view_set", {"view": 1}, [])
+
     def test_integers_keep_to_their_range(self):
         for name, fields, text in (
                 ("pick", {"view": 1, "x": -1, "y": 3}, "pick: x: -1 is outside of 0 to 16383"),
@@ -242,6 +253,16 @@ class Rendering(unittest.TestCase):
 
 
 class Examples(unittest.TestCase):
+    def test_usage(self):
+        folder = os.path.join(SOURCE, "client", "python", "examples")
+        env = dict(os.environ, PYTHONPATH=os.path.join(SOURCE, "client", "python"))
+        for name in sorted(os.listdir(folder)):
+            ran = subprocess.run([sys.executable, os.path.join(folder, name)], env=env, timeout=60, text=True,
+                                 stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            self.assertEqual((ran.returncode, ran.stdout), (2, ""), name)
+            self.assertIn("%s " % name, ran.stderr)
+            self.assertNotIn("Traceback", ran.stderr)
+
     def run_example(self, name, *args):
         env = dict(os.environ, PYTHONPATH=os.path.join(SOURCE, "client", "python"))
         path = os.path.join(SOURCE, "client", "python", "examples", name)
