@@ -6,7 +6,11 @@ import net from "node:net";
 import * as hgp from "../../client/web/hgp.js";
 
 const [url, scene, out] = process.argv.slice(2);
-const [, kind, place] = /^(unix|tcp):(.*)$/.exec(url);
+const [, kind, place] = /^(unix|tcp):(.*)$/.exec(url ?? "") ?? [];
+if (!kind || !out) {
+    console.error("usage: node client.mjs unix:PATH|tcp:HOST:PORT SCENE OUT.png");
+    process.exit(2);
+}
 const [host, port] = place.split(/:(?=\d+$)/);
 const socket = net.connect(kind === "unix" ? { path: place } : { host, port: Number(port) });
 socket.write(hgp.PREFACE);

@@ -12,6 +12,8 @@ import sys
 HELLO, WELCOME, AUTH, ERROR, PROGRESS, NOTICE = 0x0101, 0x0102, 0x0103, 0x0105, 0x010b, 0x010c
 SCENE_OPEN, ASSET_LOAD, VIEW_SET, FRAME_REQUEST, PNG8 = 0x0201, 0x0207, 0x0301, 0x0304, 3
 
+if len(sys.argv) != 4:
+    sys.exit(print(__doc__, file=sys.stderr) or 2)
 url, scene, out = sys.argv[1:]
 kind, _, place = url.partition(":")
 link = socket.create_connection(place.rsplit(":", 1)) if kind == "tcp" else socket.socket(socket.AF_UNIX)

@@ -32,6 +32,9 @@ done
 expect 1 "${python[@]}" "$url" gone.gltf "$temp/none.png"
 grep -q "refused" "$temp/out" || fail "python: $(cat "$temp/out")"
 [ -z "${NODE:-}" ] || expect 1 "${node[@]}" "$url" gone.gltf "$temp/none.png"
+expect 2 "${python[@]}"
+grep -q "client.py unix:" "$temp/out" || fail "python: $(cat "$temp/out")"
+[ -z "${NODE:-}" ] || expect 2 "${node[@]}"
 [ ! -e "$temp/none.png" ] || fail "a file was written for nothing"
 
 exit $((failures > 0))

@@ -5,6 +5,8 @@ import sys
 
 import helio
 
+if len(sys.argv) not in (2, 3, 5):
+    sys.exit(print(__doc__, file=sys.stderr) or 2)
 samples = int(sys.argv[2]) if len(sys.argv) > 2 else 16
 width, height = (int(a) for a in sys.argv[3:5]) if len(sys.argv) > 4 else (160, 120)
 with helio.connect(asset_roots=[os.path.dirname(os.path.abspath(sys.argv[1]))]) as session:

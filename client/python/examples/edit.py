@@ -5,6 +5,9 @@ import sys
 
 import helio
 
+if len(sys.argv) != 3:
+    sys.exit(print(__doc__, file=sys.stderr) or 2)
+
 with helio.connect() as session:
     scene = session.scene()
     material, mesh, node = scene.new_id(), scene.new_id(), scene.new_id()

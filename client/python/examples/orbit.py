@@ -6,6 +6,8 @@ import sys
 
 import helio
 
+if len(sys.argv) not in (4, 6):
+    sys.exit(print(__doc__, file=sys.stderr) or 2)
 scene_file, pattern, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 width, height = (int(a) for a in sys.argv[4:6]) if len(sys.argv) > 5 else (320, 240)
 with helio.connect(asset_roots=[os.path.dirname(os.path.abspath(scene_file))]) as session:

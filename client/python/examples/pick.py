@@ -5,6 +5,8 @@ import sys
 
 import helio
 
+if len(sys.argv) not in (2, 4):
+    sys.exit(print(__doc__, file=sys.stderr) or 2)
 width, height = (int(a) for a in sys.argv[2:4]) if len(sys.argv) > 3 else (320, 240)
 with helio.connect(asset_roots=[os.path.dirname(os.path.abspath(sys.argv[1]))]) as session:
     scene = session.scene()

@@ -5,6 +5,8 @@ import sys
 
 import helio
 
+if len(sys.argv) not in (3, 4):
+    sys.exit(print(__doc__, file=sys.stderr) or 2)
 scene_file, out = sys.argv[1:3]
 url = sys.argv[3] if len(sys.argv) > 3 else None
 with helio.connect(url, asset_roots=[os.path.dirname(os.path.abspath(scene_file))]) as session:
