@@ -552,7 +552,7 @@ static void end_session(struct hg_conn *conn)
     conn->session = NULL;
     if (!session)
         return;
-    if (conn->state == HG_CONN_DEAD) {
+    if (conn->state == HG_CONN_DEAD || session->resume.waits) {
         hg_session_lost(session);
         return;
     }

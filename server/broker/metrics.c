@@ -76,6 +76,12 @@ static uint64_t sum_worker_memory(const struct hg_session_table *t)
     return bytes;
 }
 
+static double drain_left_s(const struct hg_session_table *t)
+{
+    const uint64_t now_ns = t->loop->now_ns, due_ns = t->drain.due_ns;
+    return due_ns > now_ns ? (double)(due_ns - now_ns) * 1e-9 : 0;
+}
+
 static uint64_t own_memory_bytes(void)
 {
     unsigned long long total, resident = 0;

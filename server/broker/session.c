@@ -418,6 +418,7 @@ void hg_session_end(struct hg_session *s)
 void hg_session_lost(struct hg_session *s)
 {
     s->conn = NULL;
+    s->resume.waits = false;
     hg_session_upload_abort_all(s);
     if (hg_session_park(s))
         hg_session_audit(s, "park", HG_OK, NULL);

@@ -181,7 +181,7 @@ static void end_others(struct hg_session_table *table)
     for (struct hg_session *it = table->first, *next; it; it = next) {
         next = it->next;
         if (it->conn && it->role != HGP_role_ADMIN)
-            hg_session_end_now(it, &err, "the daemon was drained");
+            hg_session_leave_now(it, &err, "the daemon was drained");
     }
 }
 

@@ -31,6 +31,17 @@ uint64_t hg_session_end_now(struct hg_session *s, const struct hg_error *err, co
     return hg_state_log_position(s->table->scenes.log);
 }
 
+void hg_session_leave_now(struct hg_session *s, const struct hg_error *err, const char *reason)
+{
+    if (!s->resume.has_ticket || !s->table->options->resume_timeout_ns) {
+        hg_session_end_now(s, err, reason);
+        return;
+    }
+    fail_requests(s, err);
+    s->resume.waits = true;
+    hg_conn_close(s->conn, err, reason);
+}
+
 static void check_idle(struct hg_session *s, uint64_t now_ns)
 {
     const struct hg_options *o = s->table->options;

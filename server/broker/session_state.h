@@ -107,6 +107,7 @@ struct hg_session_resume {
     bool has_ticket;
     uint8_t ticket[32]; // hash of what the client has
     uint64_t parked_ns; // since when it is kept without a client; 0 = it has one, or is to end
+    bool waits;         // kept when its connection ends, however that comes
     bool only;          // its join ticket is used up: it may resume a session, and nothing else
 };
 

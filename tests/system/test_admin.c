@@ -194,6 +194,40 @@ static void drains_when_told(void **state)
     daemon_finish(&d);
 }
 
+// A session that its client keeps, and its scene, are there again once the drain is taken back.
+static void kept_sessions_wait_for_the_end_of_a_drain(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer admin, bert, late;
+    uint8_t secret[32];
+    daemon_init_tokens(&d);
+    begin(&d, &admin, &bert);
+    peer_call(&bert, HGP_T_keep, &(struct hgp_keep){0}, HGP_T_ticket);
+    memcpy(secret, bert.m.ticket.secret.data, sizeof secret);
+    assert_int_equal((int)daemon_metric(&d, "heliod_drain_set"), 0);
+    struct hgp_drain_set m = {.deadline_ms = 60000, .has_stay = true, .stay = true};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    assert_int_equal((int)daemon_metric(&d, "heliod_drain_set"), 1);
+    assert_in_range((int)daemon_metric(&d, "heliod_drain_remaining_seconds"), 1, 60);
+    m.deadline_ms = 50;
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    peer_end(&bert);
+    peer_close(&bert);
+    is_refused(&late, &d, "edit-token-1", HG_E_STATE);
+    assert_int_equal((int)daemon_metric(&d, "heliod_drain_remaining_seconds"), 0);
+    m = (struct hgp_drain_set){.has_cancel = true, .cancel = true};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    assert_int_equal((int)daemon_metric(&d, "heliod_drain_set"), 0);
+    peer_enter(&bert, &d, "edit-token-1");
+    peer_call(&bert, HGP_T_resume, &(struct hgp_resume){.secret = {secret, sizeof secret}},
+        HGP_T_resumed);
+    assert_true(bert.m.resumed.id_count > 0);
+    peer_close(&bert);
+    peer_close(&admin);
+    daemon_finish(&d);
+}
+
 static void statistics_come_by_themselves(void **state)
 {
     (void)state;
@@ -355,6 +389,7 @@ int main(void)
         cmocka_unit_test(messages_reach_who_is_meant),
         cmocka_unit_test(kicked_stay_out),
         cmocka_unit_test(drains_when_told),
+        cmocka_unit_test(kept_sessions_wait_for_the_end_of_a_drain),
         cmocka_unit_test(statistics_come_by_themselves),
         cmocka_unit_test(idle_sessions_are_warned_and_end),
         cmocka_unit_test(pixels_per_second_are_limited),
