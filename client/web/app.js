@@ -24,6 +24,7 @@ const LONG_TICK_S = 0.1;
 const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
 
 const $ = (id) => document.getElementById(id);
+const waitText = (ms) => ms < 100000 ? `${Math.ceil(ms / 1000)} s` : `${Math.round(ms / 60000)} min`;
 const radians = (deg) => deg * Math.PI / 180;
 
 class App {
@@ -185,11 +186,23 @@ class App {
             return;
         }
         this.view.stop();
+        if (state === "ended") {
+            this.showEnd();
+            return;
+        }
         this.status.set("lost", state === "connecting" ? "Connecting" : "Not connected");
         if (state === "waiting") {
             this.showWaiting();
             this.waitTimer = setInterval(() => this.showWaiting(), 500);
         }
+    }
+
+    showEnd() {
+        const { lastError } = this.connection;
+        this.status.set("lost", "Ended");
+        this.curtain.show("The session was ended", lastError.status === "timeout"
+            ? "Nothing was done here for a long time." : `The server says: ${lastError.message}.`,
+        ["Open again", () => this.connection.connect()]);
     }
 
     showWaiting() {
@@ -252,13 +265,13 @@ class App {
 
     onMessage({ name, body }) {
         if (name === "drain")
-            toast(`The server is about to restart${body.reason ? `: ${body.reason}` : ""}.`);
+            toast(`The server stops in ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
         else if (name === "drain_cancelled")
             toast("The server goes on.");
         else if (name === "message")
             toast(`${body.from}: ${body.text}`);
         else if (name === "idle_warning")
-            toast(`This session ends in ${Math.ceil(body.remaining_ms / 1000)} s.`, "info",
+            toast(`This session ends in ${waitText(body.remaining_ms)}.`, "info",
                 ["Stay", () => this.view.subscribe()]);
         else if (name === "notice" && body.what === "worker")
             toast("The renderer was restarted; the scene is being restored.");

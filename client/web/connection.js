@@ -2,7 +2,8 @@
 // and a new connection in place of a lost one. Knows no pictures and no page.
 //
 // Events: "frame" (detail: { frame, begun_ms, received_ms }), "message" (detail: { name, body } of
-// any other message that answers no request), "state" (detail: the new state), "opened" (detail: { resumed }),
+// any other message that answers no request), "state" (detail: the new state; "ended" = by the server, for
+// good), "opened" (detail: { resumed }),
 // "auth" (a token is needed; detail: RequestError or null).
 import {
     PREFACE, HEADER_BYTES, decode, decodeHeader, encode, findMessage, status as statusCodes,
@@ -14,6 +15,7 @@ const FRAME_LIMIT = 560 * 1024 * 1024;
 const PING_MS = 2000;
 const SILENCE_MS = 15000;
 const KEPT_PINGS = 10;
+const ENDING = ["not-allowed", "timeout"]; // of a session: by an administrator, or idle for too long
 const RETRY_MS = [250, 500, 1000, 2000, 4000, 8000];
 
 const statusNames = Object.fromEntries(Object.entries(statusCodes).map(([k, v]) => [v, k]));
@@ -250,6 +252,13 @@ export class Connection extends EventTarget {
         this.setState("closed");
     }
 
+    // The server has ended the session for good: who looks decides whether to open another one.
+    end() {
+        this.ticket = null;
+        this.drop();
+        this.setState("ended");
+    }
+
     // Asks for the server's clock, and gives up on a connection that has been silent for long.
     beat() {
         if (performance.now() - this.heard_ms > SILENCE_MS && this.socket) {
@@ -385,6 +394,10 @@ export class Connection extends EventTarget {
     refused(body) {
         const error = new RequestError({ ...body, ...this.limitOf(0) });
         this.lastError = error;
+        if (this.isOpen && body.what === "session" && ENDING.includes(error.status)) {
+            this.end();
+            return;
+        }
         const first = this.isOpen ? null : this.oldest();
         if (first)
             this.answer(0, first, "error", body);
@@ -407,6 +420,8 @@ const SENTENCES = {
     "unsupported": "This is not supported",
     "not-found": "Not found",
     "not-allowed": "Your access does not allow this",
+    "state": "Not possible now",
+    "cancelled": "Given up",
     "auth": "The access token is not valid",
     "busy": "The server is busy",
     "closed": "No connection",

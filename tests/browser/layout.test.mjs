@@ -1,5 +1,5 @@
 // layout.test.mjs - the viewer's page in Chromium at many sizes: what covers what, what is reached, what
-// axe-core finds.
+// axe-core finds, what it says of its session.
 // Run: node --test tests/browser/layout.test.mjs   (HELIO_BUILD_DIR; docs/testing.md)
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -96,6 +96,18 @@ test("panels never cover each other, and keep their titles", async () => {
     assert.deepEqual(await overlaps(), [], "in a window that was made smaller");
     await setAll(false);
     await evaluate(() => window.helio.inspector.clear());
+});
+
+test("says that its session was ended, and opens another one only when told to", async () => {
+    const session = await evaluate(() => String(window.helio.connection.session));
+    await daemon.manage("kick", session, "--reason", "too loud");
+    await waitFor(page, () => document.body.dataset.state === "ended");
+    assert.match(await page.$eval("#curtain", (c) => c.textContent), /was ended.*too loud/);
+    await evaluate(() => new Promise((done) => setTimeout(done, 1000)));
+    assert.equal(await evaluate(() => document.body.dataset.state), "ended");
+    await page.click("#curtain button");
+    await page.waitForSelector("#curtain", { hidden: true });
+    await waitFor(page, () => document.querySelector("#picture").dataset.settled === "true");
 });
 
 test("complained about nothing", () => assert.deepEqual(page.complaints, []));

@@ -16,7 +16,8 @@ export const WAIT_MS = Number(process.env.HELIO_TEST_WAIT_MS ?? 300000);
 
 const run = promisify(execFile);
 const chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"].find(existsSync);
-const TOKENS = { edit: "browser-edit-token", view: "browser-view-token", tools: "browser-tools-token" };
+const TOKENS = { edit: "browser-edit-token", view: "browser-view-token", tools: "browser-tools-token",
+    admin: "browser-admin-token" };
 
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
@@ -85,6 +86,12 @@ export class Daemon {
     async finish() {
         await this.kill("SIGKILL");
         rmSync(this.folder, { recursive: true, force: true });
+    }
+
+    // A command of administrators.
+    manage(...words) {
+        return run(join(build, "bin/helio"), [...words, "--connect", `tcp:127.0.0.1:${this.port}`,
+            "--token", TOKENS.admin]);
     }
 
     // A settled picture by the command line client: path of a PNG file.
