@@ -98,6 +98,39 @@ test("panels never cover each other, and keep their titles", async () => {
     await evaluate(() => window.helio.inspector.clear());
 });
 
+test("what a curtain offers can be pressed, whatever is open", async () => {
+    const reached = () => evaluate(() => {
+        const box = document.querySelector("#curtain button").getBoundingClientRect();
+        return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2).textContent;
+    });
+    const show = () => evaluate(() => window.helio.curtain.show("Connection lost", "The server does not answer.",
+        ["Try now", () => {}]));
+    for (const [width, height] of [[360, 300], [360, 640], [740, 360]])
+        for (const isOpen of [false, true]) {
+            await page.setViewport({ width, height });
+            await evaluate((is) => window.helio.panels.set("view", is), isOpen);
+            await show();
+            assert.equal(await reached(), "Try now", `at ${width} x ${height} px`);
+            await evaluate(() => window.helio.curtain.hide());
+        }
+    await evaluate(() => window.helio.panels.set("view", false));
+});
+
+test("a dialog keeps its title and its buttons in sight", async () => {
+    for (const [width, height] of [[1000, 480], [360, 480]]) {
+        await page.setViewport({ width, height });
+        await page.focus("#picture");
+        await page.keyboard.type("?");
+        await page.waitForSelector(".dialog[open]");
+        const outside = await evaluate(() => [...document.querySelectorAll(".dialog h2, .dialog .choices button")]
+            .map((e) => [e.textContent, e.getBoundingClientRect()])
+            .filter(([, box]) => box.top < 0 || box.bottom > innerHeight).map(([text]) => text));
+        assert.deepEqual(outside, [], `at ${width} x ${height} px`);
+        await page.keyboard.press("Escape");
+        await page.waitForSelector(".dialog", { hidden: true });
+    }
+});
+
 test("says that its session was ended, and opens another one only when told to", async () => {
     const session = await evaluate(() => String(window.helio.connection.session));
     await daemon.manage("kick", session, "--reason", "too loud");
