@@ -136,7 +136,10 @@ export function toast(text, kind = "info", action = null) {
     list.append(node);
     while (list.childElementCount > 3)
         list.firstElementChild.remove();
-    setTimeout(end, kind === "error" ? 2 * LASTING_MS : LASTING_MS);
+    const wait_ms = kind === "error" || action ? 2 * LASTING_MS : LASTING_MS;
+    // Not while it is read or used.
+    const expire = () => node.matches(":hover, :focus-within") ? setTimeout(expire, wait_ms) : end();
+    setTimeout(expire, wait_ms);
     announce(text);
 }
 
