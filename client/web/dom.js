@@ -205,7 +205,9 @@ export const bytesText = (n) => n < 1e3 ? `${Math.round(n)} B`
 // Metres in a unit that fits.
 export function metresText(m) {
     const a = Math.abs(m);
-    return a >= 1000 ? `${(m / 1000).toFixed(3)} km` : a >= 1 || a === 0 ? `${m.toFixed(3)} m`
+    if (a < 5e-7) // nothing is left of it, but for a sign
+        return "0.000 m";
+    return a >= 1000 ? `${(m / 1000).toFixed(3)} km` : a >= 1 ? `${m.toFixed(3)} m`
         : a >= 0.01 ? `${(m * 100).toFixed(2)} cm` : `${(m * 1000).toFixed(3)} mm`;
 }
 

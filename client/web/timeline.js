@@ -19,7 +19,7 @@ export class Timeline {
         this.play = h("button", { type: "button", class: "icon-button",
             on: { click: () => this.toggle() } });
         this.select = h("select", { "aria-label": "Animation",
-            on: { change: () => this.choose() } });
+            on: { change: () => { this.choose(); this.seek(0); } } });
         this.slider = h("input", { type: "range", min: "0", step: "any", value: "0",
             "aria-label": "Time", on: { input: () => this.seek(Number(this.slider.value)) } });
         this.output = h("output", {});
@@ -27,10 +27,12 @@ export class Timeline {
         this.show();
     }
 
-    // The scene's animations; those of one asset can also run together.
+    // The scene's animations; those of one asset can also run together. What is chosen stays chosen. Who may
+    // not edit has no bar: the time is not known there.
     setAnimations(list, canEdit) {
         const key = JSON.stringify(list);
         if (key !== this.key) {
+            const was = this.current, { time_s } = this;
             this.key = key;
             const together = new Map();
             for (const a of list)
@@ -40,14 +42,14 @@ export class Timeline {
                     duration_s: Math.max(...all.map((a) => a.duration_s)) }, ...all]);
             this.select.replaceChildren(...this.list.map((a, i) =>
                 h("option", { value: String(i), text: a.name })));
-            this.choose();
+            const at = this.list.findIndex((a) =>
+                a.asset === was?.asset && a.animation === was.animation);
+            this.select.value = String(Math.max(0, at));
+            this.choose(at < 0 ? 0 : time_s);
         }
         this.select.hidden = this.list.length < 2;
-        for (const input of [this.play, this.slider, this.select])
-            input.disabled = !canEdit;
-        this.element.title = canEdit ? "" : "Your access is view only";
-        this.element.hidden = !this.list.length;
-        if (!this.list.length || !canEdit)
+        this.element.hidden = !this.list.length || !canEdit;
+        if (this.element.hidden)
             this.pause();
     }
 
@@ -55,14 +57,14 @@ export class Timeline {
         return this.list[Number(this.select.value) || 0];
     }
 
-    choose() {
-        this.time_s = 0;
+    choose(time_s = 0) {
+        this.time_s = time_s;
         this.slider.max = String(this.current?.duration_s ?? 1);
         this.show();
     }
 
     toggle() {
-        if (!this.list.length || this.play.disabled)
+        if (this.element.hidden)
             return;
         this.isPlaying = !this.isPlaying;
         this.show();

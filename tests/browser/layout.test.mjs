@@ -131,6 +131,22 @@ test("a dialog keeps its title and its buttons in sight", async () => {
     }
 });
 
+test("the animation bar keeps what is chosen, and is not there for who may not move it", async () => {
+    await page.waitForSelector("#timeline:not([hidden])");
+    const found = await evaluate(() => {
+        const { timeline } = window.helio;
+        const before = timeline.list;
+        timeline.seek(0.5);
+        timeline.setAnimations([{ asset: 99, animation: 0, name: "other", duration_s: 1 }, ...before], true);
+        const after = [timeline.current.asset === before[0].asset, timeline.time_s];
+        timeline.setAnimations(before, false);
+        const { hidden } = document.querySelector("#timeline");
+        timeline.setAnimations(before, true);
+        return [...after, hidden, document.querySelector("#timeline").hidden];
+    });
+    assert.deepEqual(found, [true, 0.5, true, false]);
+});
+
 test("says that its session was ended, and opens another one only when told to", async () => {
     const session = await evaluate(() => String(window.helio.connection.session));
     await daemon.manage("kick", session, "--reason", "too loud");

@@ -196,6 +196,12 @@ test("errors say which limit it was and when to try again", () => {
         assert.ok(text.includes(part), text);
 });
 
+test("lengths have a unit that fits, and no sign without a digit", async () => {
+    const { metresText } = await load("dom.js");
+    assert.deepEqual([-2.7e-8, 0, 0.0123, -2, 1500].map(metresText),
+        ["0.000 m", "0.000 m", "1.23 cm", "-2.000 m", "1.500 km"]);
+});
+
 test("progress has numbers where they are known", () => {
     assert.deepEqual(describeProgress({ stage: "samples", done: 8n, total: 32n }), ["8 of 32 samples", 0.25]);
     assert.deepEqual(describeProgress({ stage: "streaming", done: 2n, total: 3n }), ["streaming, 66 %", 2 / 3]);
