@@ -44,21 +44,33 @@ for (const scheme of ["dark", "light"])
         await evaluate(() => ["scene", "view", "stats"].forEach((n) => window.helio.panels.set(n, false)));
     });
 
-test("fits into 360 px", async () => {
-    await page.setViewport({ width: 360, height: 640 });
+// 320 px are what is left of 1280 px in a page at 400 %.
+for (const width of [360, 320])
+    test(`fits into ${width} px`, () => fits(width));
+
+async function fits(width) {
+    await page.setViewport({ width, height: 640 });
     for (const panel of [null, "scene", "view", "stats"]) {
         if (panel)
             await evaluate((name) => window.helio.panels.set(name, true), panel);
-        const outside = await evaluate(() => [...document.querySelectorAll("button, select, input, h2, #status")]
+        const outside = await evaluate((most) => [...document.querySelectorAll("button, select, input, h2, #status")]
             .filter((e) => e.offsetParent && !e.closest(".hidden")).filter((e) => {
                 const box = e.getBoundingClientRect();
-                return box.width > 1 && (box.left < -1 || box.right > 361);
-            }).map((e) => e.outerHTML.slice(0, 80)));
+                return box.width > 1 && (box.left < -1 || box.right > most + 1);
+            }).map((e) => e.outerHTML.slice(0, 80)), width);
         assert.deepEqual(outside, [], `beyond the edge with ${panel}`);
-        assert.ok(await evaluate(() => document.documentElement.scrollWidth <= 360));
+        assert.ok(await evaluate((most) => document.documentElement.scrollWidth <= most, width));
     }
     await evaluate(() => window.helio.panels.set("stats", false));
-});
+    const [bar, tools] = await evaluate(() => {
+        const box = (name) => document.querySelector(name).getBoundingClientRect();
+        const last = document.querySelector("#tools").lastElementChild.getBoundingClientRect();
+        return [[box(".mark").right, box("#status").left, box("#status").right, box("#menu").left],
+            [last.right, box("#tools").right]];
+    });
+    assert.deepEqual(bar, bar.toSorted((a, b) => a - b), "what is in the bar lies side by side");
+    assert.ok(tools[0] <= tools[1], "the tools fit into their bar");
+}
 
 // Pairs of panels and of what is at the bottom that cover each other.
 const overlaps = () => evaluate(() => {
