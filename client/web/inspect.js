@@ -8,7 +8,7 @@ const NOTE_BYTES = 2000;
 
 const definitions = (rows) => h("dl", {}, ...rows.flatMap(([name, value]) =>
     [h("dt", { text: name }), h("dd", { text: value })]));
-const vector = (v) => v.map((n) => n.toFixed(3)).join(", ");
+const vector = (v) => v.map((n) => n.toFixed(3).replace(/^-(0\.0+)$/, "$1")).join(", ");
 
 function angle_deg(a, b) {
     const cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
