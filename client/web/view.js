@@ -57,7 +57,7 @@ export class View extends EventTarget {
         this.setSize();
         this.params.codecs ??= await this.codecs();
         const { params } = this;
-        await this.connection.call("view_set", this.settings());
+        await this.place(() => this.settings());
         this.isStarted = true;
         if (this.params !== params) // they changed meanwhile
             await this.connection.call("view_set", this.settings());
@@ -72,7 +72,7 @@ export class View extends EventTarget {
     // Goes on in a session that was resumed: it has the view and its subscription.
     async resume() {
         this.isStarted = true;
-        await this.connection.call("view_set", this.settings());
+        await this.place(() => this.settings());
         if (this.sent)
             this.sendCamera(true);
         else
@@ -172,17 +172,21 @@ export class View extends EventTarget {
     async applySize() {
         if (!this.setSize() || !this.isStarted)
             return;
-        const { width, height } = this;
+        await this.place(() => ({ view: VIEW, width: this.width, height: this.height }))
+            .catch((error) => this.trouble(error));
+    }
+
+    // view_set with a size. More pixels than this session may have: half of them, and again.
+    async place(message) {
         try {
-            await this.connection.call("view_set", { view: VIEW, width, height });
+            await this.connection.call("view_set", message());
         } catch (error) {
-            if (error.status !== "limit" || width * height < 65536) {
-                this.trouble(error);
-                return;
-            }
-            // More pixels than this session may have: half of them, and again.
-            this.maxPixels = Math.floor(width * height / 2);
-            await this.applySize();
+            const pixels = this.width * this.height;
+            if (error.status !== "limit" || pixels < 65536)
+                throw error;
+            this.maxPixels = Math.floor(pixels / 2);
+            this.setSize();
+            await this.place(message);
         }
     }
 

@@ -159,6 +159,22 @@ test("the animation bar keeps what is chosen, and is not there for who may not m
     assert.deepEqual(found, [true, 0.5, true, false]);
 });
 
+test("opens with as many pixels as its session may have", async () => {
+    daemon.options = ["--max-pixels", "100000"];
+    await daemon.kill();
+    await daemon.start();
+    const other = await openPage(browser, `${daemon.origin}/#scene=few&load=${join(models, MODEL)}`
+        + `&ticket=${daemon.tokens.edit}&gi=NONE&samples=1`, { width: 900, height: 600 });
+    await waitPicture(other, (d) => d.frame && d.width * d.height <= 100000);
+    assert.deepEqual(other.complaints, []);
+    await other.close();
+    daemon.options = [];
+    await daemon.kill();
+    await daemon.start();
+    await page.bringToFront();
+    await page.waitForSelector("#curtain", { hidden: true });
+});
+
 test("says that its session was ended, and opens another one only when told to", async () => {
     const session = await evaluate(() => String(window.helio.connection.session));
     await daemon.manage("kick", session, "--reason", "too loud");

@@ -36,6 +36,7 @@ export class Daemon {
     constructor() {
         this.folder = mkdtempSync(join(tmpdir(), "helio-browser-"));
         this.tokens = TOKENS;
+        this.options = []; // more of heliod's
         this.port = 0;
         writeFileSync(join(this.folder, "tokens"), Object.entries(TOKENS).map(([role, token]) =>
             `${token} ${role === "tools" ? "edit" : role} ${role} tenant=tests\n`).join(""),
@@ -49,7 +50,7 @@ export class Daemon {
             "--port-file", ports, "--tokens", join(this.folder, "tokens"), "--asset-root", models,
             "--state-dir", join(this.folder, "state"), "--cache-dir", join(this.folder, "cache"),
             "--isolation", "shared", "--sandbox", "best-effort", "--no-seed-shaders", "--hang-timeout", "3600",
-            "--start-timeout", "600", "--worker-timeout", "600", "--log", "warn"], { stdio: ["ignore", "inherit", "inherit"] });
+            "--start-timeout", "600", "--worker-timeout", "600", "--log", "warn", ...this.options], { stdio: ["ignore", "inherit", "inherit"] });
         this.ended = new Promise((done) => this.process.on("exit", done));
         await until(() => existsSync(ports) && readFileSync(ports, "utf8").trim(), "the daemon listens");
         this.port = Number(readFileSync(ports, "utf8").trim().split(/\D+/)[0]);
