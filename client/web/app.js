@@ -162,6 +162,11 @@ class App {
             .addEventListener("change", () => view.resize());
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         addEventListener("pagehide", () => this.leave());
+        // A page that the browser kept, and shows again as it was left.
+        addEventListener("pageshow", (e) => {
+            if (e.persisted && connection.state === "closed")
+                connection.connect();
+        });
         addEventListener("hashchange", () => location.reload());
         this.updateView();
     }

@@ -248,6 +248,7 @@ export class Connection extends EventTarget {
         clearTimeout(this.retryTimer);
         if (this.isOpen)
             this.send("bye", { reason: "" });
+        this.ticket = null;
         this.drop();
         this.setState("closed");
     }

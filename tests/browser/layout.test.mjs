@@ -175,6 +175,15 @@ test("opens with as many pixels as its session may have", async () => {
     await page.waitForSelector("#curtain", { hidden: true });
 });
 
+test("goes on when the browser comes back to the page", async () => {
+    const camera = await evaluate(() => window.helio.cameraText());
+    await page.goto(`${daemon.origin}/index.html?other`);
+    await page.goBack();
+    await waitFor(page, () => document.body.dataset.state === "open"
+        && document.querySelector("#picture").dataset.settled === "true");
+    assert.equal(await evaluate(() => window.helio.cameraText()), camera);
+});
+
 test("says that its session was ended, and opens another one only when told to", async () => {
     const session = await evaluate(() => String(window.helio.connection.session));
     await daemon.manage("kick", session, "--reason", "too loud");
