@@ -270,7 +270,7 @@ class App {
 
     onMessage({ name, body }) {
         if (name === "drain")
-            toast(`The server stops in ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
+            toast(`The server stops within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
         else if (name === "drain_cancelled")
             toast("The server goes on.");
         else if (name === "message")
@@ -545,8 +545,8 @@ class App {
         this.opening.setEmpty(!scene.total);
     }
 
-    async withProgress(text, action) {
-        const task = progressToast(text);
+    async withProgress(text, action, onCancel = null) {
+        const task = progressToast(text, onCancel);
         try {
             return await action((stage, share) => task.update(`${text}: ${stage}`, share));
         } finally {

@@ -8,12 +8,15 @@ const ACCESS = [["none", "None: they sign in"], ["view", "View, for a day"],
     ["edit", "Edit, for a day"]];
 const GUESTS = 20;
 
+// The settled picture, which may take long: until then it can be given up, and what comes is dropped.
 export async function takePicture(app) {
-    await app.withProgress("Screenshot", async (onProgress) => {
-        const png = await app.view.screenshot((kind, body) =>
-            kind === "progress" && onProgress(...describeProgress(body)));
+    let giveUp;
+    const none = new Promise((done) => { giveUp = () => done(null); });
+    const png = await app.withProgress("Screenshot", (onProgress) =>
+        Promise.race([none, app.view.screenshot((kind, body) =>
+            kind === "progress" && onProgress(...describeProgress(body)))]), giveUp);
+    if (png)
         download(png, "image/png", `${(app.title || "scene").replace(/[^\w.-]+/g, "_")}.png`);
-    });
 }
 
 export function shareUrl(app, withCamera, ticket) {

@@ -184,6 +184,16 @@ test("goes on when the browser comes back to the page", async () => {
     assert.equal(await evaluate(() => window.helio.cameraText()), camera);
 });
 
+test("a screenshot that takes long can be given up", async () => {
+    await page.setViewport({ width: 1000, height: 600 });
+    await evaluate(() => { window.helio.view.screenshot = () => new Promise(() => {}); });
+    await page.click('#menu [title="Screenshot"]');
+    await page.waitForSelector(".toast.task button");
+    await page.click(".toast.task button");
+    await page.waitForSelector(".toast.task", { hidden: true });
+    await evaluate(() => { delete window.helio.view.screenshot; });
+});
+
 test("says that its session was ended, and opens another one only when told to", async () => {
     const session = await evaluate(() => String(window.helio.connection.session));
     await daemon.manage("kick", session, "--reason", "too loud");
