@@ -20,6 +20,7 @@ import { View } from "./view.js";
 const CLIENT = "helio-web/1";
 const FLIGHT_MS = 350;
 const LATER_MS = 60;
+const EXPLAIN_MS = 5000; // between two explanations of the same
 const LONG_TICK_S = 0.1;
 const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
 
@@ -321,6 +322,7 @@ class App {
     takeCamera() {
         this.flight = null;
         this.view.needsPivot = false;
+        this.explainFollowing();
         return this.view.camera;
     }
 
@@ -336,22 +338,25 @@ class App {
     tick(now_ms) {
         const dt_s = Math.min(LONG_TICK_S, Math.max(0, (now_ms - this.ticked_ms) / 1000));
         this.ticked_ms = now_ms;
-        if (!this.people.canMove)
-            this.explainFollowing();
-        let goesOn = this.controls.tick(dt_s);
-        goesOn = this.tickFlight(now_ms) || goesOn;
-        goesOn = this.timeline.tick(dt_s) || goesOn;
-        goesOn = this.view.sendCamera() || this.controls.pointers.size > 0 || goesOn;
+        const input = this.controls.tick(dt_s);
+        let moves = input && !this.controls.isResting;
+        moves = this.tickFlight(now_ms) || moves;
+        moves = this.timeline.tick(dt_s) || moves;
+        moves = this.view.sendCamera() || this.controls.pointers.size > 0 || moves;
         if (this.view.reproject())
             this.overlay.draw(this.view.camera);
-        this.isMoving = goesOn;
-        this.isAwake = goesOn;
-        if (goesOn)
+        this.isMoving = moves;
+        this.isAwake = moves || input;
+        if (this.isAwake)
             requestAnimationFrame((t) => this.tick(t));
     }
 
     // Input does nothing while another session moves the camera that this view follows.
     explainFollowing() {
+        const now_ms = performance.now();
+        if (this.people.canMove || now_ms - (this.explained_ms ?? -Infinity) < EXPLAIN_MS)
+            return;
+        this.explained_ms = now_ms;
         const { holder } = this.people.shared;
         const of = holder ? ` of ${this.people.nameOf(holder)}` : "";
         toast(`This view follows the shared camera${of}.`, "info",
@@ -359,6 +364,7 @@ class App {
     }
 
     fly(to) {
+        this.explainFollowing();
         const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
         const from = structuredClone(this.view.camera);
         const begun_ms = performance.now();
@@ -420,6 +426,7 @@ class App {
     }
 
     setLens(changes) {
+        this.explainFollowing();
         const { camera } = this.view;
         if (changes.kind && changes.kind !== camera.kind) {
             const half = halfHeight(camera);

@@ -171,7 +171,7 @@ export class Controls {
             this.isShifted = event.shiftKey;
             event.preventDefault();
             this.on.change();
-        } else if (this.on.key(event)) {
+        } else if (!event.repeat && this.on.key(event)) {
             event.preventDefault();
         }
     }
@@ -184,10 +184,13 @@ export class Controls {
 
     // ---- once per animation frame --------------------------------------------------------------
 
-    // Moves by what is held for dt_s; true while something is.
+    // Moves by what is held for dt_s; true while something is, or a gamepad is to be read again (isResting:
+    // nothing of it is held).
     tick(dt_s) {
         const keys = this.tickKeys(dt_s);
+        this.padRests = true;
         const pad = this.hasPad && this.tickPad(dt_s);
+        this.isResting = !keys && this.padRests;
         return keys || pad;
     }
 
@@ -239,6 +242,7 @@ export class Controls {
         if (pad.buttons[0]?.pressed && !this.padPressed)
             this.on.key({ code: "KeyF", key: "f" });
         this.padPressed = pad.buttons[0]?.pressed;
+        this.padRests = isStill;
         if (isStill)
             return true;
         const camera = this.getCamera();

@@ -184,6 +184,38 @@ test("goes on when the browser comes back to the page", async () => {
     assert.equal(await evaluate(() => window.helio.cameraText()), camera);
 });
 
+test("who follows a camera is told so once, by input and by nothing else", async () => {
+    const told = () => evaluate(() => [...document.querySelectorAll(".toast")].filter((t) =>
+        /follows the shared/.test(t.textContent)).map((t) => t.dataset.seen ??= String(performance.now())));
+    await evaluate(() => {
+        window.helio.people.isFollowing = true;
+        window.helio.timeline.toggle();
+    });
+    await evaluate(() => new Promise((done) => setTimeout(done, 300)));
+    assert.deepEqual(await told(), [], "an animation that plays");
+    await page.focus("#picture");
+    await page.keyboard.down("ArrowRight");
+    await page.waitForSelector(".toast");
+    const first = await told();
+    await evaluate(() => new Promise((done) => setTimeout(done, 300)));
+    assert.deepEqual(await told(), first);
+    await page.keyboard.up("ArrowRight");
+    await evaluate(() => {
+        window.helio.people.isFollowing = false;
+        window.helio.timeline.pause();
+        document.querySelectorAll(".toast").forEach((t) => t.remove());
+    });
+});
+
+test("a held key acts once", async () => {
+    await page.focus("#picture");
+    for (let i = 0; i < 4; i++) // the browser takes all but the first for repeats
+        await page.keyboard.down("Space");
+    await page.keyboard.up("Space");
+    assert.equal(await evaluate(() => window.helio.timeline.isPlaying), true);
+    await evaluate(() => window.helio.timeline.pause());
+});
+
 test("a screenshot that takes long can be given up", async () => {
     await page.setViewport({ width: 1000, height: 600 });
     await evaluate(() => { window.helio.view.screenshot = () => new Promise(() => {}); });
