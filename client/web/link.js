@@ -30,7 +30,7 @@ export function parseLink(hash) {
     if (Number.isInteger(samples) && samples >= 1 && samples <= MOST_SAMPLES)
         params.samples = samples;
     return {
-        scene: (words.get("scene") ?? "").slice(0, 100),
+        scene: words.get("scene") ?? "",
         load: words.get("load") ?? "",
         ticket: words.get("ticket") ?? "",
         camera: cameraFromText(words.get("camera") ?? ""),

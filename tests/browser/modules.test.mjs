@@ -104,6 +104,11 @@ test("links keep camera, settings and names; nonsense is left out", () => {
         assert.equal(camera.cameraFromText(text), null, text);
 });
 
+test("a long name of a scene is not cut to that of another one", () => {
+    const scene = "n".repeat(128);
+    assert.equal(parseLink(formatLink({ scene })).scene, scene);
+});
+
 test("an orthographic camera survives a link", () => {
     const c = { ...make(), kind: "ORTHOGRAPHIC", half_height: 3 };
     const back = camera.cameraFromText(camera.cameraToText(c));
