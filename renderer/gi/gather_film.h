@@ -28,7 +28,7 @@ struct hg_gi_gather {
     float *rows;   // [strips][LIGHT_PLANES + 1][width]
     uint32_t step; // px between taps
     int kind;
-    uint32_t lamp;   // number of those that are filtered
+    uint32_t lamp;    // number of those that are filtered
     float lamp_asked; // samples of a pixel that asked for it, where it reaches; 0: none
     uint32_t *out;
 };

@@ -301,7 +301,7 @@ static void write_batch(struct hg_state_log *log, struct list *batch, struct lis
     struct writer *w = &log->writer;
     enum hg_status status;
     for (struct item *it = batch->first, *next; it;) {
-        struct item *end = it;
+        struct item *end;
         if (it->fd >= 0)
             sync_item(it);
         if (it->snapshot) {
