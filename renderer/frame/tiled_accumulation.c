@@ -372,47 +372,31 @@ static struct hg_draw_request exact_request(const struct hg_draw *draw)
     return request;
 }
 
-// A picture of half the size, with the texels of this sample of the whole one.
-static enum hg_status find_pages(const struct hg_draw *draw, uint32_t sample,
-    struct hg_page_demand *demand, struct hg_error *err)
-{
-    struct hg_tiled_accumulation *s = draw->accumulation;
-    struct hg_draw_request request = exact_request(draw);
-    request.smaller = HG_TILED_FIND_SMALLER;
-    struct hg_draw find = hg_draw_with(draw, &request);
-    enum hg_status status = start_exact(draw, sample, err);
-    const uint64_t start = hg_clock_now_ns();
-    if (status == HG_OK)
-        status = hg_frame_cull(&find, HG_FRAME_PICTURE, 1, err);
-    if (status == HG_OK)
-        status = run_batch(&find, 1, false, demand, err);
-    if (status != HG_OK)
-        return status;
-    note_slice(s,
-        pixels_of(hg_draw_size(&request)) / (HG_TILED_FIND_SMALLER * HG_TILED_FIND_SMALLER),
-        hg_clock_now_ns() - start);
-    hg_frame_note_blend(&find, 1);
-    return HG_OK;
-}
-
 enum hg_status hg_tiled_accumulation_begin_exact(const struct hg_draw *draw, struct hg_error *err)
 {
     struct hg_tiled_accumulation *s = draw->accumulation;
-    struct hg_page_demand demand = {.fits = true}, found = {.fits = true};
-    enum hg_status status = HG_OK;
-    // The first sample spreads along no footprint, all others do.
-    for (uint32_t i = 0; i < 2 && i < draw->request->samples && demand.fits && status == HG_OK;
-         i++) {
-        status = find_pages(draw, i, &demand, err);
-        found.missing += demand.missing;
-        found.shadows |= demand.shadows;
-    }
+    struct hg_page_demand demand = {0};
+    struct hg_draw_request request = exact_request(draw);
+    request.smaller = HG_TILED_FIND_SMALLER;
+    struct hg_draw find = hg_draw_with(draw, &request);
+    enum hg_status status = start_exact(draw, 0, err);
+    if (status != HG_OK)
+        return status;
+    const uint64_t start = hg_clock_now_ns();
+    status = hg_frame_cull(&find, HG_FRAME_PICTURE, 1, err);
     if (status == HG_OK)
-        status = start_exact(draw, 0, err); // discards them
+        status = run_batch(&find, 1, false, &demand, err);
+    if (status == HG_OK) {
+        note_slice(s,
+            pixels_of(hg_draw_size(&request)) / (HG_TILED_FIND_SMALLER * HG_TILED_FIND_SMALLER),
+            hg_clock_now_ns() - start);
+        hg_frame_note_blend(&find, 1);
+        status = start_exact(draw, 0, err); // discards it
+    }
     s->has_fallback = false; // it would be outdated
-    s->pages.missing = found.missing;
-    s->pages.waiting = found.missing > 0;
-    s->shadows.coarse_texels = found.shadows;
+    s->pages.missing = demand.missing;
+    s->pages.waiting = demand.missing > 0;
+    s->shadows.coarse_texels = demand.shadows;
     draw->stats->number++;
     return status;
 }

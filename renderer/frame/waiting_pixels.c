@@ -5,7 +5,7 @@
 #include "shaders/shared/texture.h"
 
 #define CELLS     32u    // of the grid over a rectangle, along each side
-#define CELL_PX   16u    // sides of cells are multiples of this
+#define CELL_PX   64u    // sides of cells are multiples of this
 #define DRAW_PX   16384u // what beginning a draw costs, in pixels
 #define LEAST_WIN 2u     // rectangles are drawn in so small a part of the time, at most
 
@@ -40,27 +40,27 @@ struct box { // of cells, ends included
     uint32_t left, top, right, bottom;
 };
 
-struct grid {
-    uint32_t cell_px, columns, rows;
-    uint8_t waits[CELLS][CELLS]; // 1: some pixel does
+struct grid { // of cells that begin at multiples of their sides
+    uint32_t cell_px, left, top, columns, rows;
+    uint8_t waits[CELLS + 1][CELLS + 1]; // 1: some pixel does
 };
 
 static void fill(const struct hg_waiting_pixels *w, VkRect2D rect, uint32_t reached, struct grid *g)
 {
-    const uint32_t longest =
-        rect.extent.width > rect.extent.height ? rect.extent.width : rect.extent.height;
-    const uint32_t side = (longest + CELLS - 1) / CELLS;
+    const uint32_t left = (uint32_t)rect.offset.x, top = (uint32_t)rect.offset.y;
+    const uint32_t width = rect.extent.width, height = rect.extent.height;
+    const uint32_t side = ((width > height ? width : height) + CELLS - 1) / CELLS;
     *g = (struct grid){.cell_px = (side + CELL_PX - 1) / CELL_PX * CELL_PX};
-    g->columns = (rect.extent.width + g->cell_px - 1) / g->cell_px;
-    g->rows = (rect.extent.height + g->cell_px - 1) / g->cell_px;
-    for (uint32_t i = 0; i < rect.extent.height; i++) {
-        const uint32_t y = (uint32_t)rect.offset.y + i;
+    g->left = left / g->cell_px;
+    g->top = top / g->cell_px;
+    g->columns = (left + width - 1) / g->cell_px - g->left + 1;
+    g->rows = (top + height - 1) / g->cell_px - g->top + 1;
+    for (uint32_t y = top; y < top + height; y++) {
         const uint32_t *row = w->progress + (size_t)y * w->width;
-        for (uint32_t k = 0; k < rect.extent.width; k++) {
-            const uint32_t x = (uint32_t)rect.offset.x + k;
+        for (uint32_t x = left; x < left + width; x++) {
             const uint32_t samples = row[x] & HG_PROGRESS_SAMPLES_MASK;
             if (samples < reached && samples < enough(w, x, y))
-                g->waits[i / g->cell_px][k / g->cell_px] = 1;
+                g->waits[y / g->cell_px - g->top][x / g->cell_px - g->left] = 1;
         }
     }
 }
@@ -129,6 +129,19 @@ static uint32_t cover(const struct grid *g, struct box boxes[HG_WAITING_MOST_REC
     return count;
 }
 
+// What of the rectangle is in a box.
+static VkRect2D within(const struct grid *g, const struct box *b, VkRect2D rect)
+{
+    const uint32_t first_x = (uint32_t)rect.offset.x, first_y = (uint32_t)rect.offset.y;
+    const uint32_t left = larger((g->left + b->left) * g->cell_px, first_x);
+    const uint32_t top = larger((g->top + b->top) * g->cell_px, first_y);
+    const uint32_t right =
+        smaller((g->left + b->right + 1) * g->cell_px, first_x + rect.extent.width);
+    const uint32_t bottom =
+        smaller((g->top + b->bottom + 1) * g->cell_px, first_y + rect.extent.height);
+    return (VkRect2D){{(int32_t)left, (int32_t)top}, {right - left, bottom - top}};
+}
+
 uint32_t hg_waiting_pixels_rects(const struct hg_waiting_pixels *w, VkRect2D rect, uint32_t reached,
     VkRect2D out[HG_WAITING_MOST_RECTS])
 {
@@ -138,11 +151,7 @@ uint32_t hg_waiting_pixels_rects(const struct hg_waiting_pixels *w, VkRect2D rec
     const uint32_t count = cover(&g, boxes);
     uint64_t cost = 0;
     for (uint32_t i = 0; i < count; i++) {
-        const uint32_t left = boxes[i].left * g.cell_px, top = boxes[i].top * g.cell_px;
-        const uint32_t right = smaller((boxes[i].right + 1) * g.cell_px, rect.extent.width);
-        const uint32_t bottom = smaller((boxes[i].bottom + 1) * g.cell_px, rect.extent.height);
-        out[i] = (VkRect2D){{rect.offset.x + (int32_t)left, rect.offset.y + (int32_t)top},
-            {right - left, bottom - top}};
+        out[i] = within(&g, &boxes[i], rect);
         cost += pixels_of(&g, &boxes[i]);
     }
     return LEAST_WIN * cost <= (uint64_t)rect.extent.width * rect.extent.height ? count : 0;

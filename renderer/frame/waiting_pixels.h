@@ -20,7 +20,9 @@ struct hg_waiting_pixels {
 // Least number of samples of the pixels of a rectangle; those with samples enough have all.
 uint32_t hg_waiting_pixels_least(const struct hg_waiting_pixels *waiting, VkRect2D rect);
 // Rectangles that hold all pixels of `rect` with fewer samples than `reached`, and than are enough
-// for them. Returns their number; 0: drawing them would save little beside drawing all of `rect`.
+// for them. Their edges lie at multiples of 64 px, the tiles of Mesa's llvmpipe, or are those of
+// `rect`. Returns their number; 0: drawing them would save little beside drawing all of
+// `rect`.
 uint32_t hg_waiting_pixels_rects(const struct hg_waiting_pixels *waiting, VkRect2D rect,
     uint32_t reached, VkRect2D out[HG_WAITING_MOST_RECTS]);
 

@@ -85,7 +85,7 @@ static void test_few(void **state)
     wait_at(710, 310, 8);
     const uint32_t count = hg_waiting_pixels_rects(&w, whole, REACHED, rects);
     // Two corners and one place, of which each takes a cell or a few.
-    assert_true(check_rects(&w, whole, rects, count) < pixels_of(whole) / 50);
+    assert_true(check_rects(&w, whole, rects, count) < pixels_of(whole) / 20);
     assert_int_equal(hg_waiting_pixels_least(&w, whole), 3);
     uint32_t least = SAMPLES;
     for (uint32_t i = 0; i < count; i++) {
