@@ -4,7 +4,7 @@ import { Connection, describeError } from "./connection.js";
 import { Controls } from "./controls.js";
 import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
 import { Inspector } from "./inspect.js";
-import { keepAccess, keepResume, takeAccess, takeResume } from "./link.js";
+import { keepAccess, keepCamera, keepResume, takeAccess, takeCamera, takeResume } from "./link.js";
 import { Looks } from "./looks.js";
 import { Opening } from "./opening.js";
 import { Overlay } from "./overlay.js";
@@ -43,8 +43,9 @@ class App {
         this.scene = new Scene(this.connection);
         this.view = new View(this.connection, this.canvas, $("warp"));
         this.view.params = { ...this.view.params, ...this.link.params };
-        this.view.camera = this.link.camera ?? this.view.camera;
-        this.view.sent = this.link.camera;
+        const camera = takeCamera(this.link) ?? this.link.camera;
+        this.view.camera = camera ?? this.view.camera;
+        this.view.sent = camera;
         this.looks = new Looks(this.connection, this.view, this.scene,
             (error) => toast(describeError(error), "error"));
         this.overlay = new Overlay($("overlay"), this.canvas);
@@ -175,6 +176,8 @@ class App {
     // A session that came in by a join ticket goes on when the page is loaded again: the ticket
     // may be good once only.
     leave() {
+        if (this.view.sent)
+            keepCamera(this.link, this.view.camera);
         if (this.connection.joined)
             keepResume(this.connection.ticket);
         else

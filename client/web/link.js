@@ -63,6 +63,7 @@ export function formatLink({ scene, load, ticket, camera, params }) {
 
 const KEPT = "helio-access";
 const RESUME = "helio-resume";
+const CAMERA = "helio-camera";
 
 // Takes the access out of the visible address, where it would be copied by accident, and keeps
 // it for this tab.
@@ -81,6 +82,20 @@ export function keepAccess(token) {
         sessionStorage.setItem(KEPT, token);
     else
         sessionStorage.removeItem(KEPT);
+}
+
+// Where this tab looked at a scene from, for when its page is loaded again: good once. Pages that are
+// opened otherwise begin as their address says.
+export function keepCamera(link, camera) {
+    if (link.scene || link.load)
+        sessionStorage.setItem(CAMERA, JSON.stringify([link.scene, link.load, cameraToText(camera)]));
+}
+
+export function takeCamera(link) {
+    const kept = JSON.parse(sessionStorage.getItem(CAMERA) ?? "[]");
+    const isReload = performance.getEntriesByType("navigation")[0]?.type === "reload";
+    sessionStorage.removeItem(CAMERA);
+    return isReload && kept[0] === link.scene && kept[1] === link.load ? cameraFromText(kept[2]) : null;
 }
 
 // The ticket of a session that goes on when this page is loaded again: good once.

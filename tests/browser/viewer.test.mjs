@@ -486,6 +486,14 @@ test("one finger turns, two zoom", async () => {
     await waitExact(page);
 });
 
+test("a page that is loaded again shows the scene from where it was seen", async () => {
+    await turn("ArrowLeft");
+    const camera = await evaluate(() => window.helio.cameraText());
+    await page.reload();
+    await waitExact(page);
+    assert.equal(await evaluate(() => window.helio.cameraText()), camera);
+});
+
 test("a codec that fails is left for the next one", async () => {
     await evaluate(() => {
         window.ownDecoder = VideoDecoder;
