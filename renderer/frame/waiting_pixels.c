@@ -1,6 +1,8 @@
 // waiting_pixels.c - see waiting_pixels.h.
 #include "renderer/frame/waiting_pixels.h"
 
+#include <stdbool.h>
+
 #include "shaders/shared/sample_blocks.h"
 #include "shaders/shared/texture.h"
 

@@ -4,7 +4,6 @@
 #ifndef HG_RENDERER_FRAME_WAITING_PIXELS_H
 #define HG_RENDERER_FRAME_WAITING_PIXELS_H
 
-#include <stdbool.h>
 #include <vulkan/vulkan.h>
 
 #define HG_WAITING_MOST_RECTS 6

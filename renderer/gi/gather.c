@@ -184,7 +184,8 @@ static float asked_per_pixel(const struct hg_gi_gather *w)
             for (uint32_t y = top; y < top + ASKED_CELL && y < w->in.height; y++)
                 for (uint32_t x = left; x < left + ASKED_CELL && x < w->in.width; x++) {
                     const size_t at = (size_t)y * w->in.width + x;
-                    here += (double)fmodf(packed[at], HG_PATH_LAMP_SEEN);
+                    const float seen = floorf(packed[at] / HG_PATH_LAMP_SEEN);
+                    here += (double)(packed[at] - seen * HG_PATH_LAMP_SEEN);
                     count += w->guides[DEPTH][at] > 0 ? 1 : 0;
                 }
             asked += here;

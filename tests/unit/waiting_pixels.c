@@ -1,6 +1,7 @@
 // waiting_pixels.c - rectangles about pixels that wait: they hold all of them, and little else.
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
