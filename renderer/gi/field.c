@@ -18,19 +18,14 @@
 #define CLEARANCE         0.15f // distance that probes keep from surfaces, in spacings
 #define MOST_OFFSET       0.45f
 #define LOBE_POWER        32 // of the cosine in moments
+// Between probes is this share of the mean of their light, and else the square of the mean of its
+// roots, which is less where they differ: along corridors light falls off by factors, and the mean
+// would be too much, with each bounce more (Majercik et al. 2021 have roots alone).
+#define LINEAR            0.4f
 #define NEAR              2.3f // spacings: no surface whose lookups read a probe is farther from it
 #define SEED_WEIGHT       4    // of light that a probe begins with, in updates of 8 rays
 
 // --- octahedral tables ---------------------------------------------------------------------------
-
-// As hg_oct_encode and hg_oct_decode in shaders/lib/octahedral.glsl.
-static void oct_encode(const float v[3], float out[2])
-{
-    const float sum = fmaxf(fabsf(v[0]) + fabsf(v[1]) + fabsf(v[2]), 1e-30f);
-    const float x = v[0] / sum, y = v[1] / sum;
-    out[0] = v[2] >= 0 ? x : (1 - fabsf(y)) * (x >= 0 ? 1.0f : -1.0f);
-    out[1] = v[2] >= 0 ? y : (1 - fabsf(x)) * (y >= 0 ? 1.0f : -1.0f);
-}
 
 static void texel_direction(uint32_t texel, uint32_t side, float out[3])
 {
@@ -60,7 +55,7 @@ static uint32_t wrapped_texel(int x, int y, int side)
 static uint32_t texel_of(const float d[3], int side, float xi_x, float xi_y)
 {
     float e[2];
-    oct_encode(d, e);
+    hg_octahedral2(d, e);
     const float x = (e[0] * 0.5f + 0.5f) * (float)side + xi_x - 0.5f;
     const float y = (e[1] * 0.5f + 0.5f) * (float)side + xi_y - 0.5f;
     return wrapped_texel((int)floorf(x), (int)floorf(y), side);
@@ -120,6 +115,7 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     f->buffer = (struct hg_gpu_buffer){0};
     hg_gi_field_finish(f, NULL);
     next.offsets = hg_calloc(next.count, sizeof *next.offsets);
+    next.walls = hg_calloc(next.count, sizeof *next.walls);
     next.inside = hg_calloc(next.count, sizeof *next.inside);
     next.covered = hg_calloc(next.count, sizeof *next.covered);
     next.needed = hg_calloc(next.count, sizeof *next.needed);
@@ -130,8 +126,8 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     next.words = hg_calloc((size_t)next.count * PROBE_WORDS, sizeof *next.words);
     next.stale = hg_calloc(next.count, sizeof *next.stale);
     *f = next;
-    if (!f->offsets || !f->inside || !f->covered || !f->needed || !f->updates || !f->irradiance ||
-        !f->moments || !f->means || !f->words || !f->stale) {
+    if (!f->offsets || !f->walls || !f->inside || !f->covered || !f->needed || !f->updates ||
+        !f->irradiance || !f->moments || !f->means || !f->words || !f->stale) {
         hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
     }
@@ -153,6 +149,7 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
     if (gpu)
         hg_gpu_buffer_destroy(gpu, &f->buffer);
     hg_free(f->offsets);
+    hg_free(f->walls);
     hg_free(f->inside);
     hg_free(f->covered);
     hg_free(f->needed);
@@ -169,9 +166,9 @@ static uint64_t host_bytes(uint32_t probes)
 {
     const struct hg_gi_field *f = NULL;
     return probes *
-           (sizeof *f->offsets + sizeof *f->inside + sizeof *f->covered + sizeof *f->needed +
-               sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments + sizeof *f->means +
-               sizeof *f->stale + PROBE_WORDS * 4ull);
+           (sizeof *f->offsets + sizeof *f->walls + sizeof *f->inside + sizeof *f->covered +
+               sizeof *f->needed + sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments +
+               sizeof *f->means + sizeof *f->stale + PROBE_WORDS * 4ull);
 }
 
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
@@ -232,7 +229,7 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
     const struct hg_gi_lobes *lobes)
 {
     float e[2];
-    oct_encode(ray->direction, e);
+    hg_octahedral2(ray->direction, e);
     const int x0 = (int)floorf((e[0] * 0.5f + 0.5f) * MOMENT_SIDE);
     const int y0 = (int)floorf((e[1] * 0.5f + 0.5f) * MOMENT_SIDE);
     float distance = fminf(ray->distance / spacing, HG_GI_FARTHEST);
@@ -283,7 +280,9 @@ void hg_gi_probe_relocate(
     f->inside[probe] = inside;
     float moved[3];
     hg_sub3(f->offsets[probe], was, moved);
-    if (last && hg_length3(moved) < STAYS)
+    const bool stays = last && hg_length3(moved) < STAYS;
+    hg_gi_wall_find(stays && !inside ? front : NULL, rays, count, f->spacing, &f->walls[probe]);
+    if (stays)
         for (uint32_t i = 0; i < count; i++)
             add_distance(&f->moments[probe], &rays[i], f->spacing, &f->lobes);
     if (!f->coarser)
@@ -416,7 +415,8 @@ static float visibility(
     const float wrap = hg_dot3(to, p->normal) * 0.5f + 0.5f;
     const float distance = hg_length3(c->from) / f->spacing;
     const float beyond = fmaxf(distance - c->reach[0], 0);
-    const float seen = c->reach[1] / (c->reach[1] + beyond * beyond);
+    const bool hidden = !f->follows && hg_gi_wall_hides(&f->walls[c->probe], c->from, f->spacing);
+    const float seen = hidden ? 0 : c->reach[1] / (c->reach[1] + beyond * beyond);
     const float weight = fmaxf((wrap * wrap + 0.02f) * seen * seen * seen, 1e-6f);
     return weight < 0.2f ? weight * weight * weight * 25 : weight;
 }
@@ -459,11 +459,12 @@ static uint32_t find_corners(const struct hg_gi_field *f, const float lifted[3],
     return found;
 }
 
-// Of the eight probes around a point: light times weight, and weight.
-static void look(const struct hg_gi_field *f, const struct hg_gi_point *p, const float lifted[3],
-    const float at[3], const float xi[3], float sum[4])
+// Light between the eight probes around a point, and their weight in all.
+static float look(const struct hg_gi_field *f, const struct hg_gi_point *p, const float lifted[3],
+    const float at[3], const float xi[3], float out[3])
 {
     struct corner corners[8];
+    float roots[3] = {0}, linear[3] = {0}, sum = 0;
     const uint32_t texel = texel_of(p->normal, IRRADIANCE_SIDE, xi[0], xi[1]);
     const uint32_t count = find_corners(f, lifted, at, texel, xi, corners);
     for (uint32_t i = 0; i < count; i++) {
@@ -471,10 +472,17 @@ static void look(const struct hg_gi_field *f, const struct hg_gi_point *p, const
         if (f->irradiance[c->probe].weight[texel] <= 0)
             continue;
         const float weight = c->weight * visibility(f, c, p);
-        for (int k = 0; k < 3; k++)
-            sum[k] += weight * c->light[k];
-        sum[3] += weight;
+        for (int k = 0; k < 3; k++) {
+            roots[k] += weight * sqrtf(c->light[k]);
+            linear[k] += weight * c->light[k];
+        }
+        sum += weight;
     }
+    for (int k = 0; k < 3; k++) {
+        const float root = sum > 0 ? roots[k] / sum : 0, mean = sum > 0 ? linear[k] / sum : 0;
+        out[k] = root * root + LINEAR * (mean - root * root);
+    }
+    return sum;
 }
 
 // How much of the light at a point is that of this grid: all of it inside, none far beyond its
@@ -495,7 +503,7 @@ float hg_gi_field_irradiance(
     float left = 1;
     out[0] = out[1] = out[2] = 0;
     for (; f && left > 0; f = f->coarser) {
-        float lifted[3], at[3], sum[4] = {0};
+        float lifted[3], at[3], light[3];
         for (int a = 0; a < 3; a++) {
             const float bias =
                 p->normal[a] * HG_PROBE_BIAS_NORMAL + p->view[a] * HG_PROBE_BIAS_VIEW;
@@ -505,11 +513,11 @@ float hg_gi_field_irradiance(
         float share = left * share_of(f, at);
         if (share <= 0)
             continue;
-        look(f, p, lifted, at, xi, sum);
-        if (f->coarser || sum[3] <= 0)
-            share *= fminf(HG_PROBE_SURE * sum[3], 1);
-        for (int c = 0; c < 3 && sum[3] > 0; c++)
-            out[c] += share * (sum[c] / sum[3]);
+        const float weight = look(f, p, lifted, at, xi, light);
+        if (f->coarser || weight <= 0)
+            share *= fminf(HG_PROBE_SURE * weight, 1);
+        for (int c = 0; c < 3; c++)
+            out[c] += share * light[c];
         left -= share;
     }
     return 1 - left;
@@ -521,6 +529,7 @@ void hg_gi_probe_copy(
     struct hg_gi_field *f, uint32_t probe, const struct hg_gi_field *from, uint32_t k)
 {
     memcpy(f->offsets[probe], from->offsets[k], sizeof f->offsets[probe]);
+    f->walls[probe] = from->walls[k];
     f->inside[probe] = from->inside[k];
     f->covered[probe] = from->covered[k];
     f->needed[probe] = from->needed[k];
@@ -563,8 +572,9 @@ static uint32_t place_word(const struct hg_gi_field *f, uint32_t probe)
     const bool awake = hg_gi_probe_is_read(f, probe) && hg_gi_probe_is_lit(f, probe);
     uint32_t word = inside ? HG_PROBE_INSIDE : awake ? HG_PROBE_AWAKE : 0;
     for (int a = 0; a < 3; a++)
-        word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS) << (10 * a);
-    return word;
+        word |= (uint32_t)rintf((f->offsets[probe][a] + 0.5f) * HG_PROBE_OFFSET_STEPS)
+                << (HG_PROBE_BITS * a);
+    return word | (f->follows ? HG_GI_NO_WALL : f->walls[probe].code) << (3 * HG_PROBE_BITS);
 }
 
 static void pack_probe(void *user, size_t probe)

@@ -6,6 +6,7 @@
 #ifndef HG_RENDERER_GI_FIELD_H
 #define HG_RENDERER_GI_FIELD_H
 
+#include "renderer/gi/walls.h"
 #include "renderer/gpu/gpu.h"
 #include "shaders/shared/gi.h"
 
@@ -43,6 +44,7 @@ struct hg_gi_field { // zeroed: none
     const struct hg_gi_field *coarser; // for what lies beyond the grid; NULL: it is the coarsest
     uint32_t salt;                     // fields of different ones have other random numbers
     float (*offsets)[3]; // [count] from the grid, in spacings
+    struct hg_gi_wall *walls; // [count]
     bool *inside;        // [count] of something solid, where probes were placed
     bool *covered;       // [count] by something solid that moved there; lookups pass them
     bool follows;        // geometry has moved since probes were placed
@@ -55,15 +57,6 @@ struct hg_gi_field { // zeroed: none
     uint32_t *words; // as the device reads them
     bool *stale;     // [count] the probe's tables have changed since they were uploaded
     struct hg_gpu_buffer buffer;
-};
-
-// What a ray brought.
-struct hg_gi_ray {
-    float direction[3]; // unit
-    float distance;     // metres; FLT_MAX: it left the scene
-    float light[3];
-    float emitted[3]; // of that what an emitter sent (hg_gi_material)
-    bool back; // the back of a surface that has one side: what begins there lies inside of it
 };
 
 // counts, count, origin and spacing for these bounds.

@@ -283,6 +283,7 @@ static void shade_ray(const struct run *w, size_t i)
         hg_gi_surface_at(&w->waves->surfaces, hit, out->direction, &surface);
         out->distance = hit->t;
         out->back = surface.back;
+        hg_copy3(surface.normal, out->normal);
         if (!w->wave.places && !surface.back)
             receive(w, i, &surface);
     }

@@ -17,7 +17,7 @@ vec3 hg_debug_light(vec3 light)
 // Of a place: whether the probe takes part, and if not why.
 vec3 hg_debug_probe_state(uint place)
 {
-    vec3 moved = vec3(uvec3(place, place >> 10, place >> 20) & 1023u) * (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
+    vec3 moved = hg_probe_offset(place);
     if ((place & HG_PROBE_INSIDE) != 0u)
         return vec3(0.8, 0.02, 0.02);
     if ((place & HG_PROBE_AWAKE) == 0u)
@@ -31,7 +31,7 @@ vec4 hg_debug_probe_in(hg_gpu_probe_grid p, ivec3 cell, vec3 from, vec3 d)
 {
     uint k = uint((cell.z * int(p.counts[1]) + cell.y) * int(p.counts[0]) + cell.x);
     uint place = p.words.v[k];
-    vec3 moved = vec3(uvec3(place, place >> 10, place >> 20) & 1023u) * (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
+    vec3 moved = hg_probe_offset(place);
     vec3 to = vec3(cell) + moved - from;
     float along = dot(to, d), r = HG_DEBUG_PROBE_RADIUS;
     float half_chord = r * r - dot(to - along * d, to - along * d);

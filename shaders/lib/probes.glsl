@@ -77,8 +77,24 @@ float hg_probes_spacing(vec3 pos_ws)
     return hg_frame.probes.grids[max(c, 0)].spacing;
 }
 
+// Of a place: from the point of the grid to the probe, in spacings.
+vec3 hg_probe_offset(uint place)
+{
+    return vec3(uvec3(place, place >> HG_PROBE_BITS, place >> (2 * HG_PROBE_BITS)) & HG_PROBE_BITS_MASK) *
+        (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
+}
+
+// The wall next to a probe is between it and what lies there from it, in spacings.
+bool hg_probe_is_walled_off(uint place, vec3 from)
+{
+    uvec3 code = uvec3(place >> (3 * HG_PROBE_BITS), place >> (4 * HG_PROBE_BITS), place >> (5 * HG_PROBE_BITS)) &
+        HG_PROBE_BITS_MASK;
+    vec3 wall = vec3(code) * (1.0 / float(HG_PROBE_WALL_STEPS));
+    return code.z != HG_PROBE_WALL_NONE && dot(hg_oct_decode(wall.xy * 2.0 - 1.0), from) < -wall.z - HG_PROBE_WALL_SLACK;
+}
+
 // Weight of a probe without that of the grid.
-float hg_probe_weight(hg_gpu_probe_grid p, uint probe, vec3 at_ws, hg_probe_point point, vec3 n, vec2 xi)
+float hg_probe_weight(hg_gpu_probe_grid p, uint probe, uint place, vec3 at_ws, hg_probe_point point, vec3 n, vec2 xi)
 {
     float wrap = dot(normalize(at_ws - point.pos_ws), n) * 0.5 + 0.5;
     float weight = wrap * wrap + 0.02;
@@ -89,6 +105,7 @@ float hg_probe_weight(hg_gpu_probe_grid p, uint probe, vec3 at_ws, hg_probe_poin
     vec2 moments = unpackHalf2x16(p.words.v[k]);
     float beyond = max(distance - moments.x, 0.0);
     float seen = moments.y / (moments.y + beyond * beyond);
+    seen = hg_probe_is_walled_off(place, from * (1.0 / p.spacing)) ? 0.0 : seen;
     weight = max(weight * seen * seen * seen, 1e-6);
     return weight < 0.2 ? weight * weight * weight * 25.0 : weight;
 }
@@ -148,10 +165,8 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
         uint k = uint((cell.z * (most.y + 1) + cell.y) * (most.x + 1) + cell.x);
         uint place = p.words.v[k];
         vec3 tri = mix(1.0 - f, f, vec3(off));
-        vec3 moved = vec3(uvec3(place, place >> 10, place >> 20) & 1023u) *
-            (1.0 / float(HG_PROBE_OFFSET_STEPS)) - 0.5;
-        vec3 probe_ws = p.origin_ws + (vec3(cell) + moved) * p.spacing;
-        float w = tri.x * tri.y * tri.z * hg_probe_weight(p, k, probe_ws, point, n_geometric, xi.yz);
+        vec3 probe_ws = p.origin_ws + (vec3(cell) + hg_probe_offset(place)) * p.spacing;
+        float w = tri.x * tri.y * tri.z * hg_probe_weight(p, k, place, probe_ws, point, n_geometric, xi.yz);
         w = (place & HG_PROBE_AWAKE) != 0u ? w : 0.0;
         sum += vec4(hg_probe_irradiance(p, words + k * HG_PROBE_IRRADIANCE_TEXELS, n, xi.xy), 1.0) * w;
 #ifdef HG_PROBES_BILINEAR
@@ -169,10 +184,10 @@ hg_probe_light hg_probe_grid_look(hg_gpu_probe_grid p, hg_probe_point point, vec
     }
     hg_probe_light light;
     light.weight = sum.w;
-    light.irradiance = sum.rgb / max(sum.w, 1e-12);
+    light.irradiance = sum.rgb / max(sum.w, 1e-24);
 #ifdef HG_PROBES_BILINEAR
-    light.surfaces = reflection.rgb / max(sum.w, 1e-12);
-    light.sky = reflection.a / max(sum.w, 1e-12);
+    light.surfaces = reflection.rgb / max(sum.w, 1e-24);
+    light.sky = reflection.a / max(sum.w, 1e-24);
     hiding += 0.01 * vec4(reflection.rgb, sum.w - reflection.a);
     light.hiding = hiding.rgb / max(hiding.a, 1e-3 * sum.w);
 #else

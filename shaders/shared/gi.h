@@ -33,9 +33,16 @@
 #define HG_PROBE_IRRADIANCE_TEXELS 64
 #define HG_PROBE_MOMENT_SIDE       16
 #define HG_PROBE_MOMENT_TEXELS     256
-// Of a place: offset from the grid in units of spacing, 10 bits per axis over -0.5..0.5; awake; asleep
-// inside of something.
-#define HG_PROBE_OFFSET_STEPS 1023
+// Of a place, from its lowest bit on: offset from the grid in units of spacing, 5 bits per axis over -0.5..0.5; normal
+// of the wall next to the probe, octahedral, 5 bits per axis over -1..1, and how far the probe is from it, 5 bits over
+// 0..1 spacings, 31: there is none; awake; asleep inside of something. A wall hides all that is behind its plane within the cells
+// around the probe. 0 has a code in both ranges.
+#define HG_PROBE_OFFSET_STEPS 30
+#define HG_PROBE_WALL_STEPS   30
+#define HG_PROBE_WALL_NONE    31u
+#define HG_PROBE_BITS         5
+#define HG_PROBE_BITS_MASK    31u
+#define HG_PROBE_WALL_SLACK   0.02f // spacings behind its plane that are not hidden: what rounding moves it by
 #define HG_PROBE_AWAKE        0x40000000u
 #define HG_PROBE_INSIDE       0x80000000u
 #define HG_PROBE_MOVED        0.02f // offset, in spacings, from which on debug views say so

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "tests/analytic/rig.h"
+#include "tests/analytic/gi_rig.h"
 
 enum { WIDTH = 96, HEIGHT = 72, COLUMNS = 6, ROWS = 4 };
 
@@ -100,6 +100,21 @@ static struct rig_camera corridor(struct rig *rig)
     const float panel[2][3] = {{1, 2.4f, 0.5f}, {3, 2.45f, 1.5f}};
     faces(rig, lamp(rig, 40), panel, -1, FLOOR);
     return (struct rig_camera){.eye = {8.8, 1.3, -4.2}, .target = {5, 1.2, -3.8}, .vfov_rad = 1.0};
+}
+
+// A room of walls without thickness, 200 times darker than the sky that its window shows: light of
+// probes before walls would be most of it.
+static struct rig_camera window_room(struct rig *rig)
+{
+    struct hg_material *m = painted(rig, 0.7f, 0.7f, 0.7f);
+    const float box[2][3] = {{-3, 0, -4}, {3, 2.8f, 4}};
+    const float around[4][2][3] = {{{-3, 0, -4}, {3, 1.2f, 4}}, {{-3, 1.8f, -4}, {3, 2.8f, 4}},
+        {{-3, 1.2f, -4}, {3, 1.8f, -1}}, {{-3, 1.2f, 0}, {3, 1.8f, 4}}};
+    faces(rig, m, box, 1, ALL & ~LOW_X);
+    for (int i = 0; i < 4; i++)
+        faces(rig, m, around[i], 1, LOW_X);
+    gi_sky(rig, 1);
+    return (struct rig_camera){.eye = {-2.6, 1.5, 3.6}, .target = {2, 1.2, -1}, .vfov_rad = 1.0};
 }
 
 static void panel_room(struct rig *rig, struct hg_material *floor, unsigned walls)
@@ -254,6 +269,11 @@ static void test_corridor(void **state)
     against_paths(*state, &(struct scene){"corridor", corridor, {0.05, 0.03}});
 }
 
+static void test_window_room(void **state)
+{
+    against_paths(*state, &(struct scene){"room with a window", window_room, {0.12, 0.05}});
+}
+
 static void test_glossy_floor(void **state)
 {
     against_paths(*state, &(struct scene){"glossy floor", glossy_floor, {0.05, 0.03}});
@@ -270,6 +290,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_cornell),
         cmocka_unit_test(test_corridor),
+        cmocka_unit_test(test_window_room),
         cmocka_unit_test(test_glossy_floor),
         cmocka_unit_test(test_mirror_hall),
     };
