@@ -180,10 +180,8 @@ static enum hg_status render_frame(struct hg_cli_render *r, const char *name, st
 
 enum hg_status hg_cli_frame_set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
 {
-    struct hgp_animation_set animation = {
-        .asset = r->cli.scene.first_id, .animation = -1, .time_s = time_s};
     r->doing = HG_CLI_DOING_RENDER;
-    return helio_call_for(r->cli.h, HGP_T_animation_set, &animation, HGP_T_ok, NULL, err);
+    return hg_cli_animations_pose(&r->cli, r->cli.scene.first_id, &r->loaded.chosen, time_s, err);
 }
 
 // Frames that are averaged must not have the same noise: each one has a seed of its own.
@@ -293,7 +291,8 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
         hg_cli_progress_frames(&r->cli.progress, 1);
         bool moves = (o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1)) &&
                      r->loaded.animations > 0;
-        enum hg_status status = o->has_at || moves ? hg_cli_frame_set_time(r, o->at, err) : HG_OK;
+        enum hg_status status =
+            o->has_at || moves || o->has_animation ? hg_cli_frame_set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, r->output, err);
     }
     if (r->list.count > 1 && !r->turntable.frames && r->loaded.animations == 0)

@@ -132,7 +132,8 @@ static enum hg_status read_info(
         json_array_foreach(json_object_get(asset, "animations"), i, animation)
         {
             const double s_long = json_number_value(json_object_get(animation, "duration_s"));
-            scene->duration_s = fmax(scene->duration_s, s_long);
+            if (!json_is_true(json_object_get(animation, "conflicts"))) // else it is not played
+                scene->duration_s = fmax(scene->duration_s, s_long);
         }
     }
     json_decref(info);

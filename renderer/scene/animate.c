@@ -98,6 +98,71 @@ static void pose_channel(struct hg_scene *scene, const struct hg_anim_channel *c
     }
 }
 
+static bool is_moved_by_others(const struct hg_asset *asset, uint32_t index)
+{
+    const struct hg_animation *a = &asset->animations[index];
+    for (uint32_t c = 0; c < a->channel_count; c++) {
+        const struct hg_anim_channel *channel = &a->channels[c];
+        const uint32_t by = channel->node ? channel->node->posed_by[channel->path] : 0;
+        if (by != 0 && by != index + 1)
+            return true;
+    }
+    return false;
+}
+
+static void put_rest(const struct hg_anim_channel *channel)
+{
+    const bool moves = channel->node->moves && channel->path != HG_ANIM_WEIGHTS;
+    float *to = channel_target(channel);
+    if (moves || !channel->rest || !to) // weights that a client gave a node which had none
+        return;
+    memcpy(to, channel->rest, channel->width * sizeof *channel->rest);
+}
+
+// Ends an animation that was posed: what it moves goes back to rest.
+static void end_animation(struct hg_asset *asset, uint32_t index)
+{
+    struct hg_animation *a = &asset->animations[index];
+    for (uint32_t c = 0; c < a->channel_count; c++) {
+        struct hg_node *node = a->channels[c].node;
+        if (!node || node->posed_by[a->channels[c].path] != index + 1)
+            continue;
+        node->posed_by[a->channels[c].path] = 0;
+        put_rest(&a->channels[c]);
+        if (asset->scene)
+            hg_scene_touch(asset->scene, &node->head);
+    }
+    a->posed = false;
+}
+
+// Takes what an animation moves from all others.
+static void claim(struct hg_asset *asset, uint32_t index)
+{
+    const struct hg_animation *a = &asset->animations[index];
+    for (uint32_t c = 0; c < a->channel_count; c++) {
+        struct hg_node *node = a->channels[c].node;
+        uint32_t *by = node ? &node->posed_by[a->channels[c].path] : NULL;
+        if (by && *by != 0 && *by != index + 1)
+            end_animation(asset, *by - 1);
+        if (by)
+            *by = index + 1;
+    }
+}
+
+// Of animations that move the same things, such as the walk and the run of a character, the first
+// one is posed together with all others.
+static void find_conflicts(struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->animation_count; i++) {
+        asset->animations[i].conflicts = is_moved_by_others(asset, i);
+        if (!asset->animations[i].conflicts)
+            claim(asset, i);
+    }
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        if (!asset->animations[i].conflicts)
+            end_animation(asset, i);
+}
+
 enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
 {
     if (animation < -1 || (animation >= 0 && (uint32_t)animation >= asset->animation_count))
@@ -106,6 +171,9 @@ enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double t
     uint32_t end = animation < 0 ? asset->animation_count : first + 1;
     for (uint32_t i = first; i < end; i++) {
         struct hg_animation *a = &asset->animations[i];
+        if (animation < 0 && a->conflicts)
+            continue;
+        claim(asset, i);
         for (uint32_t c = 0; c < a->channel_count; c++)
             pose_channel(asset->scene, &a->channels[c], (float)time_s);
         a->posed = true;
@@ -132,6 +200,7 @@ enum hg_status hg_asset_keep_rest(struct hg_asset *asset)
         for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
             if (keep_rest(&asset->animations[i].channels[c]))
                 return HG_E_NOMEM;
+    find_conflicts(asset);
     return HG_OK;
 }
 
@@ -214,15 +283,12 @@ static void shift_values(
     pose_channel(NULL, channel, (float)(animation->time_s + *offset_s));
 }
 
-static void put_rest(
+static void put_posed_to_rest(
     const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
 {
     (void)animation;
     (void)user;
-    const bool moves = channel->node->moves && channel->path != HG_ANIM_WEIGHTS;
-    if (moves || !channel->rest) // weights that a client gave a node which had none
-        return;
-    memcpy(channel_target(channel), channel->rest, channel->width * sizeof *channel->rest);
+    put_rest(channel);
 }
 
 static void put_moved(struct hg_node *node, const float values[MOVED_VALUES])
@@ -274,7 +340,7 @@ enum hg_status hg_scene_pose_rest(struct hg_scene *scene, struct hg_pose_kept *k
 {
     const enum hg_status status = keep(scene, kept);
     if (!status)
-        for_posed(scene, put_rest, NULL);
+        for_posed(scene, put_posed_to_rest, NULL);
     return status;
 }
 

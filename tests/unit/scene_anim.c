@@ -327,6 +327,76 @@ static void test_rest_pose(void **state)
     hg_scene_destroy(scene);
 }
 
+// Three animations of one key of two nodes: "walk" and "run" both move the first node, "door" sizes
+// the second one.
+static struct hg_asset *load_conflicts(struct hg_scene **scene)
+{
+    static const float zero = 0, walk[] = {1, 0, 0}, run[] = {2, 0, 0}, door[] = {1, 3, 1};
+    memset(&file, 0, sizeof file);
+    memory_floats(&file, "SCALAR", 1, &zero, sizeof zero);
+    memory_floats(&file, "VEC3", 1, walk, sizeof walk);
+    memory_floats(&file, "VEC3", 1, run, sizeof run);
+    memory_floats(&file, "VEC3", 1, door, sizeof door);
+    struct hg_asset *asset;
+    struct hg_error err;
+    if (memory_load(&file,
+            "\"scene\":0,\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{},{}],\"animations\":["
+            "{\"samplers\":[{\"input\":0,\"output\":1}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}}]},"
+            "{\"samplers\":[{\"input\":0,\"output\":2}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}},"
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"translation\"}}]},"
+            "{\"samplers\":[{\"input\":0,\"output\":3}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"scale\"}}]}]",
+            &asset, &err) != HG_OK)
+        fail_msg("%s at '%s'", err.reason, err.where);
+    assert_int_equal(hg_scene_create(scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(*scene, asset, NULL), HG_OK);
+    return asset;
+}
+
+static void expect_places(const struct hg_asset *asset, float first, float second, float height)
+{
+    assert_true(asset->nodes[0]->translation[0] == first);
+    assert_true(asset->nodes[1]->translation[0] == second);
+    assert_true(asset->nodes[1]->scale[1] == height);
+}
+
+// Of animations that move the same things one is posed at a time; what it alone moved goes back to
+// rest.
+static void test_conflicts(void **state)
+{
+    (void)state;
+    struct hg_scene *scene;
+    struct hg_asset *asset = load_conflicts(&scene);
+    struct hg_pose_kept kept = {0};
+    enum { WALK, RUN, DOOR };
+    assert_false(asset->animations[WALK].conflicts);
+    assert_true(asset->animations[RUN].conflicts);
+    assert_false(asset->animations[DOOR].conflicts);
+    assert_false(hg_scene_moves(scene));
+    expect_places(asset, 0, 0, 1);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    expect_places(asset, 1, 0, 3);
+    assert_int_equal(hg_asset_pose(asset, RUN, 0), HG_OK);
+    expect_places(asset, 2, 2, 3);
+    assert_false(asset->animations[WALK].posed);
+    assert_true(asset->animations[DOOR].posed);
+    assert_int_equal(hg_asset_pose(asset, WALK, 0), HG_OK);
+    expect_places(asset, 1, 0, 3);
+    const uint64_t revision = asset->nodes[1]->head.revision;
+    hg_scene_publish(scene);
+    assert_int_equal(hg_asset_pose(asset, RUN, 0), HG_OK);
+    assert_int_equal(hg_scene_pose_shift(scene, 0.5, 1, &kept), HG_OK);
+    expect_places(asset, 2, 2, 3); // the walk, which came before, has no say in other times
+    hg_scene_pose_restore(scene, &kept);
+    hg_scene_publish(scene);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    expect_places(asset, 1, 0, 3);
+    assert_true(asset->nodes[1]->head.revision > revision); // it went back
+    hg_scene_destroy(scene);
+}
+
 // Two vertices of a skin with one joint: weights of joints that do not exist go to those that do.
 static void test_joints_beyond_the_skin(void **state)
 {
@@ -368,6 +438,7 @@ int main(void)
         cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
         cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers),
         cmocka_unit_test(test_poses_raise_revisions), cmocka_unit_test(test_next_places),
-        cmocka_unit_test(test_rest_pose), cmocka_unit_test(test_joints_beyond_the_skin)};
+        cmocka_unit_test(test_rest_pose), cmocka_unit_test(test_conflicts),
+        cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
