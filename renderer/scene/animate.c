@@ -98,15 +98,32 @@ static void pose_channel(struct hg_scene *scene, const struct hg_anim_channel *c
     }
 }
 
-static bool is_moved_by_others(const struct hg_asset *asset, uint32_t index)
+// Exporters write what a shape does into every clip: that is no conflict.
+static bool is_same(const struct hg_anim_channel *a, const struct hg_anim_channel *b)
 {
-    const struct hg_animation *a = &asset->animations[index];
-    for (uint32_t c = 0; c < a->channel_count; c++) {
-        const struct hg_anim_channel *channel = &a->channels[c];
-        const uint32_t by = channel->node ? channel->node->posed_by[channel->path] : 0;
-        if (by != 0 && by != index + 1)
+    const size_t values =
+        (size_t)a->key_count * a->width * (a->interpolation == HG_ANIM_CUBIC ? 3 : 1);
+    return a->key_count == b->key_count && a->width == b->width &&
+           a->interpolation == b->interpolation &&
+           memcmp(a->times, b->times, a->key_count * sizeof *a->times) == 0 &&
+           memcmp(a->values, b->values, values * sizeof *a->values) == 0;
+}
+
+// The animation that posed what this channel of another one moves otherwise; -1: none did.
+static int64_t find_rival(const struct hg_anim_channel *channel)
+{
+    const struct hg_anim_channel *by =
+        channel->node ? channel->node->posed_by[channel->path] : NULL;
+    return by && by->animation != channel->animation && !is_same(by, channel)
+               ? (int64_t)by->animation
+               : -1;
+}
+
+static bool has_rival(const struct hg_animation *a)
+{
+    for (uint32_t c = 0; c < a->channel_count; c++)
+        if (find_rival(&a->channels[c]) >= 0)
             return true;
-    }
     return false;
 }
 
@@ -120,32 +137,30 @@ static void put_rest(const struct hg_anim_channel *channel)
 }
 
 // Ends an animation that was posed: what it moves goes back to rest.
-static void end_animation(struct hg_asset *asset, uint32_t index)
+static void end_animation(struct hg_asset *asset, struct hg_animation *a)
 {
-    struct hg_animation *a = &asset->animations[index];
     for (uint32_t c = 0; c < a->channel_count; c++) {
-        struct hg_node *node = a->channels[c].node;
-        if (!node || node->posed_by[a->channels[c].path] != index + 1)
+        const struct hg_anim_channel *channel = &a->channels[c];
+        if (!channel->node || channel->node->posed_by[channel->path] != channel)
             continue;
-        node->posed_by[a->channels[c].path] = 0;
-        put_rest(&a->channels[c]);
+        channel->node->posed_by[channel->path] = NULL;
+        put_rest(channel);
         if (asset->scene)
-            hg_scene_touch(asset->scene, &node->head);
+            hg_scene_touch(asset->scene, &channel->node->head);
     }
     a->posed = false;
 }
 
 // Takes what an animation moves from all others.
-static void claim(struct hg_asset *asset, uint32_t index)
+static void claim(struct hg_asset *asset, const struct hg_animation *a)
 {
-    const struct hg_animation *a = &asset->animations[index];
     for (uint32_t c = 0; c < a->channel_count; c++) {
-        struct hg_node *node = a->channels[c].node;
-        uint32_t *by = node ? &node->posed_by[a->channels[c].path] : NULL;
-        if (by && *by != 0 && *by != index + 1)
-            end_animation(asset, *by - 1);
-        if (by)
-            *by = index + 1;
+        const struct hg_anim_channel *channel = &a->channels[c];
+        const int64_t rival = find_rival(channel);
+        if (rival >= 0)
+            end_animation(asset, &asset->animations[rival]);
+        if (channel->node)
+            channel->node->posed_by[channel->path] = channel;
     }
 }
 
@@ -154,13 +169,15 @@ static void claim(struct hg_asset *asset, uint32_t index)
 static void find_conflicts(struct hg_asset *asset)
 {
     for (uint32_t i = 0; i < asset->animation_count; i++) {
-        asset->animations[i].conflicts = is_moved_by_others(asset, i);
-        if (!asset->animations[i].conflicts)
-            claim(asset, i);
+        struct hg_animation *a = &asset->animations[i];
+        for (uint32_t c = 0; c < a->channel_count; c++)
+            a->channels[c].animation = i;
+        a->conflicts = has_rival(a);
+        if (!a->conflicts)
+            claim(asset, a);
     }
     for (uint32_t i = 0; i < asset->animation_count; i++)
-        if (!asset->animations[i].conflicts)
-            end_animation(asset, i);
+        end_animation(asset, &asset->animations[i]);
 }
 
 enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
@@ -173,7 +190,7 @@ enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double t
         struct hg_animation *a = &asset->animations[i];
         if (animation < 0 && a->conflicts)
             continue;
-        claim(asset, i);
+        claim(asset, a);
         for (uint32_t c = 0; c < a->channel_count; c++)
             pose_channel(asset->scene, &a->channels[c], (float)time_s);
         a->posed = true;

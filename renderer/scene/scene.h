@@ -246,7 +246,7 @@ struct hg_node {
         float translation[3], rotation[4], scale[3];
     } next;
     bool animated;        // an animation of its asset turns, moves or sizes it
-    uint32_t posed_by[4]; // by enum hg_anim_path: 1 + index of the animation that posed it, or 0
+    const struct hg_anim_channel *posed_by[4]; // by enum hg_anim_path: what posed it last, or NULL
     struct {              // of the subtree too
         bool visible;     // false hides it
         bool catches_shadows; // path-traced: seen by the camera only as the shadow on it
@@ -276,6 +276,7 @@ struct hg_anim_channel {
     float *times;              // [key_count] seconds, strictly increasing
     float *values;             // [key_count * width], cubic: [key_count * 3 * width] in, value, out
     float *rest; // [width], of the node when the asset was added to a scene; NULL before
+    uint32_t animation; // in a scene: that it is of
 };
 
 struct hg_animation {

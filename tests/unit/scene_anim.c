@@ -327,8 +327,8 @@ static void test_rest_pose(void **state)
     hg_scene_destroy(scene);
 }
 
-// Three animations of one key of two nodes: "walk" and "run" both move the first node, "door" sizes
-// the second one.
+// Animations of one key of two nodes: "walk" and "run" both move the first node, "door" sizes the
+// second one, and so does the last one, which sizes the first one as well.
 static struct hg_asset *load_conflicts(struct hg_scene **scene)
 {
     static const float zero = 0, walk[] = {1, 0, 0}, run[] = {2, 0, 0}, door[] = {1, 3, 1};
@@ -347,7 +347,10 @@ static struct hg_asset *load_conflicts(struct hg_scene **scene)
             "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}},"
             "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"translation\"}}]},"
             "{\"samplers\":[{\"input\":0,\"output\":3}],\"channels\":["
-            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"scale\"}}]}]",
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"scale\"}}]},"
+            "{\"samplers\":[{\"input\":0,\"output\":3}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"scale\"}},"
+            "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"scale\"}}]}]",
             &asset, &err) != HG_OK)
         fail_msg("%s at '%s'", err.reason, err.where);
     assert_int_equal(hg_scene_create(scene), HG_OK);
@@ -370,10 +373,11 @@ static void test_conflicts(void **state)
     struct hg_scene *scene;
     struct hg_asset *asset = load_conflicts(&scene);
     struct hg_pose_kept kept = {0};
-    enum { WALK, RUN, DOOR };
+    enum { WALK, RUN, DOOR, SAME };
     assert_false(asset->animations[WALK].conflicts);
     assert_true(asset->animations[RUN].conflicts);
     assert_false(asset->animations[DOOR].conflicts);
+    assert_false(asset->animations[SAME].conflicts); // what it shares it moves alike
     assert_false(hg_scene_moves(scene));
     expect_places(asset, 0, 0, 1);
     assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
