@@ -211,6 +211,9 @@ static void pack_node(struct hg_pack *p, struct hg_node *node)
     node->light = REFERENCE(p, node->light, a->lights, a->light_count);
     node->camera = REFERENCE(p, node->camera, a->cameras, a->camera_count);
     pack_node_skin(p, node);
+    const uint32_t targets = reads(p) && goes_on(p) && node->mesh ? node->mesh->target_count : 0;
+    if (targets > 0 && (node->weights = take(p, targets, sizeof *node->weights)))
+        memcpy(node->weights, node->mesh->weights, targets * sizeof *node->weights);
 }
 
 static void pack_nodes(struct hg_pack *p)
@@ -254,10 +257,13 @@ static void pack_channel(struct hg_pack *p, struct hg_anim_channel *c)
 {
     struct hg_asset *a = p->asset;
     c->node = REFERENCE(p, c->node, a->nodes, a->node_count);
-    require(p, c->node && !c->node->has_matrix, "a channel");
-    c->path = pack_choice(p, c->path, HG_ANIM_SCALE + 1);
+    c->path = pack_choice(p, c->path, HG_ANIM_WEIGHTS + 1);
+    const bool morphs = c->path == HG_ANIM_WEIGHTS;
+    require(p, c->node && (morphs ? c->node->weights != NULL : !c->node->has_matrix), "a channel");
+    if (!goes_on(p))
+        return;
     c->interpolation = HG_ANIM_LINEAR;
-    c->width = c->path == HG_ANIM_ROTATION ? 4 : 3;
+    c->width = morphs ? c->node->mesh->target_count : c->path == HG_ANIM_ROTATION ? 4 : 3;
     uint32_t count = c->key_count;
     pack_count(p, &count, (1 + c->width) * sizeof(float), 0);
     pack_vertices(p, &c->times, count, 1, -FLT_MAX, FLT_MAX);

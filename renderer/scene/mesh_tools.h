@@ -38,6 +38,12 @@ enum { HG_CREASE_DEG = 40 }; // a cylinder of 10 sides is round, a hexagonal nut
 enum hg_status hg_part_make_crease_normals(
     struct hg_mesh_part *part, const uint32_t *smoothing) HG_MUST_CHECK;
 
+// Normal deltas [vertex_count * 3] of a morph target of a triangle part with normals, from its
+// position deltas: the change of the mean of the triangles around each vertex, weighted by their
+// areas; vertices of one position and normal are one. HG_E_NOMEM. Cost O(n log n).
+enum hg_status hg_part_make_target_normals(
+    const struct hg_mesh_part *part, const float *positions, float *normals) HG_MUST_CHECK;
+
 // Tangents as MikkTSpace makes them (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited"),
 // from the positions, normals and uv[uv_set] of a triangle part; vertices are split where corners
 // disagree. Needs that UV set. HG_E_NOMEM. Cost O(n).
