@@ -96,6 +96,38 @@ static void test_linear(void **state)
     }
 }
 
+static bool tells_of_times(const struct hg_asset *asset, const char *what)
+{
+    bool told = false;
+    for (uint32_t i = 0; i < asset->warning_count; i++)
+        told |= strstr(asset->warnings[i].reason, "INPUT_NON_INCREASING") != NULL &&
+                strstr(asset->warnings[i].reason, what) != NULL;
+    return told;
+}
+
+// Keys that come twice are a jump, those that go back are left out; both are told.
+static void test_times_that_do_not_grow(void **state)
+{
+    (void)state;
+    static const float odd[] = {0, 1, 1, 1, 0.5f, NAN, 2}, end[] = {0, 2};
+    static const float values[] = {0, 0, 0, 1, 0, 0, 7, 0, 0, 5, 0, 0, 9, 0, 0, 9, 0, 0, 6, 0, 0};
+    const struct channel c = {"translation", "LINEAR", "VEC3", 7, 7, odd, values, sizeof values};
+    struct hg_asset *asset = load_channel(&c);
+    const float *pose = asset->nodes[0]->translation;
+    static const float at[][2] = {
+        {0, 0}, {0.5f, 0.5f}, {0.999f, 0.999f}, {1, 5}, {1.5f, 5.5f}, {2, 6}};
+    assert_int_equal(asset->animations[0].channels[0].key_count, 4);
+    for (size_t i = 0; i < sizeof at / sizeof *at; i++)
+        expect(asset, (double)at[i][0], pose, (const float[]){at[i][1], 0, 0}, 3);
+    assert_true(tells_of_times(asset, "at time 2; 4 of 7 keys are used"));
+    hg_asset_destroy(asset);
+    const struct channel sound = {
+        "translation", "STEP", "VEC3", 2, 2, end, values, 6 * sizeof(float)};
+    asset = load_channel(&sound);
+    assert_false(tells_of_times(asset, ""));
+    hg_asset_destroy(asset);
+}
+
 // A turn about z by `angle` has the quaternion (0, 0, sin angle/2, cos angle/2).
 static void test_slerp(void **state)
 {
@@ -438,11 +470,11 @@ static void test_joints_beyond_the_skin(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_step), cmocka_unit_test(test_linear),
-        cmocka_unit_test(test_slerp), cmocka_unit_test(test_cubic),
-        cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
-        cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers),
-        cmocka_unit_test(test_poses_raise_revisions), cmocka_unit_test(test_next_places),
-        cmocka_unit_test(test_rest_pose), cmocka_unit_test(test_conflicts),
-        cmocka_unit_test(test_joints_beyond_the_skin)};
+        cmocka_unit_test(test_times_that_do_not_grow), cmocka_unit_test(test_slerp),
+        cmocka_unit_test(test_cubic), cmocka_unit_test(test_cubic_rotation),
+        cmocka_unit_test(test_weights), cmocka_unit_test(test_normalized_outputs),
+        cmocka_unit_test(test_single_key_and_numbers), cmocka_unit_test(test_poses_raise_revisions),
+        cmocka_unit_test(test_next_places), cmocka_unit_test(test_rest_pose),
+        cmocka_unit_test(test_conflicts), cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
