@@ -27,6 +27,10 @@ void hg_mode_expand(enum hg_primitive_mode mode, const uint32_t *in, uint32_t co
 enum hg_status hg_part_make_flat_normals(
     struct hg_mesh_part *part, uint32_t target_count) HG_MUST_CHECK;
 
+// Gives vertices whose normal has no length the mean of their triangles, weighted by areas, and +z
+// where there is none. HG_E_NOMEM.
+enum hg_status hg_part_fill_normals(struct hg_mesh_part *part) HG_MUST_CHECK;
+
 // Smooth normals for a triangle part without normals and morph targets, with creases: triangles
 // that share an edge are one surface where their planes meet at no more than HG_CREASE_DEG, and
 // every vertex is split by surface. `smoothing` [index_count / 3], NULL: none; the surfaces are

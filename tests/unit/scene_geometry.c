@@ -538,6 +538,38 @@ static void test_variants(void **state)
     hg_asset_destroy(asset);
 }
 
+// A vertex without a normal gets that of its triangles; a part without any is flat, as one that has
+// no NORMAL.
+static void test_normals_without_length(void **state)
+{
+    (void)state;
+    static const float corners[] = {0, 0, 0, 1, 0, 1, 1, 1, 1, 0, 1, 0};
+    static const float some[] = {0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0}, none[12] = {0};
+    static const uint16_t indices[] = {0, 1, 2, 0, 2, 3};
+    const float half = 0.70710678f;
+    begin();
+    memory_floats(&file, "VEC3", 4, corners, sizeof corners);
+    memory_floats(&file, "VEC3", 4, some, sizeof some);
+    memory_floats(&file, "VEC3", 4, none, sizeof none);
+    const uint32_t view = memory_view(&file, indices, sizeof indices, 0);
+    memory_accessor(&file, (int)view, USHORT, "SCALAR", 6, "");
+    struct hg_asset *asset =
+        memory_load_ok(&file, "\"meshes\":[{\"primitives\":["
+                              "{\"attributes\":{\"POSITION\":0,\"NORMAL\":1},\"indices\":3},"
+                              "{\"attributes\":{\"POSITION\":0,\"NORMAL\":2},\"indices\":3}]}]");
+    const struct hg_mesh_part *first = &asset->meshes[0]->parts[0];
+    const struct hg_mesh_part *second = &asset->meshes[0]->parts[1];
+    assert_int_equal(first->vertex_count, 4);
+    assert_float_equal(first->normals[1], 1, 0);
+    assert_float_equal(first->normals[3], -half, 1e-6f);
+    assert_float_equal(first->normals[4], 0, 1e-6f);
+    assert_float_equal(first->normals[5], half, 1e-6f);
+    assert_int_equal(second->vertex_count, 6);
+    for (uint32_t v = 0; v < 6; v++)
+        assert_float_equal(second->normals[v * 3 + 2], half, 1e-6f);
+    hg_asset_destroy(asset);
+}
+
 // Materials whose textures name any two UV sets get those two; of three the last is told.
 static void test_uv_sets(void **state)
 {
@@ -648,6 +680,7 @@ int main(void)
         cmocka_unit_test(test_spec_gloss_equation), cmocka_unit_test(test_spec_gloss_material),
         cmocka_unit_test(test_lobe_defaults), cmocka_unit_test(test_instancing),
         cmocka_unit_test(test_lights), cmocka_unit_test(test_variants),
-        cmocka_unit_test(test_uv_sets), cmocka_unit_test(test_paths)};
+        cmocka_unit_test(test_uv_sets), cmocka_unit_test(test_normals_without_length),
+        cmocka_unit_test(test_paths)};
     return test_run_group(tests, NULL, NULL);
 }

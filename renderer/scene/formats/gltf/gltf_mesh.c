@@ -168,7 +168,9 @@ static enum hg_status read_positions(struct primitive *p)
     return HG_OK;
 }
 
-static void normalize_normals(struct primitive *p, const char *name, float *values, uint32_t width)
+// Normals without a length stay so: hg_part_fill_normals follows. Returns how many these are.
+static size_t normalize_normals(
+    struct primitive *p, const char *name, float *values, uint32_t width)
 {
     size_t zero = 0, off = 0;
     for (uint32_t v = 0; v < p->part->vertex_count; v++) {
@@ -176,7 +178,7 @@ static void normalize_normals(struct primitive *p, const char *name, float *valu
         float length = sqrtf(hg_dot3(n, n));
         off += !(fabsf(length - 1) < 0.05f);
         if (!hg_normalize3(n)) {
-            n[0] = width == 4, n[1] = 0, n[2] = width != 4;
+            n[0] = width == 4, n[1] = n[2] = 0;
             zero++;
         }
         if (width == 4)
@@ -187,6 +189,7 @@ static void normalize_normals(struct primitive *p, const char *name, float *valu
         hg_gltf_warn(p->g, &at,
             "ACCESSOR_VECTOR3_NON_UNIT: %zu of %u are not of length 1, %zu have none", off,
             p->part->vertex_count, zero);
+    return zero;
 }
 
 static enum hg_status read_vectors(struct primitive *p)
@@ -198,8 +201,11 @@ static enum hg_status read_vectors(struct primitive *p)
         status = read_floats(p, &p->attributes, &tangent, &p->part->tangents);
     if (status)
         return status;
-    if (p->part->normals)
-        normalize_normals(p, "NORMAL", p->part->normals, 3);
+    if (p->part->normals &&
+        normalize_normals(p, "NORMAL", p->part->normals, 3) == p->part->vertex_count) {
+        hg_free(p->part->normals); // as good as none
+        p->part->normals = NULL;
+    }
     if (p->part->tangents && p->part->normals) {
         normalize_normals(p, "TANGENT", p->part->tangents, 4);
     } else if (p->part->tangents) {
@@ -526,9 +532,13 @@ static enum hg_status finish_part(
 {
     uint32_t uv_set;
     enum hg_status status = HG_OK;
-    if (part->topology == HG_TOPOLOGY_TRIANGLES) {
+    if (part->normals && part->topology != HG_TOPOLOGY_TRIANGLES)
+        status = hg_part_fill_normals(part);
+    if (!status && part->topology == HG_TOPOLOGY_TRIANGLES) {
         if (!part->normals)
             status = hg_part_make_flat_normals(part, target_count);
+        else
+            status = hg_part_fill_normals(part);
         if (!status && !part->tangents && part_needs_tangents(asset, part, &uv_set) &&
             part->uv[uv_set])
             status = hg_part_make_tangents(part, target_count, uv_set);

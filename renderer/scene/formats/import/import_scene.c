@@ -86,11 +86,12 @@ static bool copy_colors(struct hg_import *im, const struct aiMesh *from, struct 
     return part->colors != NULL;
 }
 
+// Those without a length stay so: hg_part_fill_normals follows.
 static void normalize_normals(struct hg_mesh_part *part)
 {
     for (size_t v = 0; part->normals && v < part->vertex_count; v++)
         if (!hg_normalize3(part->normals + v * 3))
-            part->normals[v * 3 + 2] = 1;
+            memset(part->normals + v * 3, 0, 3 * sizeof(float));
 }
 
 static enum hg_status copy_part(
@@ -106,6 +107,8 @@ static enum hg_status copy_part(
         return im->err->status;
     normalize_normals(part);
     enum hg_status status = copy_indices(im, from, part);
+    if (!status && part->normals && hg_part_fill_normals(part))
+        status = hg_import_fail(im, HG_E_NOMEM, NULL, "no memory");
     if (from->mMaterialIndex < im->asset->material_count)
         part->material = im->asset->materials[from->mMaterialIndex];
     return status;
