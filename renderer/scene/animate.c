@@ -164,18 +164,37 @@ static void claim(struct hg_asset *asset, const struct hg_animation *a)
     }
 }
 
-// Of animations that move the same things, such as the walk and the run of a character, the first
-// one is posed together with all others.
-static void find_conflicts(struct hg_asset *asset)
+// Blender's FBX exporter writes every action for every object that it fits, as OBJECT|ACTION, and
+// an action has the name of its object in front unless its author gave it one: "hub|hubAction", not
+// "hub|doorAction".
+static bool is_of_its_object(const struct hg_animation *a)
+{
+    const char *action = a->name ? strchr(a->name, '|') : NULL;
+    const size_t size = action ? (size_t)(action - a->name) : 0;
+    return size > 0 && strncmp(action + 1, a->name, size) == 0;
+}
+
+static void claim_free(struct hg_asset *asset, bool of_their_objects)
 {
     for (uint32_t i = 0; i < asset->animation_count; i++) {
         struct hg_animation *a = &asset->animations[i];
-        for (uint32_t c = 0; c < a->channel_count; c++)
-            a->channels[c].animation = i;
+        if (is_of_its_object(a) != of_their_objects)
+            continue;
         a->conflicts = has_rival(a);
         if (!a->conflicts)
             claim(asset, a);
     }
+}
+
+// Of animations that move the same things, such as the walk and the run of a character, the first
+// one is posed together with all others.
+static void find_conflicts(struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
+            asset->animations[i].channels[c].animation = i;
+    claim_free(asset, true);
+    claim_free(asset, false);
     for (uint32_t i = 0; i < asset->animation_count; i++)
         end_animation(asset, &asset->animations[i]);
 }

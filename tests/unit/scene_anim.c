@@ -433,6 +433,36 @@ static void test_conflicts(void **state)
     hg_scene_destroy(scene);
 }
 
+// Of the takes of Blender's FBX files the one whose action is that of its object goes before
+// others.
+static void test_takes_of_objects(void **state)
+{
+    (void)state;
+    static const float zero = 0, one[] = {1, 0, 0}, two[] = {2, 0, 0};
+    memset(&file, 0, sizeof file);
+    memory_floats(&file, "SCALAR", 1, &zero, sizeof zero);
+    memory_floats(&file, "VEC3", 1, one, sizeof one);
+    memory_floats(&file, "VEC3", 1, two, sizeof two);
+    struct hg_scene *scene;
+    struct hg_asset *asset;
+    struct hg_error err;
+#define TAKE(name, output)                                                                         \
+    "{\"name\":\"" name "\",\"samplers\":[{\"input\":0,\"output\":" #output "}],\"channels\":["    \
+    "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}}]}"
+    if (memory_load(&file,
+            "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}],\"animations\":[" TAKE(
+                "hub|camAction", 1) "," TAKE("hub|hubAction", 2) "," TAKE("hub|", 1) "]",
+            &asset, &err) != HG_OK)
+        fail_msg("%s at '%s'", err.reason, err.where);
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    assert_true(asset->animations[0].conflicts && asset->animations[2].conflicts);
+    assert_false(asset->animations[1].conflicts);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    assert_true(asset->nodes[0]->translation[0] == 2);
+    hg_scene_destroy(scene);
+}
+
 // Two vertices of a skin with one joint: weights of joints that do not exist go to those that do.
 static void test_joints_beyond_the_skin(void **state)
 {
@@ -475,6 +505,7 @@ int main(void)
         cmocka_unit_test(test_weights), cmocka_unit_test(test_normalized_outputs),
         cmocka_unit_test(test_single_key_and_numbers), cmocka_unit_test(test_poses_raise_revisions),
         cmocka_unit_test(test_next_places), cmocka_unit_test(test_rest_pose),
-        cmocka_unit_test(test_conflicts), cmocka_unit_test(test_joints_beyond_the_skin)};
+        cmocka_unit_test(test_conflicts), cmocka_unit_test(test_takes_of_objects),
+        cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
