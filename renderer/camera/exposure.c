@@ -2,6 +2,7 @@
 #include "renderer/camera/exposure.h"
 
 #include <math.h>
+#include <string.h>
 
 // Of the bright part of a picture: the light of what is lit.
 #define LOW_PERCENTILE  0.6
@@ -9,6 +10,11 @@
 // What is so many stops darker than this percentile is in shadow, and not lit.
 #define KEY_PERCENTILE 0.98
 #define SHADOW_STOPS   6.0
+// Before light is averaged: greatest one, in stops above this percentile. A caustic's one path
+// would else count in as many pixels as the average is of.
+#define OUTLIER_PERCENTILE 0.98
+#define OUTLIER_STOPS      3.0
+#define MOST_REACH         12 // of the average, three standard deviations; px
 // Surfaces that reflect less show highlights rather than their colour.
 #define LEAST_ALBEDO 0.05
 // Share of the geometry that has to reflect for emitters not to count.
@@ -119,23 +125,103 @@ static double exposed_for(double stops, double sun_stops)
     return stops + share * (sun_stops - stops);
 }
 
-float hg_exposure_of_picture(const struct hg_exposure_picture *picture)
+// --- picture -------------------------------------------------------------------------------------
+
+// What surfaces get of light, and how much of a pixel they cover; 0 where emitters and backgrounds
+// are.
+struct light_map {
+    uint32_t width, height;
+    float light[HG_EXPOSURE_MOST_PIXELS], weight[HG_EXPOSURE_MOST_PIXELS];
+};
+
+static void limit_outliers(struct light_map *m, const struct hg_exposure_histogram *h)
 {
-    struct hg_exposure_histogram reflecting = {0}, emitting = {0};
     double stops;
-    for (uint32_t i = 0; i < picture->pixels; i++) {
+    if (!hg_exposure_histogram_mean(
+            h, HG_EXPOSURE_LOW_STOPS, OUTLIER_PERCENTILE - 0.01, OUTLIER_PERCENTILE, &stops))
+        return;
+    const float most = (float)exp2(stops + OUTLIER_STOPS);
+    for (uint32_t i = 0; i < m->width * m->height; i++)
+        m->light[i] = m->light[i] < most ? m->light[i] : most;
+}
+
+// One line of `values`, `count` of them `stride` apart, with a kernel that reaches `reach` to both
+// sides. What lies beyond the ends is 0.
+static void convolve(float *values, uint32_t count, uint32_t stride, const float *kernel, int reach)
+{
+    float line[HG_EXPOSURE_MOST_PIXELS];
+    for (uint32_t i = 0; i < count; i++) {
+        const int first = (int)i < reach ? -(int)i : -reach;
+        const int last = (int)(count - 1 - i) < reach ? (int)(count - 1 - i) : reach;
+        line[i] = 0.0f;
+        for (int k = first; k <= last; k++)
+            line[i] += kernel[k < 0 ? -k : k] * values[(size_t)((int)i + k) * stride];
+    }
+    for (uint32_t i = 0; i < count; i++)
+        values[(size_t)i * stride] = line[i];
+}
+
+static void blur(float *values, uint32_t width, uint32_t height, double spread_px)
+{
+    float kernel[MOST_REACH + 1];
+    const int reach = (int)fmin(ceil(3.0 * spread_px), MOST_REACH);
+    for (int k = 0; k <= reach; k++)
+        kernel[k] = (float)exp(-0.5 * k * k / (spread_px * spread_px));
+    for (uint32_t y = 0; y < height; y++)
+        convolve(values + (size_t)y * width, width, 1, kernel, reach);
+    for (uint32_t x = 0; x < width; x++)
+        convolve(values + x, height, width, kernel, reach);
+}
+
+// The histogram of the map's light, after it was averaged by weight.
+static void average(struct light_map *m, double spread_px, struct hg_exposure_histogram *h)
+{
+    float weight[HG_EXPOSURE_MOST_PIXELS];
+    const uint32_t count = m->width * m->height;
+    limit_outliers(m, h);
+    for (uint32_t i = 0; i < count; i++)
+        m->light[i] *= m->weight[i];
+    memcpy(weight, m->weight, count * sizeof *weight);
+    blur(m->light, m->width, m->height, spread_px);
+    blur(weight, m->width, m->height, spread_px);
+    *h = (struct hg_exposure_histogram){0};
+    for (uint32_t i = 0; i < count; i++)
+        if (m->weight[i] > 0.0f)
+            hg_exposure_histogram_add(
+                h, (double)m->light[i] / (double)weight[i], (double)m->weight[i]);
+}
+
+// Of what reflects more than it emits, and of what emits more.
+static void sort_pixels(const struct hg_exposure_picture *picture, struct light_map *map,
+    struct hg_exposure_histogram *reflecting, struct hg_exposure_histogram *emitting)
+{
+    for (uint32_t i = 0; i < map->width * map->height; i++) {
         const double coverage = (double)picture->color[4 * (uint64_t)i + 3];
+        map->light[i] = map->weight[i] = 0.0f;
         if (!(coverage > LEAST_COVERAGE))
             continue;
         const double whole = luminance(picture->color + 4 * (uint64_t)i) / coverage;
         const double emitted = luminance(picture->emission + 3 * (uint64_t)i) / coverage;
         const double albedo = luminance(picture->albedo + 3 * (uint64_t)i) / coverage;
-        if (emitted > whole - emitted)
-            hg_exposure_histogram_add(&emitting, emitted_light(emitted, albedo), coverage);
-        else
-            hg_exposure_histogram_add(
-                &reflecting, (whole - emitted) / fmax(albedo, LEAST_ALBEDO), coverage);
+        const double light = (whole - emitted) / fmax(albedo, LEAST_ALBEDO);
+        if (emitted > whole - emitted) {
+            hg_exposure_histogram_add(emitting, emitted_light(emitted, albedo), coverage);
+            continue;
+        }
+        hg_exposure_histogram_add(reflecting, light, coverage);
+        map->light[i] = isfinite(light) && light > 0.0 ? (float)light : 0.0f;
+        map->weight[i] = (float)coverage;
     }
+}
+
+float hg_exposure_of_picture(const struct hg_exposure_picture *picture)
+{
+    struct hg_exposure_histogram reflecting = {0}, emitting = {0};
+    struct light_map map = {.width = picture->width, .height = picture->height};
+    double stops;
+    sort_pixels(picture, &map, &reflecting, &emitting);
+    if (picture->spread_px > 0.0)
+        average(&map, picture->spread_px, &reflecting);
     const double all = reflecting.total + emitting.total;
     const bool reflects = reflecting.total >= LEAST_REFLECTING * all;
     if ((reflects && find_light(&reflecting, &stops)) || find_light(&emitting, &stops))

@@ -62,14 +62,20 @@ float hg_exposure_of_camera(double f_number, double shutter_s, double iso);
 #define HG_EXPOSURE_TO_DARK_S   0.6
 float hg_exposure_adapt(float from, float to, double seconds);
 
-// Means over the samples of each pixel.
+// Means over the samples of each pixel, rows one after the other.
+#define HG_EXPOSURE_MOST_PIXELS 4096u
 struct hg_exposure_picture {
-    uint32_t pixels;
+    uint32_t width, height; // width * height <= HG_EXPOSURE_MOST_PIXELS
     const float *color;    // [4]: radiance and coverage by geometry; the background is left out
     const float *albedo;   // [3]: base colour times coverage
     const float *emission; // [3]: the part of `color` that surfaces emit
-    double
-        sun_stops; // light on what faces the sun of a sky, above the nominal one; -INFINITY: none
+    // Light on what faces the sun of a sky, above the nominal one; -INFINITY: none.
+    double sun_stops;
+    // Of pictures of few samples: standard deviation of the Gaussian that the light of neighbours
+    // is averaged with; 0 = none, 4 at most. The percentiles of noise are those of its bright
+    // outliers: rooms that get their light by a small window would be metered up to 2.7 stops too
+    // bright.
+    double spread_px;
 };
 // Stops; 0 where there is nothing to meter: no geometry, no light. Under a sky with a sun, a view
 // of what lies in open shade is exposed for the sun, as a view from the other side is; one from

@@ -71,7 +71,8 @@ static float value_of(struct picture *p, double sun_stops)
         }
         p->color[4 * i + 3] = s->hit ? 1.0f : 0.0f;
     }
-    const struct hg_exposure_picture metered = {.pixels = count,
+    const struct hg_exposure_picture metered = {.width = p->width,
+        .height = p->height,
         .color = p->color,
         .albedo = p->albedo,
         .emission = p->emission,

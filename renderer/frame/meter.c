@@ -15,6 +15,7 @@
 #define PLANE_ALBEDO   1u
 #define PLANE_EMISSION 6u
 #define FILTER_BOX     1u // enum hg_filter of renderer.h
+#define SPREAD_PX      1.5          // of the light of noisy pixels; a pixel has 16 samples
 #define LEAST_S        (1.0 / 60.0) // of a step of a view that rests
 #define MOST_S         0.25         // so that a slow frame does not jump
 #define CUT_COS        0.5 // of the angle that a camera turned by from one picture to the next
@@ -208,12 +209,13 @@ static enum hg_status read_value(struct hg_view_state *view, float *ev, struct h
         const struct hg_view_settings *s = view->exposure.metering;
         for (int i = 0; i < 3; i++)
             take_means((float *)(void *)read[i]->data, s, planes[i].channels);
-        const struct hg_exposure_picture picture = {
-            .pixels = s->width * s->height / (HG_METER_SPLIT * HG_METER_SPLIT),
+        const struct hg_exposure_picture picture = {.width = s->width / HG_METER_SPLIT,
+            .height = s->height / HG_METER_SPLIT,
             .color = (const float *)(const void *)read[0]->data,
             .albedo = (const float *)(const void *)read[1]->data,
             .emission = (const float *)(const void *)read[2]->data,
-            .sun_stops = hg_meter_sun_stops(view->scene_gpu->scene)};
+            .sun_stops = hg_meter_sun_stops(view->scene_gpu->scene),
+            .spread_px = SPREAD_PX};
         *ev = hg_exposure_of_picture(&picture);
     }
     for (int i = 0; i < 3; i++)

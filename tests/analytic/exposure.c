@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "renderer/camera/exposure.h"
 #include "renderer/frame/meter.h"
 #include "tests/analytic/path_rig.h"
 
@@ -288,6 +289,62 @@ static void test_motion_keeps_rest(void **state)
     hg_view_destroy(view);
 }
 
+// What a picture of many samples says of the same view.
+static float ev_of_samples(struct rig *rig, uint32_t samples)
+{
+    struct hg_view *view =
+        look(rig, &(struct hg_view_params){.width = HG_METER_SIDE_PX,
+                      .height = 36,
+                      .mode = HG_MODE_PATH,
+                      .samples = samples,
+                      .filter = HG_FILTER_BOX,
+                      .max_bounces = HG_METER_BOUNCES,
+                      .planes = 1u << HG_PLANE_ALBEDO | 1u << HG_PLANE_EMISSION});
+    path_rig_settle(view);
+    struct hg_refbuf *color = path_rig_plane(view, HG_PLANE_COLOR),
+                     *albedo = path_rig_plane(view, HG_PLANE_ALBEDO),
+                     *emission = path_rig_plane(view, HG_PLANE_EMISSION);
+    const float ev = hg_exposure_of_picture(&(struct hg_exposure_picture){.width = HG_METER_SIDE_PX,
+        .height = 36,
+        .color = (const float *)(const void *)color->data,
+        .albedo = (const float *)(const void *)albedo->data,
+        .emission = (const float *)(const void *)emission->data,
+        .sun_stops = -INFINITY});
+    hg_refbuf_unref(color);
+    hg_refbuf_unref(albedo);
+    hg_refbuf_unref(emission);
+    hg_view_destroy(view);
+    return ev;
+}
+
+// A room whose lamp shines at a bit of the ceiling: paths find that by chance.
+static void test_noise(void **state)
+{
+    static const float box[2][3] = {{-3, -0.2f, -3}, {3, 3, 4}};
+    static const float cup[2][3] = {{-0.2f, 2.6f, -0.2f}, {0.2f, 2.98f, 0.2f}};
+    struct rig *rig = *state;
+    struct hg_view_params params = card_params;
+    params.height = 27; // the shape of the picture of many samples
+    rig_scene(rig);
+    struct hg_material *m = path_rig_lambert(rig, 0.6f);
+    m->double_sided = true;
+    for (int which = 0; which < 6; which++) {
+        rig_face(rig, m, box, 1, which);
+        if (which != 3) // its upper end
+            rig_face(rig, m, cup, 1, which);
+    }
+    const double at[3] = {0, 2.7, 0}, down[3] = {0, -1, 0};
+    struct hg_light *lamp = rig_light(rig, HG_LIGHT_POINT, at, down);
+    lamp->casts_shadow = true;
+    struct hg_view *view = look(rig, &params);
+    const float metered = settle(view, 64).exposure_ev;
+    hg_view_destroy(view);
+    const float expected = ev_of_samples(rig, 1024);
+    print_message("by light that paths find by chance: %.3f EV, %.3f expected\n", (double)metered,
+        (double)expected);
+    assert_true(expected > 2 && fabsf(metered - expected) < 0.75f);
+}
+
 // Settings of a camera: a card under light of L cd/m^2 comes out as 0.18 L / (1.2 * 2^EV100).
 static void test_camera(void **state)
 {
@@ -422,7 +479,8 @@ int main(void)
         cmocka_unit_test(test_one_value), cmocka_unit_test(test_stated),
         cmocka_unit_test(test_motion), cmocka_unit_test(test_adaptation),
         cmocka_unit_test(test_adaptation_in_motion), cmocka_unit_test(test_motion_keeps_rest),
-        cmocka_unit_test(test_camera), cmocka_unit_test(test_camera_of_file),
-        cmocka_unit_test(test_camera_lens_and_shutter), cmocka_unit_test(test_nothing)};
+        cmocka_unit_test(test_noise), cmocka_unit_test(test_camera),
+        cmocka_unit_test(test_camera_of_file), cmocka_unit_test(test_camera_lens_and_shutter),
+        cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

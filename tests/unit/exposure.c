@@ -98,7 +98,7 @@ static void test_of_light(void **state)
         assert_true(hg_exposure_of_light(stops) >= hg_exposure_of_light(stops + 0.01));
 }
 
-enum { PIXELS = 1000 };
+enum { PIXELS = 1000, WIDTH = 50 };
 
 static float color[PIXELS][4], albedo[PIXELS][3], emission[PIXELS][3];
 
@@ -114,10 +114,15 @@ static void fill(int from, int to, float light, float reflectance, float emitted
     }
 }
 
-static float metered_under(double sun_stops)
+static float metered_as(double sun_stops, double spread_px)
 {
     return hg_exposure_of_picture(&(struct hg_exposure_picture){
-        PIXELS, &color[0][0], &albedo[0][0], &emission[0][0], sun_stops});
+        WIDTH, PIXELS / WIDTH, &color[0][0], &albedo[0][0], &emission[0][0], sun_stops, spread_px});
+}
+
+static float metered_under(double sun_stops)
+{
+    return metered_as(sun_stops, 0);
 }
 
 static float metered(void)
@@ -204,6 +209,32 @@ static void test_shade(void **state)
         assert_true(fabs(metered_under(sun) - metered_under(sun + 0.01)) < 0.1);
 }
 
+// One sample in 16 brings all the light: the mean is what counts, not the samples that bring it.
+// Neither a caustic's one path nor black pixels around what is lit change that.
+static void test_noise(void **state)
+{
+    (void)state;
+    uint32_t random = 1;
+    clear();
+    for (int i = 0; i < PIXELS; i++) {
+        random = random * 1664525u + 1013904223u;
+        fill(i, i + 1, random >> 28 == 0 ? 0x1p-2f : 0, i % 3 ? 0.5f : 0.1f, 0);
+    }
+    print_message("light 2^-6 by one pixel in 16: %.3f EV, %.3f as it is\n",
+        (double)metered_as(-INFINITY, 1.5), (double)metered());
+    assert_true(metered() < 3);
+    assert_true(fabsf(metered_as(-INFINITY, 1.5) - 5.5f) < 0.5f); // the bright part of what is left
+    fill(0, PIXELS, 64, 0.5f, 0);
+    NEAR(metered_as(-INFINITY, 1.5), -6); // to the corners
+    fill(525, 526, 1e8f, 0.5f, 0);
+    assert_true(fabsf(metered_as(-INFINITY, 1.5) + 6) < 0.2f);
+    clear();
+    fill(100, 130, 16, 0.5f, 0);
+    NEAR(metered_as(-INFINITY, 4), -4);
+    color[115][0] = NAN;
+    assert_true(fabsf(metered_as(-INFINITY, 4) + 4) < 0.2f);
+}
+
 static void test_nothing(void **state)
 {
     (void)state;
@@ -222,7 +253,7 @@ int main(void)
         cmocka_unit_test(test_histogram_edges), cmocka_unit_test(test_camera),
         cmocka_unit_test(test_adapt), cmocka_unit_test(test_of_light), cmocka_unit_test(test_cards),
         cmocka_unit_test(test_background), cmocka_unit_test(test_night),
-        cmocka_unit_test(test_emitters), cmocka_unit_test(test_shade),
+        cmocka_unit_test(test_emitters), cmocka_unit_test(test_shade), cmocka_unit_test(test_noise),
         cmocka_unit_test(test_nothing)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
