@@ -53,6 +53,13 @@ same "$temp/a.png" "$temp/c.png" # but for their jobs, which neither has
 picture d.png --size 160x90 --exposure=auto+1
 between -0.001 0.001 "$(python3 -c "print($(stat exposure.ev) - 1 - $ev)")"
 
+# A budget changes no picture: where light cannot be followed in it, there is none.
+expect 6 "$helio" render demo: -o "$temp/budget.png" --size 32x32 --samples 1 --gi none --geometry-budget 16
+told "a fixed exposure needs none"
+[ ! -e "$temp/budget.png" ] || fail "a picture that was not metered is written"
+expect 6 "$helio" render demo: -o "$temp/budget.png" --size 32x32 --samples 1 --exposure 0 --geometry-budget 16
+told "gi none needs less memory"
+
 # Chosen environments are what they are.
 picture e.png --size 64x36 --env none
 is environment.kind none
