@@ -147,6 +147,23 @@ for pair in q.exr:s.exr r.exr:h.exr; do
     expect 0 "$helio" compare "$temp/${pair%:*}" "$temp/${pair#*:}" --metric max --fail-above 0
 done
 
+# A series that ends early says how its rest gets the same exposure; scripts tell what they have written.
+mkdir -p "$temp/series" "$temp/blocked/f2.png"
+series() { # code folder options...
+    expect "$1" "$helio" render "$startup" -o "$temp/$2/f#.png" --size 64x36 --samples 2 --gi none --connect "$url" "${@:3}"
+}
+series 0 series --frames 0-4
+series 7 blocked --frames 0-4
+told '2 frames are written; --frames 2-4 --exposure=-[0-9.]* renders the rest'
+rest=$(sed -n 's/.* written; \(.*\) renders the rest$/\1/p' "$temp/out")
+rmdir "$temp/blocked/f2.png"
+series 0 blocked $rest
+for i in 0 1 2 3 4; do same "$temp/series/f$i.png" "$temp/blocked/f$i.png"; done
+printf 'load %s\nset size 8x8\nset gi none\nframe %s\nframe %s\n' "$startup" "$temp/t1.png" "$temp/t2.exr" >"$temp/script"
+expect 0 "$helio" run "$temp/script" --progress json --connect "$url"
+told '"event":"written".*t1.png","share":0.5'
+told '"event":"end".*"written":2'
+
 # By a private worker.
 embedded q.png --size 160x90
 same "$temp/a.png" "$temp/q.png"
