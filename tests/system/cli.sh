@@ -248,6 +248,10 @@ expect 0 "${wire[@]}" --mode path
 grep -q 'warning: .*leave out 1 primitive of lines' "$temp/out" || fail "lines are left out without a warning"
 expect 0 "${wire[@]}" --strict
 
+# A size that the device has no images for is named.
+expect 6 "$helio" render "$knot" -o "$temp/g.png" --size 16384x16384 --samples 1 --exposure 0 --gi none
+grep -q '16384x16384 px are too many' "$temp/out" || fail "a size that is too large is not named"
+
 # A daemon's worker that dies in the middle of a frame costs a pause and nothing else.
 # Quick machines get more to do, until the kill strikes a frame.
 at_work() { grep -q '"samples"' "$temp/out" || ! kill -0 "$client" 2>/dev/null; }
