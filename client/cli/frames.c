@@ -186,15 +186,16 @@ enum hg_status hg_cli_frame_set_time(struct hg_cli_render *r, double time_s, str
     return helio_call_for(r->cli.h, HGP_T_animation_set, &animation, HGP_T_ok, NULL, err);
 }
 
-// Frames that are averaged must not have the same noise: each one has a seed of its own.
+// Frames that are averaged must not have the same noise: each one has a seed of its own. So have
+// those whose noise is not to stand still.
 static enum hg_status set_seed(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
 {
     struct hgp_view_set view = {.view = HG_CLI_VIEW,
         .has_seed = true,
         .seed = r->o->seed + (uint32_t)hg_cli_frame_at(r, index),
-        .has_series_s = r->list.count > 1,
+        .has_series_s = r->o->denoise && r->list.count > 1,
         .series_s = hg_cli_series_s(r, index)};
-    if (!r->o->denoise)
+    if (!r->o->denoise && !r->o->animate_seed)
         return HG_OK;
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
@@ -258,6 +259,12 @@ static enum hg_status meter_series(struct hg_cli_render *r, struct hg_error *err
     helio_message_free(answer);
     r->light.metered = true;
     r->light.ev = view.exposure_ev;
+    if (r->light.ev != 0)
+        hg_cli_progress_say(&r->cli.progress,
+            "the exposure, %.3g stops, is metered at frame %d; other commands of the same series "
+            "need "
+            "--exposure=%.9g",
+            (double)r->light.ev, hg_cli_frame_at(r, 0), (double)r->light.ev);
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
 

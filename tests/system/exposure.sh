@@ -153,6 +153,7 @@ series() { # code folder options...
     expect "$1" "$helio" render "$startup" -o "$temp/$2/f#.png" --size 64x36 --samples 2 --gi none --connect "$url" "${@:3}"
 }
 series 0 series --frames 0-4
+told 'metered at frame 0; other commands of the same series need --exposure=-'
 series 7 blocked --frames 0-4
 told '2 frames are written; --frames 2-4 --exposure=-[0-9.]* renders the rest'
 rest=$(sed -n 's/.* written; \(.*\) renders the rest$/\1/p' "$temp/out")
