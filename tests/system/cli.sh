@@ -102,6 +102,11 @@ expect 0 "$helio" bake "$knot" -o "$temp/baked"
 expect 0 "$helio" cache --cache-dir "$temp/baked"
 grep -q "texture knot.png: 512 x 512" "$temp/out" || fail "the texture is not listed"
 grep -q "mesh .*: 4224 triangles" "$temp/out" || fail "the mesh is not listed"
+# A folder that does not hold what the scene takes is said.
+expect 0 "$helio" bake "$knot" -o "$temp/tight" --cache-limit 1
+expect 6 "$helio" bake demo: -o "$temp/tight" --cache-limit 1 --textures-only
+grep -q -e '--cache-limit: the scene takes .* MiB and the folder may hold 1.0' "$temp/out" || fail "what is evicted again is not said"
+
 # One that may only be read has its entries all the same; one that is none is said, once.
 reader() { # the owner writes where root does not look at permissions
     if [ "$(id -u)" = 0 ]; then setpriv --reuid=65534 --regid=65534 --clear-groups env HOME=/ "$@"; else "$@"; fi
