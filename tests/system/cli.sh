@@ -102,6 +102,11 @@ expect 0 "$helio" bake "$knot" -o "$temp/baked"
 expect 0 "$helio" cache --cache-dir "$temp/baked"
 grep -q "texture knot.png: 512 x 512" "$temp/out" || fail "the texture is not listed"
 grep -q "mesh .*: 4224 triangles" "$temp/out" || fail "the mesh is not listed"
+expect 0 "$helio" render "$knot" -o "$temp/sky.png" --size 16x16 --samples 1 --exposure 0 --gi none --env sky --cache-dir "$temp/skies"
+expect 0 "$helio" cache --cache-dir "$temp/skies" --json
+grep -q '"made_from": "sky: ' "$temp/out" || fail "the sky is not listed"
+grep -q '"made_from": ""' "$temp/out" && fail "an entry does not tell what it was made from"
+
 # A folder that does not hold what the scene takes is said.
 expect 0 "$helio" bake "$knot" -o "$temp/tight" --cache-limit 1
 expect 6 "$helio" bake demo: -o "$temp/tight" --cache-limit 1 --textures-only
