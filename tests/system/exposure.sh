@@ -165,6 +165,19 @@ expect 0 "$helio" run "$temp/script" --progress json --connect "$url"
 told '"event":"written".*t1.png","share":0.5'
 told '"event":"end".*"written":2'
 
+# A lens is told as radius and distance, whichever options it came from.
+lens() { # name of an attribute
+    python3 -c 'import struct, sys
+data = open(sys.argv[1], "rb").read()
+at = data.index(b"heliograph:" + sys.argv[2].encode() + b"\0float\0")
+print("%.5f" % struct.unpack_from("<f", data, data.index(b"float\0", at) + 10))' "$temp/lens.exr" "$1"
+}
+for options in "--f-number 0.5 --sensor-height 24" "--lens-radius 0.0289706"; do
+    expect 0 "$helio" render "$startup" -o "$temp/lens.exr" --size 16x16 --mode path --spp 1 --exposure 0 --fov 45 $options \
+        --focus 3 --connect "$url"
+    [ "$(lens lensRadius) $(lens focusDistance)" = "0.02897 3.00000" ] || fail "lens of $options: $(lens lensRadius) $(lens focusDistance)"
+done
+
 # By a private worker.
 embedded q.png --size 160x90
 same "$temp/a.png" "$temp/q.png"
