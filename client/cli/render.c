@@ -72,6 +72,8 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         !o->has_aov)
         return usage(
             err, "--fps", "needs --frames, --turntable, --shutter, --shutter-time or --aov");
+    if (o->animate_seed && !o->has_frames && !o->has_turntable)
+        return usage(err, "--animate-seed", "needs --frames or --turntable");
     if (o->has_turntable && o->has_camera && !is_fit(o))
         return usage(err, "--turntable",
             "needs a view with a target: --orbit or --eye with --target, or no --camera");

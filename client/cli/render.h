@@ -33,6 +33,7 @@ struct hg_cli_turntable {
 // first picture that is nearly all black or clipped, and how many there are.
 struct hg_cli_light {
     bool metered;
+    float ev; // that is, where it was metered
     uint32_t poor_frames;
     bool black;
     float share;
