@@ -97,8 +97,7 @@ enum hg_status hg_file_read(
 
 enum { LINKS_MAX = 40 }; // as the kernel follows
 
-// The open descriptor that a name stands for; -1 = none.
-static int named_descriptor(const char *path)
+int hg_file_descriptor(const char *path)
 {
     static const char *const folders[] = {"/dev/fd/", "/proc/self/fd/"};
     if (strcmp(path, "/dev/stdout") == 0)
@@ -121,7 +120,7 @@ static enum hg_status follow_link(char **path, bool *more, struct hg_error *err)
     char text[PATH_MAX];
     struct stat st;
     *more = false;
-    if (named_descriptor(*path) >= 0 || lstat(*path, &st) != 0 || !S_ISLNK(st.st_mode))
+    if (hg_file_descriptor(*path) >= 0 || lstat(*path, &st) != 0 || !S_ISLNK(st.st_mode))
         return HG_OK;
     const ssize_t n = readlink(*path, text, sizeof text - 1);
     if (n < 0)
@@ -143,7 +142,7 @@ static enum hg_status follow_link(char **path, bool *more, struct hg_error *err)
 static bool is_stream(const char *path)
 {
     struct stat st;
-    return named_descriptor(path) >= 0 ||
+    return hg_file_descriptor(path) >= 0 ||
            (stat(path, &st) == 0 && !S_ISREG(st.st_mode) && !S_ISDIR(st.st_mode));
 }
 
@@ -329,7 +328,7 @@ static bool name_copy(struct hg_file_out *out)
 // Waits for a reader of a named pipe.
 static int open_stream(const char *path)
 {
-    const int fd = named_descriptor(path);
+    const int fd = hg_file_descriptor(path);
     return fd >= 0 ? fcntl(fd, F_DUPFD_CLOEXEC, 3) : open(path, O_WRONLY | O_NOCTTY | O_CLOEXEC);
 }
 

@@ -25,6 +25,9 @@ struct hg_file_out {
     bool stream;
 };
 
+// The open descriptor that a name stands for (/dev/stdout, /dev/fd/3, ...); -1 = none.
+int hg_file_descriptor(const char *path);
+
 // Where an output of that name goes: symbolic links are followed to the file that they mean, which
 // need not exist. *target is freed with hg_free. HG_E_PERM, HG_E_NOMEM, HG_E_IO (links in a
 // circle).

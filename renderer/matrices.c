@@ -1,7 +1,9 @@
 // matrices.c - where a view's camera stands, for files that say so.
+#include <math.h>
 #include <string.h>
 
 #include "renderer/camera/camera.h"
+#include "renderer/frame/path_view.h"
 #include "renderer/internal.h"
 
 void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out)
@@ -28,4 +30,15 @@ void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out)
     memcpy(out->world_to_ndc, camera.view_proj.m, sizeof out->world_to_ndc);
     for (int i = 0; i < 4; i++) // y points up in files
         out->world_to_ndc[4 * i + 1] = -out->world_to_ndc[4 * i + 1];
+}
+
+// A focus of 0 is that of the target.
+void hg_view_lens(const struct hg_view *view, struct hg_view_lens *out)
+{
+    const struct hg_view_camera_state c = hg_path_view_camera(&view->state);
+    float squares = 0.0f;
+    for (int i = 0; i < 3; i++)
+        squares += (c.target[i] - c.eye[i]) * (c.target[i] - c.eye[i]);
+    out->radius_m = c.lens_radius;
+    out->focus_m = c.focus_distance > 0.0f ? c.focus_distance : sqrtf(squares);
 }

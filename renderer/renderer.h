@@ -285,6 +285,13 @@ struct hg_view_matrices {
 };
 void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out);
 
+// Of path-traced pictures: the lens, of a camera or of f_number and sensor_mm.
+struct hg_view_lens {
+    float radius_m; // 0: all is sharp
+    float focus_m;  // along the line of sight
+};
+void hg_view_lens(const struct hg_view *view, struct hg_view_lens *out);
+
 struct hg_stage_time {
     char name[32];
     uint64_t ns;

@@ -97,6 +97,24 @@ static bool warn_failures(struct hg_cli_progress *progress, const json_t *report
     return any;
 }
 
+static double number_of(const json_t *report, const char *part, const char *key)
+{
+    return json_number_value(json_object_get(json_object_get(report, part), key));
+}
+
+// HG_E_LIMIT: DIR holds less than the scene takes, so that some of it took the place of the rest.
+static enum hg_status check_room(const json_t *report, struct hg_error *err)
+{
+    const double limit = number_of(report, "cache", "limit_bytes"),
+                 bytes = number_of(report, "textures", "pack_bytes") +
+                         number_of(report, "geometry", "file_bytes");
+    if (limit == 0 || bytes <= limit || number_of(report, "cache", "evicted") == 0)
+        return HG_OK;
+    return hg_error_set(err, HG_E_LIMIT, "--cache-limit", NULL,
+        "the scene takes %.1f MiB and the folder may hold %.1f: not all of it is there",
+        bytes / (1 << 20), limit / (1 << 20));
+}
+
 static enum hg_status write_report(
     const struct hg_cli_options *o, json_t *report, struct hg_error *err)
 {
@@ -144,6 +162,8 @@ enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options)
         doing = HG_CLI_DOING_OUTPUT;
         status = write_report(options, report, &err);
     }
+    if (!status)
+        status = check_room(report, &err);
     bool failed = warn_failures(&cli.progress, report);
     json_decref(report);
     hg_free(text);

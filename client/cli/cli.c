@@ -191,22 +191,36 @@ bool hg_cli_cache_dir(const char *given, char *path, size_t size)
     return true;
 }
 
-static enum hg_status add_cache_dir(struct hg_cli_args *args, const char *given)
+// The first error that is not that one of them is there; 0: there is none.
+static int make_folders(char *path)
 {
-    char path[PATH_MAX];
-    if (!hg_cli_cache_dir(given, path, sizeof path))
-        return HG_OK;
+    int failed = 0;
     for (char *p = path + 1; *p; p++) // its parents
         if (*p == '/') {
             *p = 0;
-            mkdir(path, 0777);
+            if (mkdir(path, 0777) && errno != EEXIST && !failed)
+                failed = errno;
             *p = '/';
         }
-    mkdir(path, 0777);
+    if (mkdir(path, 0777) && errno != EEXIST && !failed)
+        failed = errno;
+    return failed;
+}
+
+static enum hg_status add_cache_dir(struct hg_cli_args *args, const char *given)
+{
+    char path[PATH_MAX];
+    if (!hg_cli_cache_dir(given, path, sizeof path)) {
+        snprintf(args->no_cache, sizeof args->no_cache, "HOME is not set");
+        return HG_OK;
+    }
+    const int failed = make_folders(path);
     char full[PATH_MAX];
-    if (!realpath(path, full) || access(full, W_OK))
-        return HG_OK; // works without caches
-    return add_arg(args, "--cache-dir", full);
+    if (realpath(path, full) && access(full, R_OK | X_OK) == 0) // one that is only read has entries
+        return add_arg(args, "--cache-dir", full);
+    snprintf(args->no_cache, sizeof args->no_cache, "%.400s: %s", path,
+        strerror(failed ? failed : errno));
+    return HG_OK; // works without caches
 }
 
 static enum hg_status add_options(struct hg_cli_args *args, const struct hg_cli_options *o)
@@ -369,6 +383,19 @@ static enum hg_status open_session(
     return HG_OK;
 }
 
+static void note_connection(struct hg_cli *cli, const struct hg_cli_args *args)
+{
+    const struct hg_cli_options *o = cli->options;
+    if (o->insecure)
+        hg_cli_progress_print(&cli->progress,
+            "helio: --insecure: the daemon's certificate is not checked; whoever is in between can "
+            "read and change everything");
+    if (args->no_cache[0] && (o->cache_dir || o->output))
+        hg_cli_progress_say(&cli->progress,
+            "no cache folder: %s; shaders, textures and meshes are made anew each time",
+            args->no_cache);
+}
+
 enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct hg_cli_texts *files,
     bool with_scene, struct hg_error *err)
 {
@@ -397,10 +424,8 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         .tls_insecure = o->insecure,
         .reconnect_ns = o->has_reconnect ? (uint64_t)(o->reconnect * 1e9) : 0,
     };
-    if (o->insecure)
-        fputs("helio: --insecure: the daemon's certificate is not checked; whoever is in between "
-              "can read and change everything\n",
-            stderr);
+    if (!status)
+        note_connection(cli, &args);
     if (!status)
         status = open_session(cli, &options, err);
     explicit_bzero(token, sizeof token);

@@ -69,6 +69,7 @@ struct hg_cli_args {
     const char **items; // [count], then NULL; NULL when empty
     size_t count, capacity;
     struct hg_arena arena;
+    char no_cache[512]; // why the worker has no cache folder; empty: it has one
 };
 enum hg_status hg_cli_args_make(struct hg_cli_args *args, const struct hg_cli_options *options,
     const struct hg_cli_texts *files, struct hg_error *err) HG_MUST_CHECK;

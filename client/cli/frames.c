@@ -180,21 +180,20 @@ static enum hg_status render_frame(struct hg_cli_render *r, const char *name, st
 
 enum hg_status hg_cli_frame_set_time(struct hg_cli_render *r, double time_s, struct hg_error *err)
 {
-    struct hgp_animation_set animation = {
-        .asset = r->cli.scene.first_id, .animation = -1, .time_s = time_s};
     r->doing = HG_CLI_DOING_RENDER;
-    return helio_call_for(r->cli.h, HGP_T_animation_set, &animation, HGP_T_ok, NULL, err);
+    return hg_cli_animations_pose(&r->cli, r->cli.scene.first_id, &r->loaded.chosen, time_s, err);
 }
 
-// Frames that are averaged must not have the same noise: each one has a seed of its own.
+// Frames that are averaged must not have the same noise: each one has a seed of its own. So have
+// those whose noise is not to stand still.
 static enum hg_status set_seed(struct hg_cli_render *r, uint32_t index, struct hg_error *err)
 {
     struct hgp_view_set view = {.view = HG_CLI_VIEW,
         .has_seed = true,
         .seed = r->o->seed + (uint32_t)hg_cli_frame_at(r, index),
-        .has_series_s = r->list.count > 1,
+        .has_series_s = r->o->denoise && r->list.count > 1,
         .series_s = hg_cli_series_s(r, index)};
-    if (!r->o->denoise)
+    if (!r->o->denoise && !r->o->animate_seed)
         return HG_OK;
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
@@ -257,6 +256,13 @@ static enum hg_status meter_series(struct hg_cli_render *r, struct hg_error *err
         .exposure_ev = answer->body->exposure.exposure_ev};
     helio_message_free(answer);
     r->light.metered = true;
+    r->light.ev = view.exposure_ev;
+    if (r->light.ev != 0)
+        hg_cli_progress_say(&r->cli.progress,
+            "the exposure, %.3g stops, is metered at frame %d; other commands of the same series "
+            "need "
+            "--exposure=%.9g",
+            (double)r->light.ev, hg_cli_frame_at(r, 0), (double)r->light.ev);
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
 
@@ -293,7 +299,8 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
         hg_cli_progress_frames(&r->cli.progress, 1);
         bool moves = (o->has_shutter || o->has_shutter_s || (r->planes >> HGP_plane_MOTION & 1)) &&
                      r->loaded.animations > 0;
-        enum hg_status status = o->has_at || moves ? hg_cli_frame_set_time(r, o->at, err) : HG_OK;
+        enum hg_status status =
+            o->has_at || moves || o->has_animation ? hg_cli_frame_set_time(r, o->at, err) : HG_OK;
         return status ? status : render_frame(r, r->output, err);
     }
     if (r->list.count > 1 && !r->turntable.frames && r->loaded.animations == 0)
@@ -349,19 +356,30 @@ void hg_cli_render_summary(struct hg_cli_render *r)
             p->outputs.written == 1 ? "" : "s", first, last, took);
 }
 
+// What renders the frames that are not there, with the exposure of those that are.
+static void say_rest(struct hg_cli_render *r)
+{
+    struct hg_cli_progress *p = &r->cli.progress;
+    const uint32_t written = p->outputs.written;
+    const char *frames = written == 1 ? "frame is" : "frames are";
+    char rest[1024], exposure[32] = "";
+    hg_frame_list_text(r->list.numbers + r->next, r->list.count - r->next, rest, sizeof rest);
+    if (r->light.metered)
+        snprintf(exposure, sizeof exposure, " --exposure=%.9g", (double)r->light.ev);
+    if (r->series || strstr(rest, "..."))
+        hg_cli_progress_say(p,
+            "%u %s written; the same command with --skip-existing renders the rest", written,
+            frames);
+    else
+        hg_cli_progress_say(
+            p, "%u %s written; --frames %s%s renders the rest", written, frames, rest, exposure);
+}
+
 void hg_cli_render_stopped(struct hg_cli_render *r)
 {
     struct hg_cli_progress *p = &r->cli.progress;
-    char rest[256];
-    if (r->series)
-        hg_cli_progress_say(p,
-            "%zu frames are written; the same command with --skip-existing renders the rest",
-            json_array_size(r->frames));
-    else if (r->next > 0 && r->next < r->list.count) {
-        hg_frame_list_text(r->list.numbers + r->next, r->list.count - r->next, rest, sizeof rest);
-        hg_cli_progress_say(p, "%zu frames are written; --frames %s renders the rest",
-            json_array_size(r->frames), rest);
-    }
+    if (r->series || (r->next > 0 && r->next < r->list.count))
+        say_rest(r);
     if (r->film.is_left)
         hg_cli_progress_say(p, "stopped early; the same command with --resume goes on from there");
     else if (r->film.failed)

@@ -42,6 +42,13 @@ bool hg_cli_is_stream(const char *name)
 
 static enum hg_status check_stream(const char *path, struct hg_error *err)
 {
+    const int fd = hg_file_descriptor(path), flags = fd < 0 ? 0 : fcntl(fd, F_GETFL);
+    // What another user has opened for this program may be written, whoever may open it again.
+    if (fd >= 0)
+        return flags >= 0 && (flags & O_ACCMODE) != O_RDONLY
+                   ? HG_OK
+                   : hg_error_set(err, HG_E_INVAL, path, NULL,
+                         "cannot write to it: it is not open for writing");
     if (access(path, W_OK))
         return hg_error_set(err, hg_status_from_errno(errno), path, NULL, "cannot write to it: %s",
             strerror(errno));

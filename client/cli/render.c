@@ -72,6 +72,8 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
         !o->has_aov)
         return usage(
             err, "--fps", "needs --frames, --turntable, --shutter, --shutter-time or --aov");
+    if (o->animate_seed && !o->has_frames && !o->has_turntable)
+        return usage(err, "--animate-seed", "needs --frames or --turntable");
     if (o->has_turntable && o->has_camera && !is_fit(o))
         return usage(err, "--turntable",
             "needs a view with a target: --orbit or --eye with --target, or no --camera");
@@ -565,9 +567,35 @@ enum hg_status hg_cli_render_connect(struct hg_cli_render *r, bool with_scene, s
     return hg_cli_connect(&r->cli, r->o->connect, &files, with_scene, err);
 }
 
+// Finds --animation, or tells what is not shown without it.
+static enum hg_status choose_animations(struct hg_cli_render *r, struct hg_error *err)
+{
+    const struct hg_cli_options *o = r->o;
+    struct hg_cli_animations *chosen = &r->loaded.chosen;
+    char left_out[160];
+    enum hg_status status = HG_OK;
+    chosen->count = 0; // --watch loads again
+    for (uint32_t i = 0; i < o->animation.count && !status; i++) {
+        status = hg_cli_animation_find(
+            &r->cli, 0, "--animation", o->animation.items[i], &chosen->items[chosen->count++], err);
+        if (status == HG_E_NOTFOUND)
+            r->doing = HG_CLI_DOING_ARGUMENTS;
+    }
+    if (chosen->count || r->loaded.animations < 2 || !(o->has_frames || o->has_at))
+        return status;
+    status = hg_cli_animations_left_out(&r->cli, left_out, sizeof left_out, err);
+    if (!status && left_out[0])
+        hg_cli_progress_say(&r->cli.progress,
+            "animations that move what earlier ones do are not shown: %s (--animation NAME)",
+            left_out);
+    return status;
+}
+
 enum hg_status hg_cli_render_load(struct hg_cli_render *r, struct hg_error *err)
 {
     enum hg_status status = load_scene(r, err);
+    if (!status)
+        status = choose_animations(r, err);
     if (!status)
         status = set_environment(r, err);
     return status ? status : set_catchers(r, err);
@@ -576,7 +604,9 @@ enum hg_status hg_cli_render_load(struct hg_cli_render *r, struct hg_error *err)
 enum hg_status hg_cli_render_set_view(struct hg_cli_render *r, struct hg_error *err)
 {
     enum hg_status status = set_view(r, err);
-    if (!status && r->o->has_at) // the pose that is rendered is what the camera is fitted to
+    if (!status &&
+        (r->o->has_at ||
+            r->o->has_animation)) // the pose that is rendered is what the camera is fitted to
         status = hg_cli_frame_set_time(r, r->o->at, err);
     return status ? status : set_camera(r, err);
 }

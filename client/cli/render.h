@@ -2,6 +2,7 @@
 #ifndef HG_CLIENT_CLI_RENDER_H
 #define HG_CLIENT_CLI_RENDER_H
 
+#include "client/cli/animations.h"
 #include "client/cli/cli.h"
 
 // The frames of a series in their order; numbers is freed with hg_free.
@@ -13,6 +14,7 @@ struct hg_cli_frame_numbers {
 // The scene's file.
 struct hg_cli_loaded {
     uint32_t animations, lights;
+    struct hg_cli_animations chosen; // of --animation
     enum hgp_up_axis up;
     char up_reason[136]; // why it is up; "" = not stated
 };
@@ -31,6 +33,7 @@ struct hg_cli_turntable {
 // first picture that is nearly all black or clipped, and how many there are.
 struct hg_cli_light {
     bool metered;
+    float ev; // that is, where it was metered
     uint32_t poor_frames;
     bool black;
     float share;

@@ -136,6 +136,14 @@ static void gather_files(struct hg_cli_run *r)
     }
 }
 
+static uint32_t count_frames(const struct hg_cli_script *script)
+{
+    uint32_t count = 0;
+    for (size_t i = 0; i < script->count; i++)
+        count += script->steps[i].kind == HG_CLI_STEP_FRAME && script->steps[i].path;
+    return count;
+}
+
 static enum hg_status do_step(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
@@ -206,6 +214,7 @@ static enum hg_cli_exit run_steps(struct hg_cli_run *r)
     enum hg_status status = HG_OK;
     enum hg_cli_exit code = HG_CLI_EXIT_OK;
     gather_files(r);
+    hg_cli_progress_frames(&r->cli.progress, count_frames(r->script));
     for (size_t i = 0; !status && i < r->script->count; i++) {
         status = hg_cli_is_stopped() ? HG_E_CANCELLED : do_step(r, &r->script->steps[i], &err);
         if (!status)

@@ -5,6 +5,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/file.h"
+#include "client/cli/animations.h"
 #include "client/cli/run.h"
 
 enum { PROFILE_BYTES = 4194304 }; // of a photometric file, light_set.profile
@@ -144,9 +145,12 @@ static enum hg_status do_time(
     for (uint32_t i = 0; i < r->scene.asset_count && !status; i++) {
         if (s->asset && r->scene.assets[i] != wire_asset(r, s->asset))
             continue;
-        struct hgp_animation_set a = {
-            .asset = r->scene.assets[i], .animation = -1, .time_s = s->number};
-        status = call_ok(r, HGP_T_animation_set, &a, err);
+        struct hg_cli_animations chosen = {.count = s->name != NULL};
+        hg_cli_run_changed(r);
+        if (s->name)
+            status = hg_cli_animation_find(&r->cli, i, "at", s->name, chosen.items, err);
+        if (!status)
+            status = hg_cli_animations_pose(&r->cli, r->scene.assets[i], &chosen, s->number, err);
     }
     return status;
 }

@@ -68,10 +68,17 @@ enum hg_status hg_cli_run_frame(
     status = hg_cli_check_output(format.path, err);
     if (status)
         return status;
+    const uint64_t begin_ns = hg_clock_now_ns();
     status = hg_cli_run_take(r, &format, s->now, err);
     if (status)
         return status;
     const struct hgp_frame *frame = &hg_cli_run_now(r)->frame->body->frame;
     r->doing = HG_CLI_DOING_OUTPUT;
-    return hg_cli_write_output(format.path, frame->data.data, frame->data.size, err);
+    status = hg_cli_write_output(format.path, frame->data.data, frame->data.size, err);
+    if (status)
+        return status;
+    const uint64_t took_ns = hg_clock_now_ns() - begin_ns;
+    hg_cli_progress_frame(&r->cli.progress, took_ns);
+    hg_cli_progress_output(&r->cli.progress, format.path, took_ns);
+    return HG_OK;
 }

@@ -170,6 +170,8 @@ static enum hg_status parse_time(struct hg_words *w, struct hg_cli_step *s, stru
 {
     s->kind = HG_CLI_STEP_TIME;
     enum hg_status status = hg_words_take_number(w, "time", 0, 1e12, &s->number, err);
+    if (!status && hg_words_accept(w, "animation"))
+        status = hg_words_take(w, "animation", &s->name, err);
     return status ? status : hg_words_take_asset(w, s, err);
 }
 

@@ -26,7 +26,7 @@ enum hg_cli_step_kind {
     HG_CLI_STEP_CAMERA,          // camera
     HG_CLI_STEP_CAMERA_NODE,     // name
     HG_CLI_STEP_CAMERA_FIT,      // number = vertical field of view in degrees
-    HG_CLI_STEP_TIME,            // number, asset (0 = all loaded)
+    HG_CLI_STEP_TIME,            // number, name (NULL = all), asset (0 = all loaded)
     HG_CLI_STEP_FRAME,           // path (may be NULL), now
     HG_CLI_STEP_EXPECT_IMAGE,    // metric, path, op, number, mask (may be NULL)
     HG_CLI_STEP_EXPECT_STAT,     // name, op, value, number

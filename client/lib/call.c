@@ -70,10 +70,10 @@ static enum hg_status wait_until(struct helio *h, uint64_t deadline_ns, struct h
         enum hg_status status = helio_process(h, err);
         if (status)
             return status;
+        if (h->handlers.tick) // signs of life may come before each timeout of the poll
+            h->handlers.tick(h->handlers.user);
         if ((n > 0 && p[0].revents) || (is_full(h) && !was_full)) // nothing more would come
             return HG_OK;
-        if (n == 0 && h->handlers.tick)
-            h->handlers.tick(h->handlers.user);
         if (hg_clock_now_ns() >= deadline_ns)
             return hg_error_set(err, HG_E_TIMEOUT, h->url, NULL, "no answer in time");
     }

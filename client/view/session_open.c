@@ -113,6 +113,19 @@ static void note_variants(const json_t *list, struct hg_view_scene *scene)
     }
 }
 
+// An animation of the asset at this place that hg_view_session_pose poses.
+static bool is_played(
+    const struct hg_view_session *s, size_t asset, size_t index, json_t *animation)
+{
+    const struct hg_cli_animations *chosen = &s->work.render.loaded.chosen;
+    bool named = false;
+    if (asset > 0 || chosen->count == 0)
+        return !json_is_true(json_object_get(animation, "conflicts"));
+    for (uint32_t i = 0; i < chosen->count; i++)
+        named |= chosen->items[i] == (int32_t)index;
+    return named;
+}
+
 // Variants of the first asset, which are those that can be chosen; durations of all.
 static enum hg_status read_info(
     struct hg_view_session *s, struct hg_view_scene *scene, struct hg_error *err)
@@ -132,7 +145,8 @@ static enum hg_status read_info(
         json_array_foreach(json_object_get(asset, "animations"), i, animation)
         {
             const double s_long = json_number_value(json_object_get(animation, "duration_s"));
-            scene->duration_s = fmax(scene->duration_s, s_long);
+            if (is_played(s, a, i, animation))
+                scene->duration_s = fmax(scene->duration_s, s_long);
         }
     }
     json_decref(info);

@@ -17,6 +17,22 @@ static enum hg_status send_camera(struct hg_view_session *s, struct hg_error *er
     return has ? hg_view_send(s, HGP_T_view_camera, &camera, err) : HG_OK;
 }
 
+// Of the file that the command named, what --animation chose; of others all that have no conflicts.
+static enum hg_status pose_asset(
+    struct hg_view_session *s, uint32_t asset, double time_s, struct hg_error *err)
+{
+    const struct hg_cli_render *r = &s->work.render;
+    const struct hg_cli_animations *chosen = &r->loaded.chosen;
+    const uint32_t count = asset == r->cli.scene.first_id ? chosen->count : 0;
+    struct hgp_animation_set pose = {.asset = asset, .animation = -1, .time_s = time_s};
+    enum hg_status status = count ? HG_OK : hg_view_send(s, HGP_T_animation_set, &pose, err);
+    for (uint32_t i = 0; i < count && !status; i++) {
+        pose.animation = chosen->items[i];
+        status = hg_view_send(s, HGP_T_animation_set, &pose, err);
+    }
+    return status;
+}
+
 static enum hg_status send_pose(struct hg_view_session *s, struct hg_error *err)
 {
     pthread_mutex_lock(&s->lock);
@@ -25,11 +41,8 @@ static enum hg_status send_pose(struct hg_view_session *s, struct hg_error *err)
     s->wanted.has_pose = false;
     pthread_mutex_unlock(&s->lock);
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; has && !status && i < s->work.asset_count; i++) {
-        const struct hgp_animation_set pose = {
-            .asset = s->work.assets[i], .animation = -1, .time_s = time_s};
-        status = hg_view_send(s, HGP_T_animation_set, &pose, err);
-    }
+    for (uint32_t i = 0; has && !status && i < s->work.asset_count; i++)
+        status = pose_asset(s, s->work.assets[i], time_s, err);
     return status;
 }
 

@@ -147,7 +147,7 @@ export class Scene extends EventTarget {
     get animations() {
         return this.assets.flatMap((asset) => (asset.animations ?? []).map((a, i) =>
             ({ asset: asset.number, animation: i, name: a.name || `Animation ${i + 1}`,
-                duration_s: a.duration_s })));
+                duration_s: a.duration_s, conflicts: a.conflicts })));
     }
 
     get variants() {

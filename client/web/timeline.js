@@ -27,7 +27,7 @@ export class Timeline {
         this.show();
     }
 
-    // The scene's animations; those of one asset can also run together. What is chosen stays chosen. Who may
+    // The scene's animations; those of one asset that move different things can also run together. What is chosen stays chosen. Who may
     // not edit has no bar: the time is not known there.
     setAnimations(list, canEdit) {
         const key = JSON.stringify(list);
@@ -37,9 +37,11 @@ export class Timeline {
             const together = new Map();
             for (const a of list)
                 together.set(a.asset, [...together.get(a.asset) ?? [], a]);
-            this.list = [...together].flatMap(([asset, all]) => all.length < 2 ? all
-                : [{ asset, animation: -1, name: "All together",
-                    duration_s: Math.max(...all.map((a) => a.duration_s)) }, ...all]);
+            this.list = [...together].flatMap(([asset, all]) => {
+                const joint = all.filter((a) => !a.conflicts);
+                return joint.length < 2 ? all : [{ asset, animation: -1, name: "All together",
+                    duration_s: Math.max(...joint.map((a) => a.duration_s)) }, ...all];
+            });
             this.select.replaceChildren(...this.list.map((a, i) =>
                 h("option", { value: String(i), text: a.name })));
             const at = this.list.findIndex((a) =>

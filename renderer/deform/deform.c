@@ -55,11 +55,13 @@ uint64_t hg_deform_bytes(const struct hg_deform_entry *e)
     return e->params_bytes + e->output_bytes;
 }
 
-// Joint matrices relative to the anchor, and the boxes that they move.
+// Joint matrices relative to the anchor, the boxes that they move, and the side to which most
+// joints turn the triangles: the transform of the skinned node itself does not count.
 static struct hg_box pose_joints(struct hg_deform_entry *e, const struct hg_skin *skin,
     const struct hg_box *delta, struct hg_mat4x3 *matrices)
 {
     struct hg_box bounds = hg_box_empty();
+    uint32_t mirrored = 0, kept = 0;
     for (int i = 0; i < 3; i++)
         e->anchor[i] = skin->joint_count > 0 ? skin->joints[0]->world[12 + i] : 0.0;
     for (uint32_t j = 0; j < e->joint_count; j++) {
@@ -81,7 +83,11 @@ static struct hg_box pose_joints(struct hg_deform_entry *e, const struct hg_skin
         }
         moved = hg_box_transform(&moved, world);
         hg_box_add(&bounds, &moved);
+        const double determinant = hg_matrix_determinant3(world);
+        mirrored += determinant < 0.0;
+        kept += determinant > 0.0;
     }
+    e->mirrored = mirrored > kept;
     return bounds;
 }
 
@@ -124,7 +130,8 @@ static void fill_params(struct hg_deform_entry *e, uint32_t morph_count, struct 
         .joint_sets = e->joint_count > 0 ? s->joint_sets : 0,
         .morph_count = morph_count,
         .flags = (s->layout.flags & HG_DRAW_NORMALS ? HG_DEFORM_NORMALS : 0u) |
-                 (s->layout.flags & HG_DRAW_TANGENTS ? HG_DEFORM_TANGENTS : 0u),
+                 (s->layout.flags & HG_DRAW_TANGENTS ? HG_DEFORM_TANGENTS : 0u) |
+                 (e->mirrored ? HG_DEFORM_MIRRORED : 0u),
     };
 }
 

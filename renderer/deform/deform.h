@@ -17,6 +17,7 @@ struct hg_deform_entry {
     double anchor[3];     // world position that the output is relative to (skinned), else 0
     struct hg_box bounds; // of the output, relative to the anchor or in object space
     float level_errors[HG_SKINNED_LOD_LEVELS]; // of the source's levels in this pose, as the output
+    bool mirrored;                             // by its joints: winding is reversed
     bool changed;                              // the device has not run it for this pose
     uint32_t index;                            // in the part list of the device
     const struct hg_node *node_object;         // set by every sync

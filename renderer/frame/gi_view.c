@@ -25,8 +25,8 @@ static struct hg_gi_key key_of(const struct hg_view_state *view)
 static bool is_refused(const struct hg_view_state *view, const struct hg_gi_refusal *r)
 {
     const struct hg_gi_key key = key_of(view);
-    return r->is_set && r->width == view->settings.width && r->height == view->settings.height &&
-           memcmp(&key, &r->key, sizeof key) == 0;
+    return r->is_set && (r->is_of_device || !view->final) && r->width == view->settings.width &&
+           r->height == view->settings.height && memcmp(&key, &r->key, sizeof key) == 0;
 }
 
 bool hg_gi_view_is_on(const struct hg_view_state *view)
@@ -136,32 +136,51 @@ static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_
                  : hg_gi_move(view->scene_gpu->gi, &key, &eye, &sources, rays, err);
 }
 
-static enum hg_status refuse(struct hg_view_state *view, enum hg_status status, const char *what,
+static enum hg_status refuse(struct hg_view_state *view, bool is_of_device, const char *what,
     struct hg_gi_refusal *out, struct hg_error *err)
 {
-    if (status != HG_E_LIMIT && status != HG_E_NOMEM && status != HG_E_UNSUPPORTED)
-        return status;
     if (!out->is_set) // a scene that changes is tried with each picture
         hg_warn(FRAME, "%s: %s: %s", what, err->what, err->reason);
     *err = (struct hg_error){0};
-    *out = (struct hg_gi_refusal){true, key_of(view), view->settings.width, view->settings.height};
+    *out = (struct hg_gi_refusal){
+        true, is_of_device, key_of(view), view->settings.width, view->settings.height};
     return HG_OK;
 }
 
-// Without memory for rays or probes the picture is that of `none`.
+// A picture that is not displayed before it is settled depends on no budget.
+static enum hg_status fail(enum hg_status status, const char *without, struct hg_error *err)
+{
+    const struct hg_error cause = *err;
+    return hg_error_set(err, status, cause.what, cause.where[0] ? cause.where : NULL,
+        "%s; gi %s needs less memory", cause.reason, without);
+}
+
+// Without memory for rays or probes a picture that is displayed is that of `none`.
 static enum hg_status refuse_field(
     struct hg_view_state *view, enum hg_status status, struct hg_error *err)
 {
-    return refuse(view, status, "no light by way of surfaces", &view->gi.field_refused, err);
+    const bool is_of_device = status == HG_E_UNSUPPORTED;
+    if (status != HG_E_LIMIT && status != HG_E_NOMEM && !is_of_device)
+        return status;
+    if (view->final && !is_of_device)
+        return fail(status, "none", err);
+    return refuse(view, is_of_device, "no light by way of surfaces", &view->gi.field_refused, err);
 }
 
-// Without memory for the film of the gathering it is that of `probes`.
+// Without memory for the film of the gathering it is that of `probes`. No budget counts the film:
+// limits are those of the device's buffers.
 static enum hg_status refuse_gathering(
     struct hg_view_state *view, enum hg_status status, struct hg_error *err)
 {
+    const bool is_of_device = status == HG_E_UNSUPPORTED || status == HG_E_LIMIT;
     hg_gather_view_finish(view);
-    return refuse(view, status, "light is not gathered per pixel, and comes from probes alone",
-        &view->gi.gather_refused, err);
+    if (status != HG_E_NOMEM && !is_of_device)
+        return status;
+    if (view->final && !is_of_device)
+        return fail(status, "probes", err);
+    return refuse(view, is_of_device,
+        "light is not gathered per pixel, and comes from probes alone", &view->gi.gather_refused,
+        err);
 }
 
 enum hg_status hg_gi_view_step(

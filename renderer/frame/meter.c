@@ -240,6 +240,15 @@ static bool is_refusal(enum hg_status status)
     return status == HG_E_LIMIT || status == HG_E_NOMEM || status == HG_E_UNSUPPORTED;
 }
 
+// A picture that is not displayed before it is settled depends on no budget.
+static enum hg_status fail(struct hg_view_state *view, enum hg_status status, struct hg_error *err)
+{
+    const struct hg_error cause = *err;
+    view->exposure.begun = false;
+    return hg_error_set(err, status, cause.what, cause.where[0] ? cause.where : NULL,
+        "%s; a fixed exposure needs none", cause.reason);
+}
+
 enum hg_status hg_meter_step(
     struct hg_view_state *view, const struct hg_draw_request *draw, struct hg_error *err)
 {
@@ -256,6 +265,8 @@ enum hg_status hg_meter_step(
     view->path_begins = true;
     enum hg_status status = draw_slice(view, draw, begins, &ev, err);
     e->metering = NULL;
+    if (view->final && (status == HG_E_LIMIT || status == HG_E_NOMEM))
+        return fail(view, status, err);
     if (is_refusal(status)) {
         hg_warn(FRAME, "no automatic exposure, it stays 0: %s: %s", err->what, err->reason);
         *err = (struct hg_error){0};

@@ -53,6 +53,11 @@ static struct hg_view_camera_state camera_of(
     return camera;
 }
 
+struct hg_view_camera_state hg_path_view_camera(const struct hg_view_state *view)
+{
+    return camera_of(view, &view->settings.path);
+}
+
 static struct hg_path_request request_of(const struct hg_view_state *view, uint32_t flags)
 {
     const struct hg_view_settings *metering = view->exposure.metering;

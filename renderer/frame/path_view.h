@@ -17,6 +17,8 @@ enum hg_status hg_path_view_create(
 // the view's.
 enum hg_status hg_path_view_meter(struct hg_view_state *view, const struct hg_draw_request *draw,
     bool begins, struct hg_error *err) HG_MUST_CHECK;
+// The camera that its paths start from: with the lens of a sensor and an f-number.
+struct hg_view_camera_state hg_path_view_camera(const struct hg_view_state *view);
 // The view needs other times than that of the pose, and something moves.
 bool hg_path_view_needs_time(const struct hg_view_state *view);
 // Writes the film to targets.accumulated.

@@ -125,9 +125,11 @@ struct hg_view_gather {
     struct hg_path_stats stats[2]; // of what is gathered, or was last: for `light`, for `glass`
 };
 
-// There was no memory for it: not tried again until the scene or the size is another one.
+// There was no memory for it: not tried again until the scene or the size is another one, or a
+// settled picture is asked for, which has no less light for want of memory.
 struct hg_gi_refusal {
     bool is_set;
+    bool is_of_device; // which has not what it takes, with any memory
     struct hg_gi_key key;
     uint32_t width, height;
 };

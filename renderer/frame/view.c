@@ -71,10 +71,13 @@ static enum hg_status resize(
     }
     for (int i = 0; i < 3; i++)
         hg_gpu_image_destroy(gpu, status == HG_OK ? to[i] : &images[i]);
+    if (status == HG_E_NOMEM || status == HG_E_LIMIT) {
+        const struct hg_error cause = *err;
+        return hg_error_set(err, HG_E_LIMIT, "view", "size", "%ux%u px are too many: %s: %s", width,
+            height, cause.what, cause.reason);
+    }
     if (status != HG_OK)
-        return status == HG_E_NOMEM ? hg_error_set(err, HG_E_LIMIT, "view", "size",
-                                          "no memory for %ux%u px", width, height)
-                                    : status;
+        return status;
     destroy_extras(view);
     for (int i = 0; i < 3; i++)
         *to[i] = images[i];

@@ -145,8 +145,9 @@ static void add_instance(
         d->gpu.part = deform != NULL ? deform->index : part->index;
         d->gpu.instance = s->instance_count - 1;
         d->gpu.material = find_material(s, material);
+        const bool mirrored = skinned ? deform->mirrored : hg_matrix_determinant3(world) < 0.0;
         d->gpu.flags = draw_flags(part, &s->materials.items[d->gpu.material]) |
-                       (hg_matrix_determinant3(world) < 0.0 ? HG_DRAW_MIRRORED : 0u);
+                       (mirrored ? HG_DRAW_MIRRORED : 0u);
         d->order = draw_order(&d->gpu);
         d->bounds = hg_box_transform(deform != NULL ? &deform->bounds : &part->bounds, world);
         hg_box_add(&s->bounds, &d->bounds);

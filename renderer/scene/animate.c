@@ -98,6 +98,107 @@ static void pose_channel(struct hg_scene *scene, const struct hg_anim_channel *c
     }
 }
 
+// Exporters write what a shape does into every clip: that is no conflict.
+static bool is_same(const struct hg_anim_channel *a, const struct hg_anim_channel *b)
+{
+    const size_t values =
+        (size_t)a->key_count * a->width * (a->interpolation == HG_ANIM_CUBIC ? 3 : 1);
+    return a->key_count == b->key_count && a->width == b->width &&
+           a->interpolation == b->interpolation &&
+           memcmp(a->times, b->times, a->key_count * sizeof *a->times) == 0 &&
+           memcmp(a->values, b->values, values * sizeof *a->values) == 0;
+}
+
+// The animation that posed what this channel of another one moves otherwise; -1: none did.
+static int64_t find_rival(const struct hg_anim_channel *channel)
+{
+    const struct hg_anim_channel *by =
+        channel->node ? channel->node->posed_by[channel->path] : NULL;
+    return by && by->animation != channel->animation && !is_same(by, channel)
+               ? (int64_t)by->animation
+               : -1;
+}
+
+static bool has_rival(const struct hg_animation *a)
+{
+    for (uint32_t c = 0; c < a->channel_count; c++)
+        if (find_rival(&a->channels[c]) >= 0)
+            return true;
+    return false;
+}
+
+static void put_rest(const struct hg_anim_channel *channel)
+{
+    const bool moves = channel->node->moves && channel->path != HG_ANIM_WEIGHTS;
+    float *to = channel_target(channel);
+    if (moves || !channel->rest || !to) // weights that a client gave a node which had none
+        return;
+    memcpy(to, channel->rest, channel->width * sizeof *channel->rest);
+}
+
+// Ends an animation that was posed: what it moves goes back to rest.
+static void end_animation(struct hg_asset *asset, struct hg_animation *a)
+{
+    for (uint32_t c = 0; c < a->channel_count; c++) {
+        const struct hg_anim_channel *channel = &a->channels[c];
+        if (!channel->node || channel->node->posed_by[channel->path] != channel)
+            continue;
+        channel->node->posed_by[channel->path] = NULL;
+        put_rest(channel);
+        if (asset->scene)
+            hg_scene_touch(asset->scene, &channel->node->head);
+    }
+    a->posed = false;
+}
+
+// Takes what an animation moves from all others.
+static void claim(struct hg_asset *asset, const struct hg_animation *a)
+{
+    for (uint32_t c = 0; c < a->channel_count; c++) {
+        const struct hg_anim_channel *channel = &a->channels[c];
+        const int64_t rival = find_rival(channel);
+        if (rival >= 0)
+            end_animation(asset, &asset->animations[rival]);
+        if (channel->node)
+            channel->node->posed_by[channel->path] = channel;
+    }
+}
+
+// Blender's FBX exporter writes every action for every object that it fits, as OBJECT|ACTION, and
+// an action has the name of its object in front unless its author gave it one: "hub|hubAction", not
+// "hub|doorAction".
+static bool is_of_its_object(const struct hg_animation *a)
+{
+    const char *action = a->name ? strchr(a->name, '|') : NULL;
+    const size_t size = action ? (size_t)(action - a->name) : 0;
+    return size > 0 && strncmp(action + 1, a->name, size) == 0;
+}
+
+static void claim_free(struct hg_asset *asset, bool of_their_objects)
+{
+    for (uint32_t i = 0; i < asset->animation_count; i++) {
+        struct hg_animation *a = &asset->animations[i];
+        if (is_of_its_object(a) != of_their_objects)
+            continue;
+        a->conflicts = has_rival(a);
+        if (!a->conflicts)
+            claim(asset, a);
+    }
+}
+
+// Of animations that move the same things, such as the walk and the run of a character, the first
+// one is posed together with all others.
+static void find_conflicts(struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
+            asset->animations[i].channels[c].animation = i;
+    claim_free(asset, true);
+    claim_free(asset, false);
+    for (uint32_t i = 0; i < asset->animation_count; i++)
+        end_animation(asset, &asset->animations[i]);
+}
+
 enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double time_s)
 {
     if (animation < -1 || (animation >= 0 && (uint32_t)animation >= asset->animation_count))
@@ -106,6 +207,9 @@ enum hg_status hg_asset_pose(struct hg_asset *asset, int32_t animation, double t
     uint32_t end = animation < 0 ? asset->animation_count : first + 1;
     for (uint32_t i = first; i < end; i++) {
         struct hg_animation *a = &asset->animations[i];
+        if (animation < 0 && a->conflicts)
+            continue;
+        claim(asset, a);
         for (uint32_t c = 0; c < a->channel_count; c++)
             pose_channel(asset->scene, &a->channels[c], (float)time_s);
         a->posed = true;
@@ -132,6 +236,7 @@ enum hg_status hg_asset_keep_rest(struct hg_asset *asset)
         for (uint32_t c = 0; c < asset->animations[i].channel_count; c++)
             if (keep_rest(&asset->animations[i].channels[c]))
                 return HG_E_NOMEM;
+    find_conflicts(asset);
     return HG_OK;
 }
 
@@ -214,15 +319,12 @@ static void shift_values(
     pose_channel(NULL, channel, (float)(animation->time_s + *offset_s));
 }
 
-static void put_rest(
+static void put_posed_to_rest(
     const struct hg_animation *animation, const struct hg_anim_channel *channel, void *user)
 {
     (void)animation;
     (void)user;
-    const bool moves = channel->node->moves && channel->path != HG_ANIM_WEIGHTS;
-    if (moves || !channel->rest) // weights that a client gave a node which had none
-        return;
-    memcpy(channel_target(channel), channel->rest, channel->width * sizeof *channel->rest);
+    put_rest(channel);
 }
 
 static void put_moved(struct hg_node *node, const float values[MOVED_VALUES])
@@ -274,7 +376,7 @@ enum hg_status hg_scene_pose_rest(struct hg_scene *scene, struct hg_pose_kept *k
 {
     const enum hg_status status = keep(scene, kept);
     if (!status)
-        for_posed(scene, put_rest, NULL);
+        for_posed(scene, put_posed_to_rest, NULL);
     return status;
 }
 

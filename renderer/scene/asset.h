@@ -32,7 +32,8 @@ struct hg_skin *hg_asset_add_skin(struct hg_asset *asset) HG_MUST_CHECK;
 // Moves the roots of an asset with an origin, which is about to be added to a scene, to where it
 // belongs beside the first one there that has one: tiles of a survey fit together.
 void hg_asset_align_origin(const struct hg_scene *scene, struct hg_asset *asset);
-// Keeps what animations will change as it is now (hg_anim_channel.rest). HG_E_NOMEM.
+// Keeps what animations will change as it is now (hg_anim_channel.rest), and finds those that move
+// the same things (hg_animation.conflicts). HG_E_NOMEM.
 enum hg_status hg_asset_keep_rest(struct hg_asset *asset) HG_MUST_CHECK;
 // Links child as the last child of parent. The caller has ruled out cycles.
 void hg_node_append_child(struct hg_node *parent, struct hg_node *child);

@@ -2,206 +2,22 @@
 // sides agree. Those that read check; those that write have a sound asset.
 #include "renderer/scene/asset_pack.h"
 
-#include <float.h>
-#include <math.h>
 #include <stdio.h>
-#include <string.h>
 
-#include "base/alloc.h"
-#include "base/checked.h"
-#include "base/spill.h"
-#include "base/utf8.h"
+#include "renderer/scene/asset_pack_io.h"
 
-enum { VERSION = 1, MOST_TEXT = 4096, MOST_DEPTH = 1100 };
-#define NONE UINT32_MAX
+enum { VERSION = 1, MOST_DEPTH = 1100 };
 
 struct family { // of a node that is read
     struct hg_node *last_child;
     uint32_t depth;
 };
 
-struct pack {
-    struct hg_writer *out; // NULL: reading
-    struct hg_reader in;
-    struct hg_asset *asset;
-    uint64_t left_bytes;   // of memory, reading
-    enum hg_status status; // the first failure, reading
-    const char *wrong;
-    struct family *families; // [node_count], reading
-};
-
-static bool reads(const struct pack *p)
-{
-    return p->out == NULL;
-}
-
-static void fail(struct pack *p, enum hg_status status, const char *wrong)
-{
-    if (!p->status) {
-        p->status = status;
-        p->wrong = wrong;
-    }
-    p->in.failed = true;
-}
-
-static void require(struct pack *p, bool holds, const char *wrong)
-{
-    if (reads(p) && !holds && !p->in.failed)
-        fail(p, HG_E_FORMAT, wrong);
-}
-
-static bool goes_on(const struct pack *p)
-{
-    return !p->in.failed;
-}
-
-// ---- numbers and texts -------------------------------------------------------------------------
-
-static void pack_u32(struct pack *p, uint32_t *v)
-{
-    if (reads(p))
-        *v = hg_read_u32(&p->in);
-    else
-        hg_write_u32(p->out, *v);
-}
-
-static uint32_t pack_choice(struct pack *p, uint32_t value, uint32_t count)
-{
-    pack_u32(p, &value);
-    require(p, value < count, "a choice");
-    return goes_on(p) ? value : 0;
-}
-
-static bool pack_bool(struct pack *p, bool value)
-{
-    return pack_choice(p, value, 2) != 0;
-}
-
-static void pack_f64(struct pack *p, double *v)
-{
-    if (reads(p))
-        *v = hg_read_f64(&p->in);
-    else
-        hg_write_f64(p->out, *v);
-    require(p, isfinite(*v), "a number");
-}
-
-static bool in_range(const float *v, uint64_t count, float low, float high)
-{
-    bool ok = true;
-    for (uint64_t i = 0; i < count; i++)
-        ok &= v[i] >= low && v[i] <= high; // false for what is not a number
-    return ok;
-}
-
-static void pack_floats(struct pack *p, float *v, uint32_t count, float low, float high)
-{
-    const uint8_t *bytes = reads(p) ? hg_read_bytes(&p->in, count * sizeof *v) : NULL;
-    if (bytes)
-        memcpy(v, bytes, count * sizeof *v);
-    else if (!reads(p))
-        hg_write_bytes(p->out, v, count * sizeof *v);
-    require(p, in_range(v, count, low, high), "a number");
-}
-
-// What is taken is charged; *memory is NULL after a failure.
-static void *take(struct pack *p, uint64_t count, size_t size)
-{
-    uint64_t bytes;
-    void *memory = NULL;
-    if (!goes_on(p))
-        return NULL;
-    if (!hg_mul_u64(count, size, &bytes) || bytes > p->left_bytes)
-        fail(p, HG_E_LIMIT, "the asset passes the memory limit");
-    else if (!(memory = hg_spill_calloc((size_t)count, size)))
-        fail(p, HG_E_NOMEM, "no memory");
-    else
-        p->left_bytes -= bytes;
-    return memory;
-}
-
-static void pack_bytes(struct pack *p, void **memory, uint64_t count, size_t size)
-{
-    if (!reads(p)) {
-        hg_write_bytes(p->out, *memory, (size_t)count * size);
-        return;
-    }
-    const size_t left = p->in.size - p->in.pos;
-    require(p, count <= left / size, "a length");
-    void *to = take(p, count, size);
-    if (!to)
-        return;
-    memcpy(to, hg_read_bytes(&p->in, (size_t)count * size), (size_t)count * size);
-    *memory = to;
-}
-
-// Each element takes at least `least_bytes` in the stream, and sizeof_each in memory.
-static void pack_count(struct pack *p, uint32_t *count, size_t least_bytes, size_t sizeof_each)
-{
-    pack_u32(p, count);
-    require(p, *count <= (p->in.size - p->in.pos) / least_bytes, "a count");
-    if (reads(p) && goes_on(p) && (uint64_t)*count * sizeof_each > p->left_bytes)
-        fail(p, HG_E_LIMIT, "the asset passes the memory limit");
-    if (!goes_on(p))
-        *count = 0;
-    else if (reads(p))
-        p->left_bytes -= (uint64_t)*count * sizeof_each;
-}
-
-static void pack_text(struct pack *p, char **text)
-{
-    uint32_t size = reads(p) ? 0 : (uint32_t)strlen(*text);
-    pack_u32(p, &size);
-    if (!reads(p)) {
-        hg_write_bytes(p->out, *text, size);
-        return;
-    }
-    require(p, size <= MOST_TEXT, "a text");
-    const char *bytes = goes_on(p) ? (const char *)hg_read_bytes(&p->in, size) : NULL;
-    require(p, bytes && !memchr(bytes, 0, size), "a text");
-    if (!goes_on(p))
-        return;
-    hg_free(*text);
-    *text = hg_strndup(bytes, size);
-    if (!*text)
-        fail(p, HG_E_NOMEM, "no memory");
-}
-
-static void pack_name(struct pack *p, char **name)
-{
-    pack_text(p, name);
-    require(p, !goes_on(p) || hg_utf8_is_valid(*name, strlen(*name)), "a name");
-}
-
-static void pack_fixed(struct pack *p, char *text, size_t size)
-{
-    char *copy = reads(p) ? NULL : text;
-    pack_text(p, &copy);
-    if (!reads(p))
-        return;
-    require(p, copy && strlen(copy) < size, "a text");
-    if (goes_on(p)) {
-        memcpy(text, copy, strlen(copy) + 1);
-        hg_utf8_clean(text);
-    }
-    hg_free(copy);
-}
-
-// An object by its index in `items`.
-static void *pack_reference(struct pack *p, void *object, void *const *items, uint32_t count)
-{
-    uint32_t index = object ? (uint32_t)((struct hg_object *)object)->id : NONE;
-    pack_u32(p, &index);
-    require(p, index == NONE || index < count, "a reference");
-    return goes_on(p) && index != NONE ? items[index] : NULL;
-}
-#define REFERENCE(p, object, array, count) pack_reference(p, object, (void *const *)(array), count)
-
 // ---- textures and materials --------------------------------------------------------------------
 
 enum source { SOURCE_NONE, SOURCE_NAMED, SOURCE_ENCODED, SOURCE_PIXELS, SOURCES };
 
-static void pack_encoded(struct pack *p, struct hg_image_source *source)
+static void pack_encoded(struct hg_pack *p, struct hg_image_source *source)
 {
     uint32_t size = reads(p) ? 0 : (uint32_t)source->encoded->size;
     pack_count(p, &size, 1, 1);
@@ -217,7 +33,7 @@ static void pack_encoded(struct pack *p, struct hg_image_source *source)
     }
 }
 
-static void pack_pixels(struct pack *p, struct hg_image_source *source)
+static void pack_pixels(struct hg_pack *p, struct hg_image_source *source)
 {
     struct hg_image *image = &source->pixels;
     uint32_t width = image->width, height = image->height;
@@ -237,7 +53,7 @@ static void pack_pixels(struct pack *p, struct hg_image_source *source)
     }
 }
 
-static void pack_source(struct pack *p, struct hg_texture *texture)
+static void pack_source(struct hg_pack *p, struct hg_texture *texture)
 {
     struct hg_image_source *source = texture->image;
     uint32_t kind = !source                 ? SOURCE_NONE
@@ -258,7 +74,7 @@ static void pack_source(struct pack *p, struct hg_texture *texture)
         pack_pixels(p, source);
 }
 
-static void pack_texture(struct pack *p, struct hg_texture *t)
+static void pack_texture(struct hg_pack *p, struct hg_texture *t)
 {
     pack_name(p, &t->head.name);
     t->wrap_s = pack_choice(p, t->wrap_s, HG_WRAP_MIRROR + 1);
@@ -266,7 +82,7 @@ static void pack_texture(struct pack *p, struct hg_texture *t)
     pack_source(p, t);
 }
 
-static void pack_material(struct pack *p, struct hg_material *m)
+static void pack_material(struct hg_pack *p, struct hg_material *m)
 {
     struct hg_asset *a = p->asset;
     pack_name(p, &m->head.name);
@@ -286,7 +102,7 @@ static void pack_material(struct pack *p, struct hg_material *m)
 
 // ---- lights and cameras ------------------------------------------------------------------------
 
-static void pack_light(struct pack *p, struct hg_light *l)
+static void pack_light(struct hg_pack *p, struct hg_light *l)
 {
     const char *lacks;
     pack_name(p, &l->head.name);
@@ -302,7 +118,7 @@ static void pack_light(struct pack *p, struct hg_light *l)
     require(p, hg_light_has_size(l, &lacks), "the size of a light");
 }
 
-static void pack_camera(struct pack *p, struct hg_camera *c)
+static void pack_camera(struct hg_pack *p, struct hg_camera *c)
 {
     pack_name(p, &c->head.name);
     c->kind = pack_choice(p, c->kind, HG_CAMERA_ORTHOGRAPHIC + 1);
@@ -313,92 +129,9 @@ static void pack_camera(struct pack *p, struct hg_camera *c)
     pack_floats(p, &c->far, 1, 0, FLT_MAX);
 }
 
-// ---- meshes ------------------------------------------------------------------------------------
-
-enum arrays { NORMALS = 1, TANGENTS = 2, UV0 = 4, UV1 = 8, COLORS = 16, JOINTS = 32, ARRAYS = 64 };
-
-static uint32_t arrays_of(const struct hg_mesh_part *part)
-{
-    return (part->normals ? NORMALS : 0) | (part->tangents ? TANGENTS : 0) |
-           (part->uv[0] ? UV0 : 0) | (part->uv[1] ? UV1 : 0) | (part->colors ? COLORS : 0) |
-           (part->joints ? JOINTS : 0);
-}
-
-static void pack_vertices(
-    struct pack *p, float **values, uint64_t count, uint32_t width, float low, float high)
-{
-    void *memory = *values;
-    pack_bytes(p, &memory, count * width, sizeof(float));
-    *values = memory;
-    require(p, !goes_on(p) || in_range(*values, count * width, low, high), "a vertex");
-}
-
-static void pack_indices(struct pack *p, struct hg_mesh_part *part)
-{
-    static const uint32_t corners[] = {
-        [HG_TOPOLOGY_TRIANGLES] = 3, [HG_TOPOLOGY_LINES] = 2, [HG_TOPOLOGY_POINTS] = 1};
-    void *memory = part->indices;
-    pack_bytes(p, &memory, part->index_count, sizeof *part->indices);
-    part->indices = memory;
-    bool sound = part->index_count % corners[part->topology] == 0;
-    for (uint32_t i = 0; reads(p) && goes_on(p) && i < part->index_count; i++)
-        sound &= part->indices[i] < part->vertex_count;
-    require(p, sound, "an index");
-}
-
-static void pack_joints(struct pack *p, struct hg_mesh_part *part)
-{
-    void *memory = part->joints;
-    pack_bytes(p, &memory, (uint64_t)part->vertex_count * 4, sizeof *part->joints);
-    part->joints = memory;
-    pack_vertices(p, &part->weights, part->vertex_count, 4, 0, 1.001f);
-    part->joint_sets = 1;
-}
-
-static void pack_part(struct pack *p, struct hg_mesh_part *part)
-{
-    struct hg_asset *a = p->asset;
-    part->topology = pack_choice(p, part->topology, HG_TOPOLOGY_POINTS + 1);
-    pack_u32(p, &part->vertex_count);
-    pack_u32(p, &part->index_count);
-    require(p, part->vertex_count <= INT32_MAX && part->index_count <= INT32_MAX, "a count");
-    part->material = REFERENCE(p, part->material, a->materials, a->material_count);
-    const uint32_t arrays = pack_choice(p, arrays_of(part), ARRAYS);
-    require(p, part->topology != HG_TOPOLOGY_TRIANGLES || arrays & NORMALS, "no normals");
-    const uint64_t count = part->vertex_count;
-    pack_vertices(p, &part->positions, count, 3, -FLT_MAX, FLT_MAX);
-    if (arrays & NORMALS)
-        pack_vertices(p, &part->normals, count, 3, -1.001f, 1.001f);
-    if (arrays & TANGENTS)
-        pack_vertices(p, &part->tangents, count, 4, -1.001f, 1.001f);
-    for (uint32_t i = 0; i < 2; i++)
-        if (arrays & (UV0 << i))
-            pack_vertices(p, &part->uv[i], count, 2, -FLT_MAX, FLT_MAX);
-    if (arrays & COLORS)
-        pack_vertices(p, &part->colors, count, 4, 0, FLT_MAX);
-    if (arrays & JOINTS)
-        pack_joints(p, part);
-    pack_indices(p, part);
-    if (reads(p) && goes_on(p))
-        hg_mesh_part_update_bounds(part, 0);
-}
-
-static void pack_mesh(struct pack *p, struct hg_mesh *mesh)
-{
-    pack_name(p, &mesh->head.name);
-    uint32_t count = mesh->part_count;
-    pack_count(p, &count, 20, sizeof *mesh->parts);
-    if (reads(p)) {
-        mesh->parts = take(p, count, sizeof *mesh->parts);
-        mesh->part_count = mesh->parts ? count : 0;
-    }
-    for (uint32_t i = 0; i < mesh->part_count && goes_on(p); i++)
-        pack_part(p, &mesh->parts[i]);
-}
-
 // ---- nodes and skins ---------------------------------------------------------------------------
 
-static void pack_skin(struct pack *p, struct hg_skin *skin)
+static void pack_skin(struct hg_pack *p, struct hg_skin *skin)
 {
     struct hg_asset *a = p->asset;
     uint32_t count = skin->joint_count;
@@ -422,7 +155,7 @@ static bool is_unit(const float q[4])
     return n > 0.99f && n < 1.01f;
 }
 
-static void pack_pose(struct pack *p, struct hg_node *node)
+static void pack_pose(struct hg_pack *p, struct hg_node *node)
 {
     node->has_matrix = pack_bool(p, node->has_matrix);
     if (node->has_matrix) {
@@ -438,7 +171,7 @@ static void pack_pose(struct pack *p, struct hg_node *node)
 }
 
 // The parent is an earlier node, so there is no cycle; children keep their order.
-static void pack_parent(struct pack *p, struct hg_node *node)
+static void pack_parent(struct hg_pack *p, struct hg_node *node)
 {
     const uint32_t index = (uint32_t)node->head.id;
     struct hg_node *parent = REFERENCE(p, node->parent, p->asset->nodes, index);
@@ -455,7 +188,7 @@ static void pack_parent(struct pack *p, struct hg_node *node)
     family->last_child = node;
 }
 
-static void pack_node_skin(struct pack *p, struct hg_node *node)
+static void pack_node_skin(struct hg_pack *p, struct hg_node *node)
 {
     struct hg_asset *a = p->asset;
     uint32_t index = NONE;
@@ -467,7 +200,7 @@ static void pack_node_skin(struct pack *p, struct hg_node *node)
         node->skin = a->skins[index];
 }
 
-static void pack_node(struct pack *p, struct hg_node *node)
+static void pack_node(struct hg_pack *p, struct hg_node *node)
 {
     struct hg_asset *a = p->asset;
     pack_name(p, &node->head.name);
@@ -478,9 +211,12 @@ static void pack_node(struct pack *p, struct hg_node *node)
     node->light = REFERENCE(p, node->light, a->lights, a->light_count);
     node->camera = REFERENCE(p, node->camera, a->cameras, a->camera_count);
     pack_node_skin(p, node);
+    const uint32_t targets = reads(p) && goes_on(p) && node->mesh ? node->mesh->target_count : 0;
+    if (targets > 0 && (node->weights = take(p, targets, sizeof *node->weights)))
+        memcpy(node->weights, node->mesh->weights, targets * sizeof *node->weights);
 }
 
-static void pack_nodes(struct pack *p)
+static void pack_nodes(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
     p->families = reads(p) ? take(p, a->node_count, sizeof *p->families) : NULL;
@@ -490,7 +226,7 @@ static void pack_nodes(struct pack *p)
 }
 
 // Every joint that a skinned vertex names is one of the node's skin.
-static void check_skins(struct pack *p)
+static void check_skins(struct hg_pack *p)
 {
     const struct hg_asset *a = p->asset;
     for (uint32_t n = 0; n < a->node_count && goes_on(p); n++) {
@@ -507,7 +243,7 @@ static void check_skins(struct pack *p)
 
 // ---- animations --------------------------------------------------------------------------------
 
-static void check_keys(struct pack *p, const struct hg_anim_channel *c)
+static void check_keys(struct hg_pack *p, const struct hg_anim_channel *c)
 {
     bool sound = true;
     for (uint32_t k = 0; k < c->key_count; k++) {
@@ -517,14 +253,17 @@ static void check_keys(struct pack *p, const struct hg_anim_channel *c)
     require(p, sound, "a key");
 }
 
-static void pack_channel(struct pack *p, struct hg_anim_channel *c)
+static void pack_channel(struct hg_pack *p, struct hg_anim_channel *c)
 {
     struct hg_asset *a = p->asset;
     c->node = REFERENCE(p, c->node, a->nodes, a->node_count);
-    require(p, c->node && !c->node->has_matrix, "a channel");
-    c->path = pack_choice(p, c->path, HG_ANIM_SCALE + 1);
+    c->path = pack_choice(p, c->path, HG_ANIM_WEIGHTS + 1);
+    const bool morphs = c->path == HG_ANIM_WEIGHTS;
+    require(p, c->node && (morphs ? c->node->weights != NULL : !c->node->has_matrix), "a channel");
+    if (!goes_on(p))
+        return;
     c->interpolation = HG_ANIM_LINEAR;
-    c->width = c->path == HG_ANIM_ROTATION ? 4 : 3;
+    c->width = morphs ? c->node->mesh->target_count : c->path == HG_ANIM_ROTATION ? 4 : 3;
     uint32_t count = c->key_count;
     pack_count(p, &count, (1 + c->width) * sizeof(float), 0);
     pack_vertices(p, &c->times, count, 1, -FLT_MAX, FLT_MAX);
@@ -534,7 +273,7 @@ static void pack_channel(struct pack *p, struct hg_anim_channel *c)
         check_keys(p, c);
 }
 
-static void pack_animation(struct pack *p, struct hg_animation *animation)
+static void pack_animation(struct hg_pack *p, struct hg_animation *animation)
 {
     pack_name(p, &animation->name);
     pack_f64(p, &animation->duration_s);
@@ -549,7 +288,7 @@ static void pack_animation(struct pack *p, struct hg_animation *animation)
         pack_channel(p, &animation->channels[i]);
 }
 
-static void pack_animations(struct pack *p)
+static void pack_animations(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
     uint32_t count = a->animation_count;
@@ -564,7 +303,7 @@ static void pack_animations(struct pack *p)
 
 // ---- the whole ---------------------------------------------------------------------------------
 
-static void pack_file(struct pack *p)
+static void pack_file(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
     pack_fixed(p, a->file.format, sizeof a->file.format);
@@ -574,7 +313,7 @@ static void pack_file(struct pack *p)
 }
 
 // How many objects of each kind follow; reading makes them.
-static void pack_objects(struct pack *p)
+static void pack_objects(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
 #define OBJECTS(one, many, least)                                                                  \
@@ -599,7 +338,7 @@ static void pack_objects(struct pack *p)
 #undef OBJECTS
 }
 
-static void pack_roots(struct pack *p)
+static void pack_roots(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
     uint32_t count = a->root_count;
@@ -616,7 +355,7 @@ static void pack_roots(struct pack *p)
     }
 }
 
-static void pack_warnings(struct pack *p)
+static void pack_warnings(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
     uint32_t count = a->warning_count;
@@ -631,7 +370,7 @@ static void pack_warnings(struct pack *p)
     }
 }
 
-static void pack_asset(struct pack *p)
+static void pack_asset(struct hg_pack *p)
 {
     struct hg_asset *a = p->asset;
     uint32_t version = VERSION;
@@ -648,7 +387,7 @@ static void pack_asset(struct pack *p)
     for (uint32_t i = 0; i < a->camera_count && goes_on(p); i++)
         pack_camera(p, a->cameras[i]);
     for (uint32_t i = 0; i < a->mesh_count && goes_on(p); i++)
-        pack_mesh(p, a->meshes[i]);
+        hg_asset_pack_mesh(p, a->meshes[i]);
     for (uint32_t i = 0; i < a->skin_count && goes_on(p); i++)
         pack_skin(p, a->skins[i]);
     pack_nodes(p);
@@ -662,14 +401,14 @@ static void pack_asset(struct pack *p)
 
 void hg_asset_pack(struct hg_asset *asset, struct hg_writer *out)
 {
-    struct pack p = {.out = out, .asset = asset};
+    struct hg_pack p = {.out = out, .asset = asset};
     pack_asset(&p);
 }
 
 enum hg_status hg_asset_unpack(
     const struct hg_asset_unpack *params, struct hg_asset **out, struct hg_error *err)
 {
-    struct pack p = {.in = hg_reader_make(params->data, params->size),
+    struct hg_pack p = {.in = hg_reader_make(params->data, params->size),
         .left_bytes = params->memory_limit_bytes,
         .asset = hg_asset_create(params->asset_number, params->label)};
     *out = NULL;

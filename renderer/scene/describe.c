@@ -249,6 +249,7 @@ static json_t *describe_animations(struct describer *d, const struct hg_asset *a
         put_text(d, object, "name", asset->animations[i].name);
         put(d, object, "duration_s", real(asset->animations[i].duration_s));
         put(d, object, "channels", json_integer(asset->animations[i].channel_count));
+        put(d, object, "conflicts", json_boolean(asset->animations[i].conflicts));
         append(d, array, object);
     }
     return array;

@@ -27,6 +27,10 @@ void hg_mode_expand(enum hg_primitive_mode mode, const uint32_t *in, uint32_t co
 enum hg_status hg_part_make_flat_normals(
     struct hg_mesh_part *part, uint32_t target_count) HG_MUST_CHECK;
 
+// Gives vertices whose normal has no length the mean of their triangles, weighted by areas, and +z
+// where there is none. HG_E_NOMEM.
+enum hg_status hg_part_fill_normals(struct hg_mesh_part *part) HG_MUST_CHECK;
+
 // Smooth normals for a triangle part without normals and morph targets, with creases: triangles
 // that share an edge are one surface where their planes meet at no more than HG_CREASE_DEG, and
 // every vertex is split by surface. `smoothing` [index_count / 3], NULL: none; the surfaces are
@@ -37,6 +41,12 @@ enum hg_status hg_part_make_flat_normals(
 enum { HG_CREASE_DEG = 40 }; // a cylinder of 10 sides is round, a hexagonal nut is not
 enum hg_status hg_part_make_crease_normals(
     struct hg_mesh_part *part, const uint32_t *smoothing) HG_MUST_CHECK;
+
+// Normal deltas [vertex_count * 3] of a morph target of a triangle part with normals, from its
+// position deltas: the change of the mean of the triangles around each vertex, weighted by their
+// areas; vertices of one position and normal are one. HG_E_NOMEM. Cost O(n log n).
+enum hg_status hg_part_make_target_normals(
+    const struct hg_mesh_part *part, const float *positions, float *normals) HG_MUST_CHECK;
 
 // Tangents as MikkTSpace makes them (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited"),
 // from the positions, normals and uv[uv_set] of a triangle part; vertices are split where corners

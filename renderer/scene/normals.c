@@ -66,3 +66,39 @@ enum hg_status hg_part_make_flat_normals(struct hg_mesh_part *part, uint32_t tar
         status = make_target_normals(part, &part->targets[t]);
     return status;
 }
+
+static void add_face(struct hg_mesh_part *part, const uint32_t corners[3], const bool *lacks)
+{
+    float a[3], b[3], n[3];
+    for (int i = 0; i < 3; i++) {
+        const float from = part->positions[(size_t)corners[0] * 3 + i];
+        a[i] = part->positions[(size_t)corners[1] * 3 + i] - from;
+        b[i] = part->positions[(size_t)corners[2] * 3 + i] - from;
+    }
+    hg_cross3(a, b, n);
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 3 && lacks[corners[k]]; i++)
+            part->normals[(size_t)corners[k] * 3 + i] += n[i];
+}
+
+enum hg_status hg_part_fill_normals(struct hg_mesh_part *part)
+{
+    bool *lacks = hg_calloc(part->vertex_count, sizeof *lacks), any = false;
+    if (!lacks)
+        return HG_E_NOMEM;
+    for (uint32_t v = 0; v < part->vertex_count; v++) {
+        const float *n = part->normals + (size_t)v * 3;
+        lacks[v] = hg_dot3(n, n) == 0;
+        any |= lacks[v];
+    }
+    for (uint32_t i = 0;
+         any && part->topology == HG_TOPOLOGY_TRIANGLES && i + 2 < part->index_count; i += 3)
+        add_face(part, part->indices + i, lacks);
+    for (uint32_t v = 0; any && v < part->vertex_count; v++)
+        if (lacks[v] && !hg_normalize3(part->normals + (size_t)v * 3)) {
+            const float up[3] = {0, 0, 1};
+            memcpy(part->normals + (size_t)v * 3, up, sizeof up);
+        }
+    hg_free(lacks);
+    return HG_OK;
+}

@@ -246,6 +246,7 @@ struct hg_node {
         float translation[3], rotation[4], scale[3];
     } next;
     bool animated;        // an animation of its asset turns, moves or sizes it
+    const struct hg_anim_channel *posed_by[4]; // by enum hg_anim_path: what posed it last, or NULL
     struct {              // of the subtree too
         bool visible;     // false hides it
         bool catches_shadows; // path-traced: seen by the camera only as the shadow on it
@@ -275,6 +276,7 @@ struct hg_anim_channel {
     float *times;              // [key_count] seconds, strictly increasing
     float *values;             // [key_count * width], cubic: [key_count * 3 * width] in, value, out
     float *rest; // [width], of the node when the asset was added to a scene; NULL before
+    uint32_t animation; // in a scene: that it is of
 };
 
 struct hg_animation {
@@ -282,8 +284,9 @@ struct hg_animation {
     struct hg_anim_channel *channels;
     uint32_t channel_count;
     double duration_s;
-    bool posed;    // by hg_asset_pose, at
-    double time_s; // this time
+    bool conflicts; // in a scene: it moves what an earlier one does that has no conflict
+    bool posed;     // by hg_asset_pose, at
+    double time_s;  // this time
 };
 
 struct hg_warning { // about an asset, kept for `helio info` and sent as notices
@@ -423,8 +426,9 @@ struct hg_asset *hg_scene_find_asset(const struct hg_scene *scene, uint32_t numb
 void hg_asset_destroy(struct hg_asset *asset); // one not owned by a scene; accepts NULL
 
 // Poses the nodes of an asset and marks those of a scene as changed at its next revision.
-// animation -1 = all; time is clamped to each channel's range. HG_E_NOTFOUND for an unknown
-// animation.
+// animation -1 = all without conflicts; time is clamped to each channel's range. Others that were
+// posed and move the same things end: what they alone move goes back to rest. HG_E_NOTFOUND for an
+// unknown animation.
 enum hg_status hg_asset_pose(
     struct hg_asset *asset, int32_t animation, double time_s) HG_MUST_CHECK;
 // Whether any of the scene's animations was posed or any node moves: only then anything does in

@@ -1,6 +1,5 @@
 #include "server/worker/frame_metadata.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -76,16 +75,6 @@ static enum hg_status attach_key(struct render_state *s, struct session *session
     return HG_OK;
 }
 
-// A focus of 0 is that of the target.
-static void describe_lens(const struct hg_view_camera *c, struct frame_metadata *metadata)
-{
-    double distance = 0;
-    for (int i = 0; i < 3; i++)
-        distance = hypot(distance, (double)c->target[i] - (double)c->eye[i]);
-    metadata->lens_radius = c->lens_radius;
-    metadata->focus_distance = c->focus_distance > 0 ? c->focus_distance : (float)distance;
-}
-
 static void describe(struct render_state *s, const struct session *session,
     const struct view_slot *view, struct frame_metadata *metadata)
 {
@@ -97,7 +86,10 @@ static void describe(struct render_state *s, const struct session *session,
     metadata->params = view->settings.params;
     metadata->params.exposure_ev = view->progress.info.exposure_ev; // metered, perhaps
     metadata->time_s = session->scene->time_s;
-    describe_lens(&view->settings.camera, metadata);
+    struct hg_view_lens lens;
+    hg_view_lens(view->view, &lens);
+    metadata->lens_radius = lens.radius_m;
+    metadata->focus_distance = lens.focus_m;
 }
 
 static bool is_exr(enum hgp_encoding encoding)

@@ -260,6 +260,8 @@ int main(int argc, char **argv)
         return print_device_info(&w.options);
     if (w.options.shader_seed && w.options.cache_dir)
         hg_shader_seed_copy(w.options.shader_seed, w.options.cache_dir);
+    if (!w.options.cache_dir && !getenv("MESA_SHADER_CACHE_DIR"))
+        setenv("MESA_SHADER_CACHE_DISABLE", "true", 0); // its own folder is outside of the sandbox
     hg_renderer_prepare_process(w.options.cache_dir, !w.options.no_spill);
     if (w.options.compile_shaders)
         return compile_shaders(&w.options);

@@ -63,11 +63,13 @@ void main()
     if (job.v.joint_sets > 0u) {
         mat4x3 m = joint_matrix(vertex);
         position = m * vec4(position, 1.0);
-        // Inverse transpose times the determinant, whose sign is kept: normals stay outside.
+        // Inverse transpose times the determinant: normals stay outside, and so do bitangents on their side, after
+        // the sign of mirrored draws.
         vec3 n = cross(m[1], m[2]) * normal.x + cross(m[2], m[0]) * normal.y +
             cross(m[0], m[1]) * normal.z;
-        normal = dot(m[0], cross(m[1], m[2])) < 0.0 ? -n : n;
-        tangent.xyz = mat3(m) * tangent.xyz;
+        float sign = (dot(m[0], cross(m[1], m[2])) < 0.0) != ((flags & HG_DEFORM_MIRRORED) != 0u) ? -1.0 : 1.0;
+        normal = n * sign;
+        tangent = vec4(mat3(m) * tangent.xyz, tangent.w * sign);
     }
     job.v.out_positions.v[vertex] = position;
     if ((flags & HG_DEFORM_NORMALS) != 0u)

@@ -114,6 +114,7 @@ HG_SHARED_SIZE(hg_gpu_geometry, 56);
 // One skinned or morphed part of one node, input of passes/skin.comp.
 #define HG_DEFORM_NORMALS   0x1u
 #define HG_DEFORM_TANGENTS  0x2u
+#define HG_DEFORM_MIRRORED  0x4u // the draw is HG_DRAW_MIRRORED, which turns normals around once more
 #define HG_DEFORM_GROUP     64 // vertices per workgroup
 
 #ifndef __STDC__

@@ -143,6 +143,22 @@ test("a dialog keeps its title and its buttons in sight", async () => {
     }
 });
 
+test("animations that move the same things are not offered together", async () => {
+    const names = await evaluate(() => {
+        const { timeline } = window.helio;
+        const before = timeline.list.filter((a) => a.animation >= 0);
+        const shown = (conflicts) => {
+            timeline.setAnimations(["walk", "run", "door"].map((name, i) =>
+                ({ asset: 99, animation: i, name, duration_s: i + 1, conflicts: conflicts.includes(i) })), true);
+            return timeline.list.map((a) => `${a.name} ${a.duration_s}`).join();
+        };
+        const found = [shown([1]), shown([1, 2])];
+        timeline.setAnimations(before, true);
+        return found;
+    });
+    assert.deepEqual(names, ["All together 3,walk 1,run 2,door 3", "walk 1,run 2,door 3"]);
+});
+
 test("the animation bar keeps what is chosen, and is not there for who may not move it", async () => {
     await page.waitForSelector("#timeline:not([hidden])");
     const found = await evaluate(() => {

@@ -86,6 +86,20 @@ cp "$worm" "$temp/moved/renamed.glb"
 worm=$temp/moved/renamed.glb expect 0 render once --skip-existing
 stat_is skipped_frames 12
 
+# A seed of its own for each frame, whichever command renders it.
+mkdir "$temp/seeds"
+seeds() { expect 0 "$helio" render "$knot" -o "$temp/seeds/$1" --size 24x16 --mode path --spp 2 --connect "$url" "${@:2}"; }
+expect 2 "$helio" render "$knot" -o "$temp/seeds/a.exr" --animate-seed
+told 'needs --frames or --turntable'
+seeds 'a#.exr' --frames 3-4 --animate-seed --seed 10
+seeds 'b#.exr' --frames 4 --animate-seed --seed 10
+seeds 'c#.exr' --frames 4 --seed 14
+seeds 'd#.exr' --frames 3-4 --seed 10
+same "$temp/seeds/a4.exr" "$temp/seeds/b4.exr"
+same "$temp/seeds/a4.exr" "$temp/seeds/c4.exr"
+expect 1 "$helio" compare "$temp/seeds/a3.exr" "$temp/seeds/a4.exr" --metric max --fail-above 0
+expect 0 "$helio" compare "$temp/seeds/d3.exr" "$temp/seeds/d4.exr" --metric max --fail-above 0
+
 # Killed in the middle: whole files only; the same command finishes the rest.
 begins() { # file: it is there, or its maker has ended; watched without a rest
     while [ ! -e "$1" ] && kill -0 $client 2>/dev/null; do :; done

@@ -62,20 +62,23 @@ import base64, json, struct, sys
 data = open(sys.argv[1], "rb").read()
 (size,) = struct.unpack_from("<I", data, 12)
 gltf = json.loads(data[20:20 + size])
-keys = struct.pack("<8f", 0, 1, 0, 0, 0, 10, 0, 0)
+keys = struct.pack("<14f", 0, 1, 0, 0, 0, 10, 0, 0, 0, 0, 0, 30, 0, 0)
 gltf["buffers"].append({"byteLength": len(keys), "uri": "data:application/octet-stream;base64," +
                         base64.b64encode(keys).decode()})
 buffer, views = len(gltf["buffers"]) - 1, len(gltf["bufferViews"])
 gltf["bufferViews"] += [{"buffer": buffer, "byteOffset": 0, "byteLength": 8},
-                        {"buffer": buffer, "byteOffset": 8, "byteLength": 24}]
+                        {"buffer": buffer, "byteOffset": 8, "byteLength": 24},
+                        {"buffer": buffer, "byteOffset": 32, "byteLength": 24}]
 accessors = len(gltf["accessors"])
 gltf["accessors"] += [{"bufferView": views, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]},
-                      {"bufferView": views + 1, "componentType": 5126, "count": 2, "type": "VEC3"}]
+                      {"bufferView": views + 1, "componentType": 5126, "count": 2, "type": "VEC3"},
+                      {"bufferView": views + 2, "componentType": 5126, "count": 2, "type": "VEC3"}]
 top = len(gltf["nodes"])
 gltf["nodes"].append({"name": "moves", "children": gltf["scenes"][0]["nodes"]})
 gltf["scenes"][0]["nodes"] = [top]
-gltf["animations"] = [{"samplers": [{"input": accessors, "output": accessors + 1}],
-                       "channels": [{"sampler": 0, "target": {"node": top, "path": "translation"}}]}]
+gltf["animations"] = [{"name": name, "samplers": [{"input": accessors, "output": accessors + output}],
+                       "channels": [{"sampler": 0, "target": {"node": top, "path": "translation"}}]}
+                      for name, output in (("walk", 1), ("run", 2))]
 text = json.dumps(gltf).encode()
 text += b" " * (-len(text) % 4)
 body = struct.pack("<I4s", len(text), b"JSON") + text + data[20 + size:]
@@ -90,6 +93,31 @@ before=$(moved)
 after=$(moved --at 1)
 python3 -c 'import sys; sys.exit(abs(float(sys.argv[2]) - float(sys.argv[1]) - 10) > 0.01)' "$before" "$after" ||
     fail "the target of the pose at 1 s is $after, not 10 m from $before"
+
+# Of two animations that move the same thing the first one is posed, or the one that is named.
+grep -q "not shown: run (--animation NAME)" "$temp/out" || fail "$(cat "$temp/out")"
+for name in run 1; do
+    far=$(moved --at 1 --animation "$name")
+    python3 -c 'import sys; sys.exit(abs(float(sys.argv[2]) - float(sys.argv[1]) - 30) > 0.01)' "$before" "$far" ||
+        fail "the target of the pose of $name at 1 s is $far, not 30 m from $before"
+done
+[ "$(moved --animation run)" = "$before" ] || fail "--animation without a time is not the pose at 0 s"
+expect 2 "$helio" render "$temp/moves.glb" -o "$temp/a.png" --animation crawl
+grep -q "no animation 'crawl'; the file has walk, run" "$temp/out" || fail "$(cat "$temp/out")"
+{
+    echo "set size 32x18"
+    echo "set samples 1"
+    echo "set exposure 0"
+    echo "load $temp/moves.glb"
+    echo "camera eye 1000,0,0 target 1030,0,0"
+    echo "at 1 animation run"
+    echo "camera fit"
+    echo "expect stat camera.target.0 >= 29"
+    echo "at 1 animation walk"
+    echo "camera fit"
+    echo "expect stat camera.target.0 < 20"
+} >"$temp/animation.helio"
+expect 0 "$helio" run "$temp/animation.helio"
 
 picture --camera Camera
 ! grep -q "no geometry" "$temp/out" || fail "$(cat "$temp/out")"

@@ -102,6 +102,37 @@ expect 0 "$helio" bake "$knot" -o "$temp/baked"
 expect 0 "$helio" cache --cache-dir "$temp/baked"
 grep -q "texture knot.png: 512 x 512" "$temp/out" || fail "the texture is not listed"
 grep -q "mesh .*: 4224 triangles" "$temp/out" || fail "the mesh is not listed"
+expect 0 "$helio" render "$knot" -o "$temp/sky.png" --size 16x16 --samples 1 --exposure 0 --gi none --env sky --cache-dir "$temp/skies"
+expect 0 "$helio" cache --cache-dir "$temp/skies" --json
+grep -q '"made_from": "sky: ' "$temp/out" || fail "the sky is not listed"
+grep -q '"made_from": ""' "$temp/out" && fail "an entry does not tell what it was made from"
+
+# A folder that does not hold what the scene takes is said.
+expect 0 "$helio" bake "$knot" -o "$temp/tight" --cache-limit 1
+expect 6 "$helio" bake demo: -o "$temp/tight" --cache-limit 1 --textures-only
+grep -q -e '--cache-limit: the scene takes .* MiB and the folder may hold 1.0' "$temp/out" || fail "what is evicted again is not said"
+
+# One that may only be read has its entries all the same; one that is none is said, once.
+reader() { # the owner writes where root does not look at permissions
+    if [ "$(id -u)" = 0 ]; then setpriv --reuid=65534 --regid=65534 --clear-groups env HOME=/ "$@"; else "$@"; fi
+}
+chmod 711 "$temp"
+chmod -R a-w,a+rX "$temp/baked"
+if reader test -x "$helio" -a -r "$knot" -a ! -w "$temp/baked"; then
+    reader "$helio" render "$knot" -o - --size 16x16 --samples 1 --exposure 0 --gi none --cache-dir "$temp/baked" \
+        >"$temp/read.png" 2>"$temp/out" || fail "a cache that may only be read: $(tail -n 2 "$temp/out")"
+    grep -q 'no cache folder' "$temp/out" && fail "a cache that may only be read is not used"
+    reader "$helio" render "$knot" -o exr:- --size 16x16 --samples 1 --gi none --cache-dir "$temp/baked" \
+        --stats /dev/stderr >/dev/null 2>"$temp/out"
+    grep -q '"found": [1-9]' "$temp/out" || fail "nothing is found in a cache that may only be read"
+fi
+chmod -R u+w "$temp/baked"
+for progress in none json; do
+    expect 0 "$helio" render "$knot" -o "$temp/read.png" --size 16x16 --samples 1 --exposure 0 --gi none \
+        --cache-dir "$knot/cache" --progress $progress
+    [ "$(grep -c 'no cache folder: .*knot.gltf/cache: Not a directory' "$temp/out")" = 1 ] ||
+        fail "a cache folder that cannot be is not said"
+done
 expect 0 "$helio" cache --cache-dir "$temp/baked" --verify --json
 grep -q '"damaged": 0' "$temp/out" || fail "no count of damaged entries"
 victim=$(find "$temp/baked/store" -name '*.hgs' | head -n 1)
@@ -226,6 +257,10 @@ grep -q 'leave out 1 primitive of lines' "$temp/out" || fail "lines that path mo
 expect 0 "${wire[@]}" --mode path
 grep -q 'warning: .*leave out 1 primitive of lines' "$temp/out" || fail "lines are left out without a warning"
 expect 0 "${wire[@]}" --strict
+
+# A size that the device has no images for is named.
+expect 6 "$helio" render "$knot" -o "$temp/g.png" --size 16384x16384 --samples 1 --exposure 0 --gi none
+grep -q '16384x16384 px are too many' "$temp/out" || fail "a size that is too large is not named"
 
 # A daemon's worker that dies in the middle of a frame costs a pause and nothing else.
 # Quick machines get more to do, until the kill strikes a frame.

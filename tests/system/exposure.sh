@@ -53,6 +53,13 @@ same "$temp/a.png" "$temp/c.png" # but for their jobs, which neither has
 picture d.png --size 160x90 --exposure=auto+1
 between -0.001 0.001 "$(python3 -c "print($(stat exposure.ev) - 1 - $ev)")"
 
+# A budget changes no picture: where light cannot be followed in it, there is none.
+expect 6 "$helio" render demo: -o "$temp/budget.png" --size 32x32 --samples 1 --gi none --geometry-budget 16
+told "a fixed exposure needs none"
+[ ! -e "$temp/budget.png" ] || fail "a picture that was not metered is written"
+expect 6 "$helio" render demo: -o "$temp/budget.png" --size 32x32 --samples 1 --exposure 0 --geometry-budget 16
+told "gi none needs less memory"
+
 # Chosen environments are what they are.
 picture e.png --size 64x36 --env none
 is environment.kind none
@@ -138,6 +145,37 @@ expect 0 "$helio" render "$startup" -o "$temp/s.exr" --size 64x36 --gi none --co
 same "$temp/q1.png" "$temp/q2.png"
 for pair in q.exr:s.exr r.exr:h.exr; do
     expect 0 "$helio" compare "$temp/${pair%:*}" "$temp/${pair#*:}" --metric max --fail-above 0
+done
+
+# A series that ends early says how its rest gets the same exposure; scripts tell what they have written.
+mkdir -p "$temp/series" "$temp/blocked/f2.png"
+series() { # code folder options...
+    expect "$1" "$helio" render "$startup" -o "$temp/$2/f#.png" --size 64x36 --samples 2 --gi none --connect "$url" "${@:3}"
+}
+series 0 series --frames 0-4
+told 'metered at frame 0; other commands of the same series need --exposure=-'
+series 7 blocked --frames 0-4
+told '2 frames are written; --frames 2-4 --exposure=-[0-9.]* renders the rest'
+rest=$(sed -n 's/.* written; \(.*\) renders the rest$/\1/p' "$temp/out")
+rmdir "$temp/blocked/f2.png"
+series 0 blocked $rest
+for i in 0 1 2 3 4; do same "$temp/series/f$i.png" "$temp/blocked/f$i.png"; done
+printf 'load %s\nset size 8x8\nset gi none\nframe %s\nframe %s\n' "$startup" "$temp/t1.png" "$temp/t2.exr" >"$temp/script"
+expect 0 "$helio" run "$temp/script" --progress json --connect "$url"
+told '"event":"written".*t1.png","share":0.5'
+told '"event":"end".*"written":2'
+
+# A lens is told as radius and distance, whichever options it came from.
+lens() { # name of an attribute
+    python3 -c 'import struct, sys
+data = open(sys.argv[1], "rb").read()
+at = data.index(b"heliograph:" + sys.argv[2].encode() + b"\0float\0")
+print("%.5f" % struct.unpack_from("<f", data, data.index(b"float\0", at) + 10))' "$temp/lens.exr" "$1"
+}
+for options in "--f-number 0.5 --sensor-height 24" "--lens-radius 0.0289706"; do
+    expect 0 "$helio" render "$startup" -o "$temp/lens.exr" --size 16x16 --mode path --spp 1 --exposure 0 --fov 45 $options \
+        --focus 3 --connect "$url"
+    [ "$(lens lensRadius) $(lens focusDistance)" = "0.02897 3.00000" ] || fail "lens of $options: $(lens lensRadius) $(lens focusDistance)"
 done
 
 # By a private worker.

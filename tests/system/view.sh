@@ -6,6 +6,7 @@ set -eu
 build=${HELIO_BUILD_DIR:?}
 helio=$build/bin/helio
 model=$build/tests/models/leaves_opaque.glb
+worm=$build/tests/models/worm.glb
 for tool in Xvfb xdotool; do
     command -v $tool >/dev/null || { echo "$tool is not installed"; exit 77; }
 done
@@ -227,4 +228,28 @@ key Escape
 code=0; wait "$view" || code=$?
 view=
 [ $code = 3 ] || fail "a bad file: $code"
+"$helio" view "$worm" --animation none --size 96x64 >"$temp/view.log" 2>&1 &
+view=$!
+wait_for "the error" shows failed
+window=$(xdotool search --onlyvisible --name Heliograph)
+key Escape
+code=0; wait "$view" || code=$?
+view=
+[ $code = 2 ] || fail "an animation that is not there: $code"
+
+# The pose is that of the animation that is named.
+"$helio" view "$worm" --animation wave --size 96x64 --gi none --samples 2 --screenshots "$temp/shots" >"$temp/view.log" 2>&1 &
+view=$!
+wait_for "a settled picture" shows "worm.glb - real time, settled - orbit"
+window=$(xdotool search --onlyvisible --name Heliograph)
+shot waves.png
+key ctrl+q
+code=0; wait "$view" || code=$?
+view=
+[ $code = 0 ] || fail "an animation: $code"
+"$helio" render "$worm" --animation wave -o "$temp/waves_reference.png" --size 96x64 --gi none --samples 2 -q
+"$helio" compare "$temp/waves.png" "$temp/waves_reference.png" --metric max --fail-above 0 >"$temp/compare.log" 2>&1 ||
+    fail "the screenshot is not the pose that is named"
+"$helio" render "$worm" -o "$temp/rest.png" --size 96x64 --gi none --samples 2 -q
+! cmp -s "$temp/rest.png" "$temp/waves_reference.png" || fail "the named pose is that of rest"
 echo "view.sh: window, screenshot, keys, pointer, nodes, clipping, measuring, errors"

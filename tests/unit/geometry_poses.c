@@ -143,11 +143,55 @@ static void test_poses_of_samples(void **state)
         check_file(*state, test_data(names[i]));
 }
 
+static void check_winding(
+    struct geo *f, struct hg_geometry *g, struct hg_scene *scene, bool mirrored)
+{
+    geo_sync(f, g, scene);
+    assert_true(g->draw_count > 0);
+    for (uint32_t i = 0; i < g->draw_count; i++) {
+        assert_true(g->draws[i].skinned);
+        assert_int_equal((g->draws[i].gpu.flags & HG_DRAW_MIRRORED) != 0, mirrored);
+    }
+}
+
+// Joints say which way triangles are wound, the node of the mesh does not.
+static void test_mirrored_skeleton(void **state)
+{
+    struct geo *f = *state;
+    const struct hg_load_params params = {
+        .path = TEST_MODELS "/worm.glb", .asset_number = 1, .scene_index = -1};
+    struct hg_asset *asset;
+    struct hg_scene *scene;
+    struct hg_geometry *g;
+    geo_check(f, hg_load_asset(&params, &asset, &f->err));
+    geo_check(f, hg_scene_create(&scene));
+    geo_check(f, hg_scene_add_asset(scene, asset, NULL));
+    geo_check(f, hg_geometry_create(f->gpu, NULL, &g, &f->err));
+    check_winding(f, g, scene, false);
+    struct hg_node *root = asset->skins[0]->joints[0];
+    root->scale[0] = -root->scale[0];
+    hg_scene_touch(scene, &root->head);
+    check_winding(f, g, scene, true);
+    for (uint32_t i = 0; i < g->deforms.count; i++) // a draw that is mirrored turns normals around
+        check_pose(f, &g->deforms.items[i], "mirrored");
+    for (uint32_t i = 0; i < asset->node_count; i++)
+        if (asset->nodes[i]->mesh != NULL) {
+            asset->nodes[i]->scale[1] = -1;
+            hg_scene_touch(scene, &asset->nodes[i]->head);
+        }
+    check_winding(f, g, scene, true);
+    root->scale[0] = -root->scale[0];
+    hg_scene_touch(scene, &root->head);
+    check_winding(f, g, scene, false);
+    hg_geometry_destroy(g);
+    hg_scene_destroy(scene);
+}
+
 int main(void)
 {
     hg_log_set_sink(hg_log_sink_logfmt, (void *)(intptr_t)2);
     hg_log_set_level(HG_LOG_WARN);
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_poses), cmocka_unit_test(test_poses_of_samples)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_poses),
+        cmocka_unit_test(test_poses_of_samples), cmocka_unit_test(test_mirrored_skeleton)};
     return test_run_group(tests, geo_setup, geo_teardown);
 }

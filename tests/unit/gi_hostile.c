@@ -271,17 +271,22 @@ static void test_shapes(void **state)
 
 // --- the budget ----------------------------------------------------------------------------------
 
-static struct hg_refbuf *settle_under(uint32_t budget_mib, enum hg_view_gi gi)
+static void open_under(struct rig *rig, struct hg_scene *scene, uint32_t budget_kib,
+    const struct hg_view_params *params)
 {
     const struct hg_renderer_params small = {
-        .geometry_budget_bytes = (uint64_t)budget_mib << 20, .threads = 2};
+        .geometry_budget_bytes = (uint64_t)budget_kib << 10, .threads = 2};
+    rig_open_with(rig, &small);
+    hg_scene_publish(scene);
+    rig_use_scene(rig, scene, params);
+    look(rig, 1.5f, 0);
+}
+
+static struct hg_refbuf *settle_under(uint32_t budget_mib, enum hg_view_gi gi)
+{
     const struct hg_view_params params = {.width = WIDTH, .height = HEIGHT, .samples = 2, .gi = gi};
     struct rig rig = {0};
-    rig_open_with(&rig, &small);
-    struct hg_scene *scene = make_room(0.5f, 0.2f);
-    hg_scene_publish(scene);
-    rig_use_scene(&rig, scene, &params);
-    look(&rig, 1.5f, 0);
+    open_under(&rig, make_room(0.5f, 0.2f), budget_mib << 10, &params);
     rig_settle(&rig, 8);
     struct hg_refbuf *out = rig_pixels(&rig, HG_PIXEL_RGBA32F);
     rig_close_scene(&rig);
@@ -289,7 +294,38 @@ static struct hg_refbuf *settle_under(uint32_t budget_mib, enum hg_view_gi gi)
     return out;
 }
 
-// Probes that do not fit are none, and the picture is that without them.
+// Steps until one fails.
+static enum hg_status settle_final(struct rig *rig)
+{
+    struct hg_frame_info info = {0};
+    enum hg_status status = HG_OK;
+    hg_view_set_final(rig->view, true);
+    for (int i = 0; i < 4000 && !info.settled && status == HG_OK; i++)
+        status = hg_view_step(rig->view, 8, &info, &rig->err);
+    return status;
+}
+
+// What is asked for settled does not depend on budgets: it is as it is with memory, or there is
+// none, also where a picture in motion was without that light before.
+static void test_budget_of_settled(void **state)
+{
+    struct hg_view_params params = {
+        .width = WIDTH, .height = HEIGHT, .samples = 2, .gi = HG_GI_RAYS};
+    struct rig rig = {0};
+    (void)state;
+    open_under(&rig, make_room(0.5f, 0.2f), 8 << 10, &params);
+    rig_step(&rig, 1);
+    assert_int_equal(settle_final(&rig), HG_E_LIMIT);
+    assert_non_null(strstr(rig.err.reason, "gi none"));
+    assert_int_equal(settle_final(&rig), HG_E_LIMIT);
+    params.gi = HG_GI_NONE;
+    test_ok(hg_view_set_params(rig.view, &params, &rig.err), &rig.err);
+    assert_int_equal(settle_final(&rig), HG_OK);
+    rig_close_scene(&rig);
+    rig_close(&rig);
+}
+
+// Probes that do not fit are none, and a picture that is displayed is that without them.
 static void test_budget(void **state)
 {
     (void)state;
@@ -323,6 +359,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_budget),
+        cmocka_unit_test(test_budget_of_settled),
         cmocka_unit_test(test_shapes),
         cmocka_unit_test(test_normals),
         cmocka_unit_test(test_sizes),

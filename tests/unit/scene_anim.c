@@ -96,6 +96,38 @@ static void test_linear(void **state)
     }
 }
 
+static bool tells_of_times(const struct hg_asset *asset, const char *what)
+{
+    bool told = false;
+    for (uint32_t i = 0; i < asset->warning_count; i++)
+        told |= strstr(asset->warnings[i].reason, "INPUT_NON_INCREASING") != NULL &&
+                strstr(asset->warnings[i].reason, what) != NULL;
+    return told;
+}
+
+// Keys that come twice are a jump, those that go back are left out; both are told.
+static void test_times_that_do_not_grow(void **state)
+{
+    (void)state;
+    static const float odd[] = {0, 1, 1, 1, 0.5f, NAN, 2}, end[] = {0, 2};
+    static const float values[] = {0, 0, 0, 1, 0, 0, 7, 0, 0, 5, 0, 0, 9, 0, 0, 9, 0, 0, 6, 0, 0};
+    const struct channel c = {"translation", "LINEAR", "VEC3", 7, 7, odd, values, sizeof values};
+    struct hg_asset *asset = load_channel(&c);
+    const float *pose = asset->nodes[0]->translation;
+    static const float at[][2] = {
+        {0, 0}, {0.5f, 0.5f}, {0.999f, 0.999f}, {1, 5}, {1.5f, 5.5f}, {2, 6}};
+    assert_int_equal(asset->animations[0].channels[0].key_count, 4);
+    for (size_t i = 0; i < sizeof at / sizeof *at; i++)
+        expect(asset, (double)at[i][0], pose, (const float[]){at[i][1], 0, 0}, 3);
+    assert_true(tells_of_times(asset, "at time 2; 4 of 7 keys are used"));
+    hg_asset_destroy(asset);
+    const struct channel sound = {
+        "translation", "STEP", "VEC3", 2, 2, end, values, 6 * sizeof(float)};
+    asset = load_channel(&sound);
+    assert_false(tells_of_times(asset, ""));
+    hg_asset_destroy(asset);
+}
+
 // A turn about z by `angle` has the quaternion (0, 0, sin angle/2, cos angle/2).
 static void test_slerp(void **state)
 {
@@ -327,6 +359,110 @@ static void test_rest_pose(void **state)
     hg_scene_destroy(scene);
 }
 
+// Animations of one key of two nodes: "walk" and "run" both move the first node, "door" sizes the
+// second one, and so does the last one, which sizes the first one as well.
+static struct hg_asset *load_conflicts(struct hg_scene **scene)
+{
+    static const float zero = 0, walk[] = {1, 0, 0}, run[] = {2, 0, 0}, door[] = {1, 3, 1};
+    memset(&file, 0, sizeof file);
+    memory_floats(&file, "SCALAR", 1, &zero, sizeof zero);
+    memory_floats(&file, "VEC3", 1, walk, sizeof walk);
+    memory_floats(&file, "VEC3", 1, run, sizeof run);
+    memory_floats(&file, "VEC3", 1, door, sizeof door);
+    struct hg_asset *asset;
+    struct hg_error err;
+    if (memory_load(&file,
+            "\"scene\":0,\"scenes\":[{\"nodes\":[0,1]}],\"nodes\":[{},{}],\"animations\":["
+            "{\"samplers\":[{\"input\":0,\"output\":1}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}}]},"
+            "{\"samplers\":[{\"input\":0,\"output\":2}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}},"
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"translation\"}}]},"
+            "{\"samplers\":[{\"input\":0,\"output\":3}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"scale\"}}]},"
+            "{\"samplers\":[{\"input\":0,\"output\":3}],\"channels\":["
+            "{\"sampler\":0,\"target\":{\"node\":1,\"path\":\"scale\"}},"
+            "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"scale\"}}]}]",
+            &asset, &err) != HG_OK)
+        fail_msg("%s at '%s'", err.reason, err.where);
+    assert_int_equal(hg_scene_create(scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(*scene, asset, NULL), HG_OK);
+    return asset;
+}
+
+static void expect_places(const struct hg_asset *asset, float first, float second, float height)
+{
+    assert_true(asset->nodes[0]->translation[0] == first);
+    assert_true(asset->nodes[1]->translation[0] == second);
+    assert_true(asset->nodes[1]->scale[1] == height);
+}
+
+// Of animations that move the same things one is posed at a time; what it alone moved goes back to
+// rest.
+static void test_conflicts(void **state)
+{
+    (void)state;
+    struct hg_scene *scene;
+    struct hg_asset *asset = load_conflicts(&scene);
+    struct hg_pose_kept kept = {0};
+    enum { WALK, RUN, DOOR, SAME };
+    assert_false(asset->animations[WALK].conflicts);
+    assert_true(asset->animations[RUN].conflicts);
+    assert_false(asset->animations[DOOR].conflicts);
+    assert_false(asset->animations[SAME].conflicts); // what it shares it moves alike
+    assert_false(hg_scene_moves(scene));
+    expect_places(asset, 0, 0, 1);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    expect_places(asset, 1, 0, 3);
+    assert_int_equal(hg_asset_pose(asset, RUN, 0), HG_OK);
+    expect_places(asset, 2, 2, 3);
+    assert_false(asset->animations[WALK].posed);
+    assert_true(asset->animations[DOOR].posed);
+    assert_int_equal(hg_asset_pose(asset, WALK, 0), HG_OK);
+    expect_places(asset, 1, 0, 3);
+    const uint64_t revision = asset->nodes[1]->head.revision;
+    hg_scene_publish(scene);
+    assert_int_equal(hg_asset_pose(asset, RUN, 0), HG_OK);
+    assert_int_equal(hg_scene_pose_shift(scene, 0.5, 1, &kept), HG_OK);
+    expect_places(asset, 2, 2, 3); // the walk, which came before, has no say in other times
+    hg_scene_pose_restore(scene, &kept);
+    hg_scene_publish(scene);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    expect_places(asset, 1, 0, 3);
+    assert_true(asset->nodes[1]->head.revision > revision); // it went back
+    hg_scene_destroy(scene);
+}
+
+// Of the takes of Blender's FBX files the one whose action is that of its object goes before
+// others.
+static void test_takes_of_objects(void **state)
+{
+    (void)state;
+    static const float zero = 0, one[] = {1, 0, 0}, two[] = {2, 0, 0};
+    memset(&file, 0, sizeof file);
+    memory_floats(&file, "SCALAR", 1, &zero, sizeof zero);
+    memory_floats(&file, "VEC3", 1, one, sizeof one);
+    memory_floats(&file, "VEC3", 1, two, sizeof two);
+    struct hg_scene *scene;
+    struct hg_asset *asset;
+    struct hg_error err;
+#define TAKE(name, output)                                                                         \
+    "{\"name\":\"" name "\",\"samplers\":[{\"input\":0,\"output\":" #output "}],\"channels\":["    \
+    "{\"sampler\":0,\"target\":{\"node\":0,\"path\":\"translation\"}}]}"
+    if (memory_load(&file,
+            "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{}],\"animations\":[" TAKE(
+                "hub|camAction", 1) "," TAKE("hub|hubAction", 2) "," TAKE("hub|", 1) "]",
+            &asset, &err) != HG_OK)
+        fail_msg("%s at '%s'", err.reason, err.where);
+    assert_int_equal(hg_scene_create(&scene), HG_OK);
+    assert_int_equal(hg_scene_add_asset(scene, asset, NULL), HG_OK);
+    assert_true(asset->animations[0].conflicts && asset->animations[2].conflicts);
+    assert_false(asset->animations[1].conflicts);
+    assert_int_equal(hg_asset_pose(asset, -1, 0), HG_OK);
+    assert_true(asset->nodes[0]->translation[0] == 2);
+    hg_scene_destroy(scene);
+}
+
 // Two vertices of a skin with one joint: weights of joints that do not exist go to those that do.
 static void test_joints_beyond_the_skin(void **state)
 {
@@ -364,10 +500,12 @@ static void test_joints_beyond_the_skin(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_step), cmocka_unit_test(test_linear),
-        cmocka_unit_test(test_slerp), cmocka_unit_test(test_cubic),
-        cmocka_unit_test(test_cubic_rotation), cmocka_unit_test(test_weights),
-        cmocka_unit_test(test_normalized_outputs), cmocka_unit_test(test_single_key_and_numbers),
-        cmocka_unit_test(test_poses_raise_revisions), cmocka_unit_test(test_next_places),
-        cmocka_unit_test(test_rest_pose), cmocka_unit_test(test_joints_beyond_the_skin)};
+        cmocka_unit_test(test_times_that_do_not_grow), cmocka_unit_test(test_slerp),
+        cmocka_unit_test(test_cubic), cmocka_unit_test(test_cubic_rotation),
+        cmocka_unit_test(test_weights), cmocka_unit_test(test_normalized_outputs),
+        cmocka_unit_test(test_single_key_and_numbers), cmocka_unit_test(test_poses_raise_revisions),
+        cmocka_unit_test(test_next_places), cmocka_unit_test(test_rest_pose),
+        cmocka_unit_test(test_conflicts), cmocka_unit_test(test_takes_of_objects),
+        cmocka_unit_test(test_joints_beyond_the_skin)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

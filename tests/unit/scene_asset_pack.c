@@ -41,7 +41,12 @@ static void make_mesh(struct hg_asset *a)
     part->indices[1] = 1;
     part->indices[2] = 2;
     part->material = a->materials[0];
-    hg_mesh_part_update_bounds(part, 0);
+    part->targets = hg_calloc(2, sizeof *part->targets); // of which one moves nothing
+    part->targets[1].positions = floats(up, 9);
+    part->targets[1].normals = floats(corners, 9);
+    mesh->weights = floats(corners + 2, 2);
+    mesh->target_count = 2;
+    hg_mesh_part_update_bounds(part, 2);
 }
 
 static void make_nodes(struct hg_asset *a)
@@ -56,6 +61,7 @@ static void make_nodes(struct hg_asset *a)
     arm->translation[1] = 2;
     arm->mesh = a->meshes[0];
     arm->skin = skin;
+    arm->weights = floats(a->meshes[0]->weights, 2);
     hand->light = a->lights[0];
     hand->camera = a->cameras[0];
     hand->visible = false;
@@ -72,12 +78,13 @@ static void make_nodes(struct hg_asset *a)
 static void make_animation(struct hg_asset *a)
 {
     static const float times[] = {0, 1}, turns[] = {0, 0, 0, 1, 0, 1, 0, 0};
+    static const float shapes[] = {0, 1, 1, 0.5f};
     struct hg_animation *animation = a->animations = hg_calloc(1, sizeof *animation);
     a->animation_count = 1;
     animation->name = hg_strdup("wave");
     animation->duration_s = 1;
-    animation->channel_count = 1;
-    animation->channels = hg_calloc(1, sizeof *animation->channels);
+    animation->channel_count = 2;
+    animation->channels = hg_calloc(2, sizeof *animation->channels);
     *animation->channels = (struct hg_anim_channel){.node = a->nodes[1],
         .path = HG_ANIM_ROTATION,
         .interpolation = HG_ANIM_LINEAR,
@@ -85,6 +92,13 @@ static void make_animation(struct hg_asset *a)
         .width = 4,
         .times = floats(times, 2),
         .values = floats(turns, 8)};
+    animation->channels[1] = (struct hg_anim_channel){.node = a->nodes[1],
+        .path = HG_ANIM_WEIGHTS,
+        .interpolation = HG_ANIM_LINEAR,
+        .key_count = 2,
+        .width = 2,
+        .times = floats(times, 2),
+        .values = floats(shapes, 4)};
 }
 
 static struct hg_asset *make_asset(void)
@@ -158,6 +172,8 @@ static void test_what_goes_in_comes_out(void **state)
     assert_false(read->nodes[2]->visible);
     assert_float_equal(read->lights[0]->intensity, 40, 0);
     assert_float_equal(read->meshes[0]->parts->bounds_max[1], 1, 0);
+    assert_float_equal(read->meshes[0]->parts->bounds_max[2], 1, 0); // of the target
+    assert_float_equal(read->nodes[1]->weights[1], 1, 0);
     assert_string_equal(read->textures[0]->image->label, "stone\xe9.png");
     assert_null(read->textures[0]->image->encoded);
     assert_int_equal(read->textures[2]->image->encoded->size, 3);

@@ -538,6 +538,81 @@ static void test_variants(void **state)
     hg_asset_destroy(asset);
 }
 
+// A vertex without a normal gets that of its triangles; a part without any is flat, as one that has
+// no NORMAL.
+static void test_normals_without_length(void **state)
+{
+    (void)state;
+    static const float corners[] = {0, 0, 0, 1, 0, 1, 1, 1, 1, 0, 1, 0};
+    static const float some[] = {0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0}, none[12] = {0};
+    static const uint16_t indices[] = {0, 1, 2, 0, 2, 3};
+    const float half = 0.70710678f;
+    begin();
+    memory_floats(&file, "VEC3", 4, corners, sizeof corners);
+    memory_floats(&file, "VEC3", 4, some, sizeof some);
+    memory_floats(&file, "VEC3", 4, none, sizeof none);
+    const uint32_t view = memory_view(&file, indices, sizeof indices, 0);
+    memory_accessor(&file, (int)view, USHORT, "SCALAR", 6, "");
+    struct hg_asset *asset =
+        memory_load_ok(&file, "\"meshes\":[{\"primitives\":["
+                              "{\"attributes\":{\"POSITION\":0,\"NORMAL\":1},\"indices\":3},"
+                              "{\"attributes\":{\"POSITION\":0,\"NORMAL\":2},\"indices\":3}]}]");
+    const struct hg_mesh_part *first = &asset->meshes[0]->parts[0];
+    const struct hg_mesh_part *second = &asset->meshes[0]->parts[1];
+    assert_int_equal(first->vertex_count, 4);
+    assert_float_equal(first->normals[1], 1, 0);
+    assert_float_equal(first->normals[3], -half, 1e-6f);
+    assert_float_equal(first->normals[4], 0, 1e-6f);
+    assert_float_equal(first->normals[5], half, 1e-6f);
+    assert_int_equal(second->vertex_count, 6);
+    for (uint32_t v = 0; v < 6; v++)
+        assert_float_equal(second->normals[v * 3 + 2], half, 1e-6f);
+    hg_asset_destroy(asset);
+}
+
+// Materials whose textures name any two UV sets get those two; of three the last is told.
+static void test_uv_sets(void **state)
+{
+    (void)state;
+    static const float uv[4][6] = {
+        {0, 0, 0, 0, 0, 0}, {1, 1, 1, 1, 1, 1}, {2, 2, 2, 2, 2, 2}, {3, 3, 3, 3, 3, 3}};
+    begin();
+    memory_floats(&file, "VEC3", 3, triangle, sizeof triangle);
+    for (int i = 0; i < 4; i++)
+        memory_floats(&file, "VEC2", 3, uv[i], sizeof uv[i]);
+#define PRIMITIVE(material)                                                                        \
+    "{\"material\":" #material                                                                     \
+    ",\"attributes\":{\"POSITION\":0,\"TEXCOORD_0\":1,\"TEXCOORD_1\":2,"                           \
+    "\"TEXCOORD_2\":3,\"TEXCOORD_3\":4}}"
+#define BASE(set)                                                                                  \
+    "\"pbrMetallicRoughness\":{\"baseColorTexture\":{\"index\":0,\"texCoord\":" #set "}}"
+#define OTHER(kind, set) "\"" kind "Texture\":{\"index\":0,\"texCoord\":" #set "}"
+    struct hg_asset *asset = memory_load_ok(&file,
+        "\"images\":[{\"uri\":\"none.png\"}],\"textures\":[{\"source\":0}],\"materials\":["
+        "{" BASE(0) "," OTHER("emissive", 1) "},{" BASE(2) "," OTHER("emissive", 3) "},{" BASE(
+            3) "},"
+               "{" BASE(3) "," OTHER("emissive", 0) "," OTHER(
+                   "occlusion", 1) "}],\"meshes\":["
+                                   "{\"primitives\":[" PRIMITIVE(0) "," PRIMITIVE(1) "," PRIMITIVE(
+                                       2) "," PRIMITIVE(3) "]}]");
+    static const struct {
+        float uv[2]; // of the part; -1: none
+        uint32_t base, emissive;
+    } want[] = {{{0, 1}, 0, 1}, {{2, 3}, 0, 1}, {{3, -1}, 0, 0}, {{3, 1}, 0, 0}};
+    for (uint32_t i = 0; i < 4; i++) {
+        const struct hg_mesh_part *part = &asset->meshes[0]->parts[i];
+        assert_int_equal(part->material->slots[HG_SLOT_BASE_COLOR].uv_set, want[i].base);
+        assert_int_equal(part->material->slots[HG_SLOT_EMISSIVE].uv_set, want[i].emissive);
+        for (int k = 0; k < 2; k++)
+            assert_true(want[i].uv[k] < 0 ? part->uv[k] == NULL : part->uv[k][3] == want[i].uv[k]);
+    }
+    bool told = false;
+    for (uint32_t i = 0; i < asset->warning_count; i++)
+        told |= strstr(asset->warnings[i].reason, "two UV sets of a material are read") != NULL;
+    assert_true(told);
+    hg_asset_destroy(asset);
+}
+
 // ---- files outside of the asset's folder -------------------------------------------------------
 
 static enum hg_status load_with_buffer(const char *path, const char *uri)
@@ -605,6 +680,7 @@ int main(void)
         cmocka_unit_test(test_spec_gloss_equation), cmocka_unit_test(test_spec_gloss_material),
         cmocka_unit_test(test_lobe_defaults), cmocka_unit_test(test_instancing),
         cmocka_unit_test(test_lights), cmocka_unit_test(test_variants),
+        cmocka_unit_test(test_uv_sets), cmocka_unit_test(test_normals_without_length),
         cmocka_unit_test(test_paths)};
     return test_run_group(tests, NULL, NULL);
 }

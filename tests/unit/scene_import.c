@@ -496,6 +496,88 @@ static void test_fbx_cameras_and_lights(void **state)
     hg_scene_destroy(scene);
 }
 
+// --- blend shapes of an FBX file: one lifts the corner at +y, one moves that at +x
+
+#define SHAPE(id, name, index, to)                                                                 \
+    "Geometry: " id "0, \"Geometry::" name                                                         \
+    "\", \"Shape\" {\nVersion: 100\nIndexes: *1 {\na: " index "\n}\nVertices: *3 {\na: " to        \
+    "\n}\nNormals: *3 {\na: 0,0,0\n}\n}\n"                                                         \
+    "Deformer: " id "1, \"SubDeformer::" name "\", \"BlendShapeChannel\" {\nVersion: 100\n"        \
+    "DeformPercent: 0\nFullWeights: *1 {\na: 100\n}\n}\n"
+#define CURVE(id, count, times, values)                                                            \
+    "AnimationCurveNode: " id "2, \"AnimCurveNode::DeformPercent\", \"\" {\nProperties70: {\n"     \
+    "P: \"d|DeformPercent\", \"Number\", \"\", \"A\",0\n}\n}\n"                                    \
+    "AnimationCurve: " id "3, \"AnimCurve::\", \"\" {\nDefault: 0\nKeyVer: 4008\nKeyTime: *" count \
+    " {\na: " times "\n}\nKeyValueFloat: *" count " {\na: " values "\n}\n}\n"
+#define CONNECT(id)                                                                                \
+    "C: \"OO\"," id "0," id "1\nC: \"OO\"," id "1,111\nC: \"OO\"," id "2,301\n"                    \
+    "C: \"OP\"," id "2," id "1, \"DeformPercent\"\nC: \"OP\"," id "3," id                          \
+    "2, \"d|DeformPercent\"\n"
+
+static const char shapes_text[] =
+    "; FBX 7.4.0 project file\nFBXHeaderExtension: {\nFBXHeaderVersion: 1003\nFBXVersion: 7400\n}\n"
+    "GlobalSettings: {\nVersion: 1000\nProperties70: {\nP: \"UpAxis\", \"int\", \"Integer\", "
+    "\"\",1\nP: \"TimeMode\", \"enum\", \"\", \"\",6\nP: \"UnitScaleFactor\", \"double\", "
+    "\"Number\", \"\",1\n}\n}\nObjects: {\n"
+    "Geometry: 103, \"Geometry::Tri\", \"Mesh\" {\nVertices: *9 {\na: "
+    "0,0,0,100,0,0,0,100,0\n}\nPolygonVertexIndex: *3 {\na: 0,1,-3\n}\n"
+    "LayerElementNormal: 0 {\nVersion: 101\nName: \"\"\nMappingInformationType: "
+    "\"ByPolygonVertex\"\nReferenceInformationType: \"Direct\"\nNormals: *9 {\na: "
+    "0,0,1,0,0,1,0,0,1\n}\n}\nLayer: 0 {\nVersion: 100\nLayerElement: {\nType: "
+    "\"LayerElementNormal\"\nTypedIndex: 0\n}\n}\n}\n"
+    "Model: 203, \"Model::Tri\", \"Mesh\" {\nVersion: 232\n}\n"
+    "Deformer: 111, \"Deformer::\", \"BlendShape\" {\nVersion: 100\n}\n" // clang-format off
+    SHAPE("40", "lift", "2", "0,0,100") SHAPE("41", "wide", "1", "50,0,0")
+    "AnimationStack: 300, \"AnimStack::take\", \"\" {\nProperties70: {\nP: \"LocalStart\", \"KTime\", \"Time\", "
+    "\"\",0\nP: \"LocalStop\", \"KTime\", \"Time\", \"\",92372316000\n}\n}\n"
+    "AnimationLayer: 301, \"AnimLayer::base\", \"\" {\n}\n"
+    CURVE("40", "2", "0,92372316000", "0,100") CURVE("41", "1", "46186158000", "40")
+    "}\nConnections: {\nC: \"OO\",103,203\nC: \"OO\",203,0\nC: \"OO\",111,103\nC: \"OO\",301,300\n"
+    CONNECT("40") CONNECT("41") "}\n"; // clang-format on
+
+static const struct hg_node *morphed_node(const struct hg_asset *asset)
+{
+    for (uint32_t i = 0; i < asset->node_count; i++)
+        if (asset->nodes[i]->weights)
+            return asset->nodes[i];
+    fail_msg("no node has weights");
+    return NULL;
+}
+
+static void test_fbx_blend_shapes(void **state)
+{
+    (void)state;
+    struct hg_asset *asset;
+    struct hg_error err = {0};
+    test_text_write(folder, "shapes.fbx", shapes_text);
+    if (load("shapes.fbx", &asset, &err))
+        fail_msg("%s: %s", err.where, err.reason);
+    const struct hg_node *node = morphed_node(asset);
+    const struct hg_mesh_part *part = &node->mesh->parts[0];
+    assert_int_equal(node->mesh->target_count, 2);
+    assert_true(node->weights[0] == 0 && node->weights[1] == 0);
+    const float unit = part->positions[3]; // of the corner at +x, 100 in the file
+    static const float moved[2][9] = {{0, 0, 0, 0, 0, 0, 0, 0, 1}, {0, 0, 0, 0.5f, 0, 0, 0, 0, 0}};
+    for (int t = 0; t < 2; t++)
+        for (int i = 0; i < 9; i++)
+            assert_float_equal(part->targets[t].positions[i], unit * moved[t][i], 1e-6f);
+    // The file has no normals of the lifted triangle: they are those of its plane.
+    const float *normals = part->targets[0].normals;
+    for (int v = 0; v < 3; v++) {
+        assert_float_equal(normals[v * 3], 0, 1e-5f);
+        assert_float_equal(normals[v * 3 + 1], -0.70710678f, 1e-5f);
+        assert_float_equal(normals[v * 3 + 2], 0.70710678f - 1, 1e-5f);
+    }
+    // Keys of one shape do not end the other's.
+    assert_int_equal(asset->animation_count, 1);
+    for (int step = 0; step <= 4; step++) {
+        assert_int_equal(hg_asset_pose(asset, 0, step * 0.5), HG_OK);
+        assert_float_equal(node->weights[0], step * 0.25f, 1e-5f);
+        assert_float_equal(node->weights[1], 0.4f, 1e-5f);
+    }
+    hg_asset_destroy(asset);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -510,6 +592,7 @@ int main(void)
         cmocka_unit_test(test_collada_cameras),
         cmocka_unit_test(test_collada_lights),
         cmocka_unit_test(test_fbx_cameras_and_lights),
+        cmocka_unit_test(test_fbx_blend_shapes),
         cmocka_unit_test(test_broken_files_are_refused_with_a_reason),
     };
     return cmocka_run_group_tests_name("scene_import", tests, make_files, remove_files);

@@ -126,6 +126,7 @@ enum hg_status hg_env_cache_write_sky(struct hg_store *store, const uint8_t key[
     enum hg_status status = hg_store_begin(store, &name, &writer, err);
     if (status)
         return status;
+    hg_store_label(writer, "sky: %u x %u", width, height);
     status = hg_store_write(writer, 0, texels, (size_t)width * height * 8, err);
     if (!status)
         return hg_store_commit(writer, err);

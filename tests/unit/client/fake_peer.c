@@ -15,6 +15,7 @@
 //   have=1              claim to have every uploaded content
 //   stray=1             send unrelated messages between the answers
 //   alive=N             (worker) send N signs of life, pings and reports of work before each answer
+//   beat=MS             wait so long before each of these signs
 //   warnings=N          warn N times when an asset is loaded
 //   tickets=1           one join ticket is listed
 //   quiet=1             do not warn when an asset is loaded
@@ -477,6 +478,8 @@ static void send_signs_of_life(uint32_t channel, int count)
 {
     const struct hgp_header worker = {0}, session = {.channel = channel};
     for (int i = 0; i < count; i++) {
+        if (word("beat"))
+            usleep((useconds_t)atoi(word("beat")) * 1000);
         answer(&worker, HGP_T_busy, &(struct hgp_busy){.channel = channel, .view = 1});
         answer(&worker, HGP_T_pulse, &(struct hgp_pulse){.busy_ns = 1000000});
         answer(&session, HGP_T_ping, &(struct hgp_ping){.nonce = 5});

@@ -258,6 +258,27 @@ static void test_signs_of_life(void **state)
     unsetenv("FAKE");
 }
 
+static void count(void *user)
+{
+    ++*(int *)user;
+}
+
+// Who waits is told that time passes, also while signs of life come all the time.
+static void test_ticks(void **state)
+{
+    (void)state;
+    int ticks = 0;
+    uint64_t rtt;
+    struct hg_error err = {0};
+    setenv("FAKE", "alive=8 beat=200", 1);
+    struct helio *c = connect_good(&(struct helio_options){0});
+    helio_set_handlers(c, &(struct helio_handlers){.user = &ticks, .tick = count});
+    assert_int_equal(helio_ping(c, &rtt, &err), HG_OK);
+    assert_true(ticks > 0);
+    helio_destroy(c);
+    unsetenv("FAKE");
+}
+
 static void test_tokens(void **state)
 {
     (void)state;
@@ -483,6 +504,7 @@ int main(void)
         cmocka_unit_test(test_back_pressure),
         cmocka_unit_test(test_worker),
         cmocka_unit_test(test_signs_of_life),
+        cmocka_unit_test(test_ticks),
         cmocka_unit_test(test_tokens),
         cmocka_unit_test(test_interrupt_and_timeout),
         cmocka_unit_test(test_every_prefix),

@@ -147,10 +147,10 @@ static const struct {
     {"extensions", check_required}, {"extensions", read_used}, {"schema", hg_gltf_check_schema},
     {"buffers", hg_gltf_load_buffers}, {"buffers", prepare_views}, {"images", hg_gltf_load_images},
     {"textures", hg_gltf_load_textures}, {"materials", read_variants},
-    {"materials", hg_gltf_load_materials}, {"cameras", hg_gltf_load_cameras},
-    {"lights", hg_gltf_load_light_profiles}, {"lights", hg_gltf_load_lights},
-    {"meshes", hg_gltf_load_meshes}, {"nodes", hg_gltf_load_nodes}, {"skins", hg_gltf_load_skins},
-    {"animations", hg_gltf_load_animations}};
+    {"materials", hg_gltf_load_materials}, {"materials", hg_gltf_choose_uv_sets},
+    {"cameras", hg_gltf_load_cameras}, {"lights", hg_gltf_load_light_profiles},
+    {"lights", hg_gltf_load_lights}, {"meshes", hg_gltf_load_meshes}, {"nodes", hg_gltf_load_nodes},
+    {"skins", hg_gltf_load_skins}, {"animations", hg_gltf_load_animations}};
 
 static enum hg_status run_stages(struct hg_gltf *g)
 {
@@ -178,6 +178,7 @@ static void finish(struct hg_gltf *g)
     for (uint32_t i = 0; i < g->profile_count; i++)
         hg_light_table_unref(g->profiles[i]);
     hg_free(g->profiles);
+    hg_free(g->uv_sets);
     hg_free(g->buffers);
     hg_free(g->views);
     hg_free(g->images);

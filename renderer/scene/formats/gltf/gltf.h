@@ -32,6 +32,12 @@ struct hg_gltf_view {
     bool ready;
 };
 
+// Of a material's primitives: which TEXCOORD_n are uv[0] and uv[1] of the part.
+#define HG_GLTF_NO_UV_SET UINT32_MAX
+struct hg_gltf_uv_sets {
+    uint32_t set[2];
+};
+
 struct hg_gltf {
     const struct hg_load_params *params;
     struct hg_asset *asset;
@@ -46,6 +52,7 @@ struct hg_gltf {
     struct hg_gltf_view *views;      // [view_count]
     struct hg_image_source **images; // [image_count]; NULL: not usable
     struct hg_light_table **profiles; // [profile_count] of EXT_lights_ies; NULL: not usable
+    struct hg_gltf_uv_sets *uv_sets;  // [material_count]
     uint32_t buffer_count, view_count, image_count, profile_count;
     uint32_t punctual_count; // lights of KHR_lights_punctual
     uint64_t memory_used, memory_limit;
@@ -160,6 +167,9 @@ enum hg_status hg_gltf_draco_values(struct hg_gltf *g, const struct hg_gltf_drac
 enum hg_status hg_gltf_load_images(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_textures(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_materials(struct hg_gltf *g) HG_MUST_CHECK;
+// gltf_uv_sets.c: turns the sets that slots name into 0 and 1 of the two that the material has.
+enum hg_status hg_gltf_choose_uv_sets(struct hg_gltf *g) HG_MUST_CHECK;
+struct hg_gltf_uv_sets hg_gltf_uv_sets_of(const struct hg_gltf *g, int64_t material); // index
 enum hg_status hg_gltf_load_meshes(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_cameras(struct hg_gltf *g) HG_MUST_CHECK;
 enum hg_status hg_gltf_load_lights(struct hg_gltf *g) HG_MUST_CHECK;

@@ -44,14 +44,44 @@ static enum hg_status read_times(
     if (!channel->times)
         return g->err->status;
     hg_gltf_read_floats(&a, 1, 0, channel->times);
-    for (uint32_t i = 0; i < a.count; i++)
-        if (!isfinite(channel->times[i]) ||
-            (i ? channel->times[i] <= channel->times[i - 1] : channel->times[i] < 0))
-            return hg_gltf_fail(g, &place, HG_E_FORMAT,
-                "ACCESSOR_ANIMATION_INPUT_NON_INCREASING: time %u is %g", i,
-                (double)channel->times[i]);
     channel->key_count = a.count;
     return HG_OK;
+}
+
+static void move_key(struct hg_anim_channel *channel, uint32_t from, uint32_t to)
+{
+    const size_t size = (size_t)channel->width * (channel->interpolation == HG_ANIM_CUBIC ? 3 : 1);
+    channel->times[to] = channel->times[from];
+    memmove(channel->values + to * size, channel->values + from * size, size * sizeof(float));
+}
+
+// Leaves keys whose times grow. Of two at one time the first comes just before it: a jump; of more
+// the first and the last count.
+static void sort_out_keys(
+    struct hg_gltf *g, const struct hg_gltf_at *sampler, struct hg_anim_channel *channel)
+{
+    const struct hg_gltf_at place = hg_gltf_key(sampler, "input");
+    const uint32_t count = channel->key_count;
+    float *times = channel->times;
+    uint32_t kept = 0, wrong = UINT32_MAX;
+    for (uint32_t i = 0; i < count; i++) {
+        const float t = times[i], last = kept ? times[kept - 1] : -INFINITY;
+        const bool grows = isfinite(t) && t > last, repeats = isfinite(t) && t == last;
+        const float before = repeats ? nextafterf(t, -INFINITY) : 0;
+        wrong = wrong == UINT32_MAX && (!grows || (i == 0 && t < 0)) ? i : wrong;
+        if (grows || (repeats && (kept < 2 || times[kept - 2] < before))) {
+            if (repeats)
+                times[kept - 1] = before;
+            move_key(channel, i, kept++);
+        } else if (repeats) {
+            move_key(channel, i, kept - 1);
+        }
+    }
+    if (wrong != UINT32_MAX)
+        hg_gltf_warn(g, &place,
+            "ACCESSOR_ANIMATION_INPUT_NON_INCREASING: at time %u; %u of %u keys are used", wrong,
+            kept, count);
+    channel->key_count = kept;
 }
 
 static enum hg_status read_values(
@@ -114,6 +144,8 @@ static enum hg_status read_channel(struct hg_gltf *g, const struct hg_gltf_at *a
     enum hg_status status = read_times(g, &sampler, out);
     if (!status)
         status = read_values(g, &sampler, out);
+    if (!status)
+        sort_out_keys(g, &sampler, out);
     if (!status && n->has_matrix)
         hg_gltf_warn(g, &target, "ANIMATION_CHANNEL_TARGET_NODE_MATRIX: the channel is left out");
     else if (!status && out->key_count)

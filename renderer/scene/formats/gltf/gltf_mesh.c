@@ -168,7 +168,9 @@ static enum hg_status read_positions(struct primitive *p)
     return HG_OK;
 }
 
-static void normalize_normals(struct primitive *p, const char *name, float *values, uint32_t width)
+// Normals without a length stay so: hg_part_fill_normals follows. Returns how many these are.
+static size_t normalize_normals(
+    struct primitive *p, const char *name, float *values, uint32_t width)
 {
     size_t zero = 0, off = 0;
     for (uint32_t v = 0; v < p->part->vertex_count; v++) {
@@ -176,7 +178,7 @@ static void normalize_normals(struct primitive *p, const char *name, float *valu
         float length = sqrtf(hg_dot3(n, n));
         off += !(fabsf(length - 1) < 0.05f);
         if (!hg_normalize3(n)) {
-            n[0] = width == 4, n[1] = 0, n[2] = width != 4;
+            n[0] = width == 4, n[1] = n[2] = 0;
             zero++;
         }
         if (width == 4)
@@ -187,6 +189,7 @@ static void normalize_normals(struct primitive *p, const char *name, float *valu
         hg_gltf_warn(p->g, &at,
             "ACCESSOR_VECTOR3_NON_UNIT: %zu of %u are not of length 1, %zu have none", off,
             p->part->vertex_count, zero);
+    return zero;
 }
 
 static enum hg_status read_vectors(struct primitive *p)
@@ -198,8 +201,11 @@ static enum hg_status read_vectors(struct primitive *p)
         status = read_floats(p, &p->attributes, &tangent, &p->part->tangents);
     if (status)
         return status;
-    if (p->part->normals)
-        normalize_normals(p, "NORMAL", p->part->normals, 3);
+    if (p->part->normals &&
+        normalize_normals(p, "NORMAL", p->part->normals, 3) == p->part->vertex_count) {
+        hg_free(p->part->normals); // as good as none
+        p->part->normals = NULL;
+    }
     if (p->part->tangents && p->part->normals) {
         normalize_normals(p, "TANGENT", p->part->tangents, 4);
     } else if (p->part->tangents) {
@@ -211,15 +217,17 @@ static enum hg_status read_vectors(struct primitive *p)
 
 static enum hg_status read_surface(struct primitive *p)
 {
-    static const struct float_attribute want[] = {{"TEXCOORD_0", 2, 2, F | U | Q, 0},
-        {"TEXCOORD_1", 2, 2, F | U | Q, 0}, {"COLOR_0", 3, 4, F | U, 1}};
-    float **out[] = {&p->part->uv[0], &p->part->uv[1], &p->part->colors};
-    for (int i = 0; i < 3; i++) {
-        enum hg_status status = read_floats(p, &p->attributes, &want[i], out[i]);
-        if (status)
-            return status;
+    static const struct float_attribute color = {"COLOR_0", 3, 4, F | U, 1};
+    const struct hg_gltf_uv_sets sets = hg_gltf_uv_sets_of(p->g, hg_gltf_index(&p->at, "material"));
+    enum hg_status status = HG_OK;
+    for (int i = 0; i < 2 && !status; i++) {
+        char name[24];
+        const struct float_attribute want = {name, 2, 2, F | U | Q, 0};
+        snprintf(name, sizeof name, "TEXCOORD_%u", sets.set[i]);
+        if (sets.set[i] != HG_GLTF_NO_UV_SET)
+            status = read_floats(p, &p->attributes, &want, &p->part->uv[i]);
     }
-    return HG_OK;
+    return status ? status : read_floats(p, &p->attributes, &color, &p->part->colors);
 }
 
 // ---- skinning ----------------------------------------------------------------------------------
@@ -434,6 +442,7 @@ static enum hg_status read_variants(struct primitive *p)
     struct hg_gltf_at extensions;
     struct hg_gltf_at at = hg_gltf_extension(&p->at, "KHR_materials_variants", &extensions);
     struct hg_gltf_at mappings = hg_gltf_key(&at, "mappings");
+    const struct hg_gltf_uv_sets own = hg_gltf_uv_sets_of(g, hg_gltf_index(&p->at, "material"));
     if (!mappings.json || g->asset->variants.count == 0)
         return HG_OK;
     p->part->variants = hg_gltf_alloc(g, &at, g->asset->variants.count, sizeof *p->part->variants);
@@ -442,7 +451,11 @@ static enum hg_status read_variants(struct primitive *p)
     for (size_t i = 0; i < hg_gltf_count(&mappings); i++) {
         struct hg_gltf_at mapping = hg_gltf_item(&mappings, i);
         struct hg_gltf_at list = hg_gltf_key(&mapping, "variants");
-        struct hg_material *material = find_material(g, hg_gltf_index(&mapping, "material"));
+        const int64_t index = hg_gltf_index(&mapping, "material");
+        const struct hg_gltf_uv_sets sets = hg_gltf_uv_sets_of(g, index);
+        struct hg_material *material = find_material(g, index);
+        if (material && memcmp(&sets, &own, sizeof sets) != 0)
+            hg_gltf_warn(g, &mapping, "the material uses other UV sets than the primitive's own");
         for (size_t k = 0; k < hg_gltf_count(&list); k++) {
             uint64_t v = (uint64_t)json_integer_value(json_array_get(list.json, k));
             if (v < g->asset->variants.count)
@@ -519,9 +532,13 @@ static enum hg_status finish_part(
 {
     uint32_t uv_set;
     enum hg_status status = HG_OK;
-    if (part->topology == HG_TOPOLOGY_TRIANGLES) {
+    if (part->normals && part->topology != HG_TOPOLOGY_TRIANGLES)
+        status = hg_part_fill_normals(part);
+    if (!status && part->topology == HG_TOPOLOGY_TRIANGLES) {
         if (!part->normals)
             status = hg_part_make_flat_normals(part, target_count);
+        else
+            status = hg_part_fill_normals(part);
         if (!status && !part->tangents && part_needs_tangents(asset, part, &uv_set) &&
             part->uv[uv_set])
             status = hg_part_make_tangents(part, target_count, uv_set);

@@ -8,6 +8,8 @@
 #include "base/alloc.h"
 #include "renderer/scene/fetch.h"
 
+enum { MOST_UV_SETS = 255 };
+
 // ---- images ------------------------------------------------------------------------------------
 
 static enum hg_status image_from_view(
@@ -215,8 +217,8 @@ void hg_gltf_texture_ref(
         read_transform(&transform, out->uv_transform);
         set = hg_gltf_uint(&transform, "texCoord", set);
     }
-    if (set > 1)
-        hg_gltf_warn(g, &info, "texCoord %llu: only sets 0 and 1 are read; 0 is used",
-            (unsigned long long)set);
-    out->uv_set = set > 1 ? 0 : (uint32_t)set;
+    if (set > MOST_UV_SETS)
+        hg_gltf_warn(
+            g, &info, "texCoord %llu: there is no such set; 0 is used", (unsigned long long)set);
+    out->uv_set = set > MOST_UV_SETS ? 0 : (uint32_t)set; // hg_gltf_choose_uv_sets follows
 }

@@ -31,6 +31,16 @@ enum hg_status hg_import_meshes(struct hg_import *im) HG_MUST_CHECK;
 enum hg_status hg_import_nodes(struct hg_import *im) HG_MUST_CHECK;
 enum hg_status hg_import_animations(struct hg_import *im) HG_MUST_CHECK;
 
+// import_morph.c: morph targets of a mesh with one part; the weights of a node that has it;
+// channels of an animation, for which there is room (count), by nodes.
+enum { HG_IMPORT_TARGETS_MAX = 4096 };
+enum hg_status hg_import_targets(
+    struct hg_import *im, const struct aiMesh *from, struct hg_mesh *mesh) HG_MUST_CHECK;
+enum hg_status hg_import_weights(struct hg_import *im, struct hg_node *node) HG_MUST_CHECK;
+uint32_t hg_import_count_morphs(const struct hg_import *im, const struct aiAnimation *from);
+enum hg_status hg_import_morphs(struct hg_import *im, const struct aiAnimation *from, double rate,
+    struct hg_animation *animation) HG_MUST_CHECK;
+
 // Brings the lights' intensities to candela and lux, when nodes and meshes are there.
 void hg_import_light_units(struct hg_import *im);
 

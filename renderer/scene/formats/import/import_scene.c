@@ -86,11 +86,12 @@ static bool copy_colors(struct hg_import *im, const struct aiMesh *from, struct 
     return part->colors != NULL;
 }
 
+// Those without a length stay so: hg_part_fill_normals follows.
 static void normalize_normals(struct hg_mesh_part *part)
 {
     for (size_t v = 0; part->normals && v < part->vertex_count; v++)
         if (!hg_normalize3(part->normals + v * 3))
-            part->normals[v * 3 + 2] = 1;
+            memset(part->normals + v * 3, 0, 3 * sizeof(float));
 }
 
 static enum hg_status copy_part(
@@ -106,6 +107,8 @@ static enum hg_status copy_part(
         return im->err->status;
     normalize_normals(part);
     enum hg_status status = copy_indices(im, from, part);
+    if (!status && part->normals && hg_part_fill_normals(part))
+        status = hg_import_fail(im, HG_E_NOMEM, NULL, "no memory");
     if (from->mMaterialIndex < im->asset->material_count)
         part->material = im->asset->materials[from->mMaterialIndex];
     return status;
@@ -166,18 +169,35 @@ static enum hg_status make_skin(
     return HG_OK;
 }
 
-static enum hg_status finish_part(struct hg_mesh_part *part)
+static enum hg_status finish_part(struct hg_mesh *mesh)
 {
+    struct hg_mesh_part *part = &mesh->parts[0];
     enum hg_status status = HG_OK;
     const struct hg_texture_ref *normal =
         part->material ? &part->material->slots[HG_SLOT_NORMAL] : NULL;
     if (part->topology == HG_TOPOLOGY_TRIANGLES && !part->normals)
-        status = hg_part_make_crease_normals(part, NULL);
+        status = part->targets ? hg_part_make_flat_normals(part, mesh->target_count)
+                               : hg_part_make_crease_normals(part, NULL);
     if (!status && part->topology == HG_TOPOLOGY_TRIANGLES && normal && normal->texture &&
         part->uv[normal->uv_set])
-        status = hg_part_make_tangents(part, 0, normal->uv_set);
+        status = hg_part_make_tangents(part, mesh->target_count, normal->uv_set);
     if (!status)
-        hg_mesh_part_update_bounds(part, 0);
+        hg_mesh_part_update_bounds(part, mesh->target_count);
+    return status;
+}
+
+// Nodes hold mesh numbers until now.
+static enum hg_status give_mesh(
+    struct hg_import *im, unsigned number, struct hg_mesh *mesh, struct hg_skin *skin)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t n = 0; n < im->asset->node_count && !status; n++) {
+        if (im->asset->nodes[n]->instance_count != number + 1)
+            continue;
+        im->asset->nodes[n]->mesh = mesh;
+        im->asset->nodes[n]->skin = skin;
+        status = hg_import_weights(im, im->asset->nodes[n]);
+    }
     return status;
 }
 
@@ -200,14 +220,13 @@ enum hg_status hg_import_meshes(struct hg_import *im)
         if (!status && from->mNumBones)
             status = make_skin(im, from, &skin);
         if (!status)
-            status = finish_part(mesh->parts);
+            status = hg_import_targets(im, from, mesh);
+        if (!status)
+            status = finish_part(mesh);
+        if (!status)
+            status = give_mesh(im, i, mesh, skin);
         if (status)
             return im->err->status ? status : hg_import_fail(im, status, NULL, "no memory");
-        for (uint32_t n = 0; n < im->asset->node_count; n++) // nodes hold mesh numbers until now
-            if (im->asset->nodes[n]->instance_count == i + 1) {
-                im->asset->nodes[n]->mesh = mesh;
-                im->asset->nodes[n]->skin = skin;
-            }
     }
     for (uint32_t n = 0; n < im->asset->node_count; n++)
         im->asset->nodes[n]->instance_count = 0;
@@ -496,7 +515,8 @@ static enum hg_status add_animation(
     double rate = from->mTicksPerSecond > 0 ? from->mTicksPerSecond : 25; // assimp's convention
     animation->name = hg_strdup(from->mName.data);
     animation->channels =
-        hg_import_alloc(im, (uint64_t)from->mNumChannels * 3, sizeof *animation->channels);
+        hg_import_alloc(im, (uint64_t)from->mNumChannels * 3 + hg_import_count_morphs(im, from),
+            sizeof *animation->channels);
     if (!animation->name || !animation->channels)
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for an animation");
     for (unsigned i = 0; i < from->mNumChannels; i++) {
@@ -513,6 +533,9 @@ static enum hg_status add_animation(
             !add_vector_keys(im, animation, node, &scales, rate))
             return im->err->status;
     }
+    const enum hg_status status = hg_import_morphs(im, from, rate, animation);
+    if (status)
+        return status;
     for (uint32_t c = 0; c < animation->channel_count; c++) {
         const struct hg_anim_channel *channel = &animation->channels[c];
         double end = channel->key_count ? (double)channel->times[channel->key_count - 1] : 0;
