@@ -36,9 +36,9 @@ void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out)
 void hg_view_lens(const struct hg_view *view, struct hg_view_lens *out)
 {
     const struct hg_view_camera_state c = hg_path_view_camera(&view->state);
-    float squares = 0.0f;
+    double squares = 0.0;
     for (int i = 0; i < 3; i++)
         squares += (c.target[i] - c.eye[i]) * (c.target[i] - c.eye[i]);
     out->radius_m = c.lens_radius;
-    out->focus_m = c.focus_distance > 0.0f ? c.focus_distance : sqrtf(squares);
+    out->focus_m = c.focus_distance > 0.0f ? c.focus_distance : (float)sqrt(squares);
 }
