@@ -392,7 +392,7 @@ static void note_connection(struct hg_cli *cli, const struct hg_cli_args *args)
             "read and change everything");
     if (args->no_cache[0] && (o->cache_dir || o->output))
         hg_cli_progress_say(&cli->progress,
-            "no cache folder: %s; shaders, textures and meshes are made anew each time",
+            "no cache folder: %s; shaders, textures and meshes are rebuilt by every run",
             args->no_cache);
 }
 

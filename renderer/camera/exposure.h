@@ -73,8 +73,7 @@ struct hg_exposure_picture {
     double sun_stops;
     // Of pictures of few samples: standard deviation of the Gaussian that the light of neighbours
     // is averaged with; 0 = none, 4 at most. The percentiles of noise are those of its bright
-    // outliers: rooms that get their light by a small window would be metered up to 2.7 stops too
-    // bright.
+    // outliers: rooms that get their light by a small window would be metered stops too bright.
     double spread_px;
 };
 // Stops; 0 where there is nothing to meter: no geometry, no light. Under a sky with a sun, a view

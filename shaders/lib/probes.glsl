@@ -90,7 +90,12 @@ bool hg_probe_is_walled_off(uint place, vec3 from)
     uvec3 code = uvec3(place >> (3 * HG_PROBE_BITS), place >> (4 * HG_PROBE_BITS), place >> (5 * HG_PROBE_BITS)) &
         HG_PROBE_BITS_MASK;
     vec3 wall = vec3(code) * (1.0 / float(HG_PROBE_WALL_STEPS));
-    return code.z != HG_PROBE_WALL_NONE && dot(hg_oct_decode(wall.xy * 2.0 - 1.0), from) < -wall.z - HG_PROBE_WALL_SLACK;
+    vec2 e = wall.xy * 2.0 - 1.0;
+    vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y)); // as hg_oct_decode, not unit
+    float fold = max(-n.z, 0.0), far = wall.z + HG_PROBE_WALL_SLACK;
+    n.xy -= clamp(n.xy * 1e6, -fold, fold);
+    float along = dot(n, from);
+    return code.z != HG_PROBE_WALL_NONE && along < 0.0 && along * along > far * far * dot(n, n);
 }
 
 // Weight of a probe without that of the grid.
