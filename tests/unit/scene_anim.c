@@ -105,7 +105,7 @@ static bool tells_of_times(const struct hg_asset *asset, const char *what)
     return told;
 }
 
-// Keys that come twice are a jump, those that go back are left out; both are told.
+// Two keys at one time are a step, keys that go back in time are dropped; both are warned of.
 static void test_times_that_do_not_grow(void **state)
 {
     (void)state;

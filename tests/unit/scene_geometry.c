@@ -570,7 +570,7 @@ static void test_normals_without_length(void **state)
     hg_asset_destroy(asset);
 }
 
-// Materials whose textures name any two UV sets get those two; of three the last is told.
+// A material may use any two UV sets; a third one is warned of.
 static void test_uv_sets(void **state)
 {
     (void)state;

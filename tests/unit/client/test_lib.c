@@ -263,7 +263,7 @@ static void count(void *user)
     ++*(int *)user;
 }
 
-// Who waits is told that time passes, also while signs of life come all the time.
+// Progress is reported at least once a second, also while keep-alives arrive.
 static void test_ticks(void **state)
 {
     (void)state;
