@@ -8,6 +8,8 @@
 #define HG_GATHER_ROUGH   0.3 // lobes from this roughness on are rough
 #define HG_GATHER_ASKS    0.2 // where paths end, rays to lights find what lobes from this roughness on mirror
 #define HG_GATHER_LAMP_TRIES 8u // lamps that are looked at for one that reaches a first surface
+#define HG_GATHER_SHARP   500.0 // 1 / sr: density of directions from which on a lobe mirrors, at about a roughness of 0.1
+#define HG_GATHER_FEW_BITS 4u // log2 of samples that leave noise in mirrors
 #define HG_GATHER_MIRRORS 0.2 // of light from everywhere: smooth surfaces that mirror more are no ends
 
 // Of a gathering path: light that real-time pictures draw themselves at the first surface, or that is looked
@@ -66,11 +68,19 @@ bool hg_gather_ends_at(path p, float t)
         t >= hg_path.gather.reach * hg_probes_spacing(p.ray.origin_ws + t * p.ray.direction_ws);
 }
 
+// What a sharp lobe shows, by few samples: noise there is not filtered, as neighbours see other things.
+bool hg_gather_is_mirrored(path p)
+{
+    bool sharp = (p.flags & HG_PATH_WIDE) == 0u && (p.pdf <= 0.0 || p.pdf > HG_GATHER_SHARP);
+    return p.bounce > 0u && sharp && hg_path.sample_bits <= HG_GATHER_FEW_BITS;
+}
+
 bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
 {
     if (hg_gather_mirrors(hg_features_mirroring(b), s.roughness) || hg_gather_scatters_through(b))
         return p.bounce >= hg_path.max_bounces;
-    return p.bounce >= hg_path.max_bounces || hg_gather_ends_at(p, t);
+    bool mirrored = hg_gather_is_mirrored(p) && s.transmission <= 0.0;
+    return p.bounce >= hg_path.max_bounces || mirrored || hg_gather_ends_at(p, t);
 }
 
 // Drawn as a layer. Where nothing transmits, fragments of layers that hide all behind them are drawn as opaque ones.

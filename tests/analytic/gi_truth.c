@@ -285,6 +285,40 @@ static void test_mirror_hall(void **state)
     against_paths(*state, &(struct scene){"mirror hall", mirror_hall, {0.05, 0.03}});
 }
 
+// By few samples what mirrors show has hardly any noise, as it is not filtered: pixels of pictures
+// of two seeds, by what they differ over their mean.
+static void test_mirror_noise(void **state)
+{
+    struct rig *rig = *state;
+    struct hg_refbuf *pictures[2];
+    double squares = 0, mean = 0;
+    size_t count = 0;
+    rig_scene(rig);
+    struct rig_camera camera = mirror_hall(rig);
+    camera.width = 2 * WIDTH + 64;
+    camera.height = 2 * HEIGHT + 48;
+    camera.samples = 32;
+    camera.gi = HG_GI_RAYS;
+    for (uint32_t i = 0; i < 2; i++) {
+        camera.seed = i + 1;
+        pictures[i] = rig_render(rig, &camera);
+    }
+    const float *a = (const float *)(const void *)pictures[0]->data;
+    const float *b = (const float *)(const void *)pictures[1]->data;
+    for (uint32_t y = camera.height / 3; y < camera.height * 2 / 3; y++)
+        for (uint32_t x = 0; x < camera.width / 4; x++) { // of the mirror on the left
+            const size_t at = 4 * ((size_t)y * camera.width + x) + 1;
+            squares += (double)((a[at] - b[at]) * (a[at] - b[at])) / 2;
+            mean += (double)(a[at] + b[at]) / 2;
+            count++;
+        }
+    const double noise = sqrt(squares / (double)count) / (mean / (double)count);
+    print_message("mirror: noise %.3f of the mean\n", noise);
+    hg_refbuf_unref(pictures[0]);
+    hg_refbuf_unref(pictures[1]);
+    assert_true(noise <= 0.1);
+}
+
 int main(void)
 {
     cmocka_set_test_filter(getenv("GI_ONLY")); // NULL: all
@@ -294,6 +328,7 @@ int main(void)
         cmocka_unit_test(test_window_room),
         cmocka_unit_test(test_glossy_floor),
         cmocka_unit_test(test_mirror_hall),
+        cmocka_unit_test(test_mirror_noise),
     };
     return cmocka_run_group_tests(tests, rig_set_up, rig_tear_down);
 }

@@ -245,6 +245,7 @@ struct hg_refbuf *rig_render(struct rig *rig, const struct rig_camera *c)
         .tonemap = HG_TONEMAP_LINEAR,
         .background = HG_BACKGROUND_NONE,
         .samples = c->samples,
+        .seed = c->seed,
         .mode = c->mode,
         .trace = rig_trace(rig, HG_VIEW_TRACE_AUTO),
         .max_bounces = c->max_bounces,

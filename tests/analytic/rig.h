@@ -60,7 +60,7 @@ struct hg_node *rig_node_of(struct rig *rig, const struct hg_light *light);
 
 struct rig_camera {
     double eye[3], target[3], vfov_rad;
-    uint32_t width, height, samples;
+    uint32_t width, height, samples, seed;
     enum hg_render_mode mode; // PATH: box filter
     uint32_t max_bounces;
     enum hg_view_gi gi; // REALTIME
