@@ -12,6 +12,9 @@
 #define FINEST       16 // the widest step is at most this part of the picture's height, or 1 px,
 #define FINEST_OF    4  // of so many samples; of more a smaller part,
 #define FINEST_MOST  3  // down to this share of it
+#define QUIET                                                                                      \
+    0.01f // share of its light that a pixel's deviation is no more visible from; noisier
+          // ones go on to the widest step of few samples
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
 #define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
 #define LAMPLIT_STEP  2  // of those of lamps
@@ -29,6 +32,7 @@
 #define DEPTH_REACH      0.01f // of the depth itself, per px
 #define ALIKE_COSINE     0.9f  // of pixels that tell each other's variance,
 #define LIGHT_REACH      4.0f  // standard deviations of luminance
+#define QUIET_REACH      2.5f  // beyond the widest step for so many samples
 #define SUNLIT_REACH                                                                               \
     1.5f // those of shares of lights that many samples ask for: their edges are sharp
 #define ROUGH_REACH      0.1f
@@ -314,7 +318,8 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
     const ptrdiff_t to = tap->to;
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
     const bool sharp = w->kind == SUNLIT || (w->kind == LAMPLIT && w->lamp_asked >= 1);
-    const float deviations = sharp ? SUNLIT_REACH : LIGHT_REACH;
+    const bool gradual = w->kind == SCATTERED && w->step > w->widest;
+    const float deviations = sharp ? SUNLIT_REACH : gradual ? QUIET_REACH : LIGHT_REACH;
     HG_SIMD_APART
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
@@ -378,6 +383,31 @@ HG_SIMD_LOOP static void add_weighted(float *restrict sums, const float *restric
         sums[x] += weights[x] * from[x];
 }
 
+// Beyond the widest step for so many samples only what is noisy still takes from others.
+HG_SIMD_LOOP static void hold_back_row(
+    const struct hg_gi_gather *w, size_t row, size_t width, const struct row *sums)
+{
+    float *const *light = w->from[w->kind];
+    const float *restrict r = light[RED] + row, *restrict g = light[GREEN] + row;
+    const float *restrict b = light[BLUE] + row, *restrict variance = light[VARIANCE] + row;
+    float *restrict own = sums->weights;
+    for (size_t x = 0; x < width; x++) {
+        const float luminance = 0.2126f * r[x] + 0.7152f * g[x] + 0.0722f * b[x];
+        const float noise = sqrtf(variance[x]) / (QUIET * luminance + 1e-12f) - 1;
+        const float more = noise > 0 ? noise < 1 ? noise : 1 : 0;
+        own[x] = 1 - more;
+    }
+    for (int c = RED; c < colours[w->kind]; c++) {
+        const float *restrict before = light[c] + row;
+        float *restrict to = w->to[w->kind][c] + row;
+        for (size_t x = 0; x < width; x++)
+            to[x] += own[x] * (before[x] - to[x]);
+    }
+    float *restrict to = w->to[w->kind][VARIANCE] + row;
+    for (size_t x = 0; x < width; x++)
+        to[x] += own[x] * (variance[x] - to[x]);
+}
+
 HG_SIMD_LOOP static void finish_row(
     const struct hg_gi_gather *w, size_t row, size_t width, const struct row *sums)
 {
@@ -422,6 +452,8 @@ static void filter_row(const struct hg_gi_gather *w, size_t y, const struct row 
         }
     }
     finish_row(w, y * width, width, row);
+    if (w->step > w->widest && w->kind == SCATTERED)
+        hold_back_row(w, y * width, width, row);
 }
 
 static void filter_strip(void *user, size_t strip)
@@ -446,11 +478,16 @@ static void swap_planes(struct hg_gi_gather *w, int kind, int plane)
     w->to[kind][plane] = other;
 }
 
+static uint32_t part_of_height(const struct hg_gi_gather_input *in, uint32_t part)
+{
+    return in->height > part ? in->height / part : 1;
+}
+
 static uint32_t widest_step(const struct hg_gi_gather_input *in)
 {
     const uint32_t more = in->samples / FINEST_OF;
     const uint32_t part = FINEST * (more < 1 ? 1 : more < FINEST_MOST ? more : FINEST_MOST);
-    return in->height > part ? in->height / part : 1;
+    return part_of_height(in, part);
 }
 
 static void filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, uint32_t most)
@@ -466,11 +503,15 @@ static void filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, 
 static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
 {
     const size_t height = w->in.height;
-    const uint32_t widest = widest_step(&w->in);
+    const uint32_t widest = widest_step(&w->in), noisy = part_of_height(&w->in, FINEST);
+    w->widest = widest;
     hg_jobs_for(jobs, height, prepare_row, w);
     for (int kind = 0; kind < LAMPLIT; kind++) {
         swap_planes(w, kind, VARIANCE);
-        filter_kind(w, jobs, kind, kind == SUNLIT ? SUNLIT_STEP : widest);
+        filter_kind(w, jobs, kind,
+            kind == SUNLIT      ? SUNLIT_STEP
+            : kind == SCATTERED ? noisy
+                                : widest);
     }
     for (w->lamp = 0; w->lamp < HG_GATHERED_LAMPS && w->in.lamps != NULL; w->lamp++) {
         w->lamp_asked = asked_per_pixel(w);

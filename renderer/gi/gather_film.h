@@ -26,7 +26,7 @@ struct hg_gi_gather {
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
     float *rows;   // [strips][LIGHT_PLANES + 1][width]
-    uint32_t step; // px between taps
+    uint32_t step, widest; // px between taps; beyond the latter only of what is noisy
     int kind;
     uint32_t lamp;    // number of those that are filtered
     float lamp_asked; // samples of a pixel that asked for it, where it reaches; 0: none

@@ -255,6 +255,41 @@ static void test_sparse_light(void **state)
     check_sparse_light(1, 0.1);
 }
 
+// A wall that is lit evenly, by samples whose halves tell of their noise: it is filtered wider than
+// a wall whose halves agree, where what differs may be light.
+static double deviation_of_wall(bool noisy)
+{
+    struct film f;
+    double sum = 0, squares = 0;
+    film_init(&f, 2);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const float first = 2 * noise((uint32_t)at), second = 2 * noise((uint32_t)(at + PIXELS));
+        const float mean = 0.5f * (first + second);
+        put_surface(&f, at, 2, 2);
+        put_light(&f, at, mean, mean);
+        for (size_t c = 0; c < 3; c++)
+            f.halves[(HG_PATH_GUIDE_DIRECT + c) * PIXELS + at] =
+                0.5f * (noisy ? first : mean) * (float)(SAMPLES / 2);
+    }
+    run(&f);
+    for (size_t at = 0; at < PIXELS; at++) {
+        const double light = (double)green(f.words[4 * at]);
+        sum += light;
+        squares += light * light;
+    }
+    film_finish(&f);
+    return sqrt(squares / PIXELS - sum / PIXELS * (sum / PIXELS));
+}
+
+static void test_noisy_wall(void **state)
+{
+    const double noisy = deviation_of_wall(true), sure = deviation_of_wall(false);
+    (void)state;
+    print_message("deviation %.4f where halves differ, %.4f where they agree\n", noisy, sure);
+    assert_true(noisy <= 0.033);
+    assert_true(sure > noisy);
+}
+
 // An edge of light on one surface stays where it is, with one sample.
 static void test_edge_of_light(void **state)
 {
@@ -532,6 +567,7 @@ int main(void)
         cmocka_unit_test(test_leaves),
         cmocka_unit_test(test_edges),
         cmocka_unit_test(test_sparse_light),
+        cmocka_unit_test(test_noisy_wall),
         cmocka_unit_test(test_edge_of_light),
         cmocka_unit_test(test_sky),
         cmocka_unit_test(test_cloth),
