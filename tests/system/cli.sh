@@ -142,6 +142,8 @@ expect 1 "$helio" cache --cache-dir "$temp/baked" --verify
 expect 0 "$helio" cache --cache-dir "$temp/baked" --clear
 expect 0 "$helio" cache --cache-dir "$temp/baked"
 grep -q "^0 entries" "$temp/out" || fail "the cache is not clear"
+expect 2 "$helio" cache --cache-dir "$temp/nothing"
+mkdir "$temp/nothing"
 expect 0 "$helio" cache --cache-dir "$temp/nothing"
 expect 2 "$helio" cache --verify --clear
 
