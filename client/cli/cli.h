@@ -109,6 +109,8 @@ bool hg_cli_is_stdout(const char *name);
 bool hg_cli_is_stream(const char *name);
 // Checks that the output can be made: its folder exists and is writable.
 enum hg_status hg_cli_check_output(const char *name, struct hg_error *err) HG_MUST_CHECK;
+// HG_E_INVAL: a folder has this name, and no output can take its place.
+enum hg_status hg_cli_check_no_folder(const char *path, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_write_output(
     const char *name, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 

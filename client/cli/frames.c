@@ -75,6 +75,10 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
     status = hg_cli_frame_note(r, frame, name, took_ns, err);
     if (status)
         return status;
+    r->doing = HG_CLI_DOING_ARGUMENTS;
+    status = hg_cli_check_no_folder(name, err);
+    if (status)
+        return status;
     r->doing = HG_CLI_DOING_OUTPUT;
     status = hg_cli_write_output(name, data, size, err);
     if (status)
@@ -212,6 +216,17 @@ void hg_cli_frame_file(const struct hg_cli_render *r, int32_t frame, char *dst, 
 {
     if (!hg_cli_frame_name(r->output, frame, dst, size))
         snprintf(dst, size, "%s", r->output);
+}
+
+enum hg_status hg_cli_frame_check_files(const struct hg_cli_render *r, struct hg_error *err)
+{
+    char name[4096];
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < r->list.count && !status && !r->streams; i++) {
+        hg_cli_frame_file(r, hg_cli_frame_at(r, i), name, sizeof name);
+        status = hg_cli_check_no_folder(name, err);
+    }
+    return status;
 }
 
 int32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index)

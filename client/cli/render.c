@@ -539,6 +539,8 @@ static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = hg_cli_check_output(r->output, err);
+    if (!status)
+        status = hg_cli_frame_check_files(r, err);
     if (status)
         return status;
     status = r->o->stats_file ? hg_cli_check_output(r->o->stats_file, err) : HG_OK;

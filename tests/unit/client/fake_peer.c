@@ -20,6 +20,7 @@
 //   tickets=1           one join ticket is listed
 //   quiet=1             do not warn when an asset is loaded
 //   large=1             send frames of 8 KiB
+//   folder=PATH         make this folder when animations are posed
 //   lost=N              warn with the N-th frame
 //   job=N               what frames are made from: the first byte of its hash; default 1
 //   parts=1|gap         send frames in parts of 3 bytes, begun twice; gap: one of them is left out
@@ -31,6 +32,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -408,6 +410,8 @@ static void check_token(const struct hgp_header *h, const struct hgp_auth *auth)
 
 static void respond(const struct hgp_header *h, const union hgp_any *m)
 {
+    if (h->type == HGP_T_animation_set && word("folder"))
+        mkdir(word("folder"), 0777);
     switch ((enum hgp_type)h->type) {
     case HGP_T_hello:
         greet(h);
