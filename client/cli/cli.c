@@ -462,6 +462,29 @@ enum hg_status hg_cli_error_of(const struct hgp_error *e, struct hg_error *err)
         (int)e->reason.size, e->reason.data ? e->reason.data : "");
 }
 
+static bool is_pixel_rate(const struct hg_error *e)
+{
+    return e->status == HG_E_LIMIT && e->retry_after_ms > 0 &&
+           (strcmp(e->limit, "max-pixel-rate") == 0 || strcmp(e->limit, "pixel-rate-total") == 0);
+}
+
+enum hg_status hg_cli_wait_for_pixels(
+    struct hg_cli *cli, enum hg_status refused, struct hg_error *err)
+{
+    char stage[64];
+    if (!refused || !is_pixel_rate(err))
+        return refused;
+    snprintf(stage, sizeof stage, "waiting for %s", err->limit);
+    hg_cli_progress_stage(&cli->progress, stage);
+    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)err->retry_after_ms * 1000000;
+    for (uint64_t now_ns; (now_ns = hg_clock_now_ns()) < until_ns;) {
+        enum hg_status status = helio_wait(cli->h, until_ns - now_ns, err);
+        if (status && status != HG_E_TIMEOUT)
+            return status;
+    }
+    return HG_OK;
+}
+
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err)
 {
     struct helio_message *m;

@@ -49,11 +49,11 @@ enum hg_status hg_cli_frame_ask_job(
 {
     enum hg_status status;
     do {
-        r->losses = hg_cli_frame_losses(r);
+        r->daemon.losses = hg_cli_frame_losses(r);
         status = hg_cli_frame_keep_camera(r, err);
         if (!status)
             status = ask_once(r, after, job, err);
-    } while (!status && r->losses != hg_cli_frame_losses(r));
+    } while (!status && r->daemon.losses != hg_cli_frame_losses(r));
     return status;
 }
 
