@@ -362,7 +362,9 @@ void hg_cli_attach(struct hg_cli *cli)
     helio_set_handlers(cli->h, &(struct helio_handlers){.user = &cli->progress,
                                    .tick = hg_cli_on_tick,
                                    .progress = hg_cli_on_progress,
-                                   .notice = hg_cli_on_notice});
+                                   .notice = hg_cli_on_notice,
+                                   .message = hg_cli_on_message,
+                                   .idle = hg_cli_on_idle});
 }
 
 static enum hg_status open_session(

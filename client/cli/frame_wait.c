@@ -21,9 +21,13 @@ static void take_part(
 }
 
 // A daemon that is about to stop.
-static void note_drain(struct hg_cli_render *r, uint32_t deadline_ms)
+static void note_drain(struct hg_cli_render *r, const struct hgp_drain *drain)
 {
-    r->daemon.closes_ns = hg_clock_now_ns() + (uint64_t)deadline_ms * 1000000;
+    char reason[260];
+    hg_cli_clean(reason, sizeof reason, drain->reason.data, drain->reason.size);
+    hg_cli_progress_say(&r->cli.progress, "the daemon stops in %.0f s%s%s",
+        (double)drain->deadline_ms / 1e3, reason[0] ? ": " : "", reason);
+    r->daemon.closes_ns = hg_clock_now_ns() + (uint64_t)drain->deadline_ms * 1000000;
     r->daemon.has_said = true;
 }
 
@@ -41,7 +45,7 @@ static bool take_messages(
         else if (m->type == HGP_T_frame_part && ours)
             take_part(&r->parts, &m->body->frame_part, err);
         else if (m->type == HGP_T_drain)
-            note_drain(r, m->body->drain.deadline_ms);
+            note_drain(r, &m->body->drain);
         else if (m->type == HGP_T_notice)
             hg_cli_on_notice(&cli->progress, &m->body->notice);
         else if (m->type == HGP_T_error) // ours, or of a message without an answer: a camera

@@ -140,7 +140,11 @@ static bool hold_for_drain(const struct hgp_header *h, const struct hgp_frame_re
         return false;
     if (frames++ > 0)
         return true;
-    answer(&nobody, HGP_T_drain, &(struct hgp_drain){.deadline_ms = (uint32_t)atoi(word("drain"))});
+    answer(&nobody, HGP_T_drain,
+        &(struct hgp_drain){
+            .deadline_ms = (uint32_t)atoi(word("drain")), .reason = hgp_str_make("new disks")});
+    answer(&nobody, HGP_T_message,
+        &(struct hgp_message){.from = hgp_str_make("ann"), .text = hgp_str_make("at noon")});
     held.is_set = true;
     held.header = *h;
     held.request = *request;
