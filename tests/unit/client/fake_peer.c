@@ -394,13 +394,14 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
                 .uses = m->join_make.has_uses ? m->join_make.uses : 1,
                 .valid_s = m->join_make.has_valid_s ? m->join_make.valid_s : 3600});
         break;
-    case HGP_T_bake:
-        answer(h, HGP_T_json,
-            &(struct hgp_json){
-                .text = hgp_str_make(word("unbaked") ? "{\"textures\":{\"failures\":[{\"what\":"
-                                                       "\"a.png\",\"reason\":\"broken\"}]}}"
-                                                     : "{\"textures\":{\"packs\":2}}")});
+    case HGP_T_bake: {
+        const char *report = word("unbaked")  ? "{\"textures\":{\"failures\":[{\"what\":\"a.png\","
+                                                "\"reason\":\"broken\"}]}}"
+                             : word("absent") ? "{\"cache\":{\"absent\":2}}"
+                                              : "{\"textures\":{\"packs\":2}}";
+        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(report)});
         break;
+    }
     case HGP_T_compare:
         send_compared(h, &m->compare);
         break;

@@ -170,6 +170,17 @@ static void test_own_lock(void **state)
     expect_no_file("lock.png.claim");
 }
 
+// ---- baking ------------------------------------------------------------------------------------
+
+static void test_bake_without_room(void **state)
+{
+    (void)state;
+    expect_run(6, "2 of the scene's packs and files are not there", "absent=1",
+        "$HELIO bake s.gltf -o baked");
+    expect_run(3, "gone.gltf", NULL, "$HELIO bake gone.gltf -o unmade");
+    expect_run(1, NULL, NULL, "test -e unmade");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -180,6 +191,7 @@ int main(void)
         cmocka_unit_test(test_claim_of_living_process),
         cmocka_unit_test(test_stopped_while_sharing),
         cmocka_unit_test(test_claim_usage),
+        cmocka_unit_test(test_bake_without_room),
         cmocka_unit_test(test_lease),
         cmocka_unit_test(test_own_lock),
     };
