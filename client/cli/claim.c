@@ -232,6 +232,8 @@ enum hg_status hg_cli_claim_take(struct hg_cli_claims *c, const char *output,
         }
         if (errno == EEXIST)
             fd = open(c->path, O_RDWR | O_CLOEXEC | O_NONBLOCK);
+        if (fd < 0 && errno == EISDIR)
+            return hg_error_set(err, HG_E_INVAL, c->path, NULL, "is a folder");
         if (fd < 0 && errno != ENOENT)
             return hg_error_set(err, hg_status_from_errno(errno), c->path, NULL,
                 "cannot claim the frame: %s", strerror(errno));

@@ -40,6 +40,7 @@ void hg_cli_claims_finish(struct hg_cli_claims *c); // releases; accepts what in
 
 // Claims the file `output`; none is held yet. *held false: another process has it, and `owner`
 // (HG_CLI_CLAIM_OWNER_BYTES) names it, as "HOST, process PID". `seen` is kept for the next try.
+// HG_E_INVAL: OUT.claim is a folder.
 enum hg_status hg_cli_claim_take(struct hg_cli_claims *c, const char *output,
     struct hg_cli_claim_seen *seen, bool *held, char *owner, struct hg_error *err) HG_MUST_CHECK;
 // Removes the claim that is held, if there is one.

@@ -28,10 +28,10 @@ static enum hg_status try_frame(
 {
     char name[4096], owner[HG_CLI_CLAIM_OWNER_BYTES];
     bool held;
-    r->doing = HG_CLI_DOING_OUTPUT;
     hg_cli_frame_file(r, hg_cli_frame_at(r, i), name, sizeof name);
     enum hg_status status =
         hg_cli_claim_take(&s->claims, name, &s->places[i].seen, &held, owner, err);
+    r->doing = status == HG_E_INVAL ? HG_CLI_DOING_ARGUMENTS : HG_CLI_DOING_OUTPUT;
     if (status)
         return status;
     if (!held && !s->owner[0]) {

@@ -76,9 +76,10 @@ static void test_claim_of_living_process(void **state)
 {
     (void)state;
     expect_run(0, "helio: wrote 3 frames, ", NULL,
-        HOLD("li") "$HELIO render s.gltf -o li-#.png --frames 1-3 --claim & q=$!; "
-                   "until test -e li-3.png; do kill -0 $q || exit 98; sleep 0.02; done; "
-                   "test -e li-1.png && exit 97; kill -KILL $p; wait $q");
+        HOLD("li") "$HELIO render s.gltf -o li-#.png --frames 1-3 --claim 2>saidli & q=$!; "
+                   "until grep -q waiting saidli; do kill -0 $q || exit 98; sleep 0.02; done; "
+                   "test -e li-3.png || exit 97; test -e li-1.png && exit 96; kill -KILL $p; "
+                   "wait $q; code=$?; cat saidli; exit $code");
     assert_non_null(strstr(h.output, "waiting for 1 frame that other commands have claimed"));
     expect_file("li-1.png", "frame");
     expect_no_file("li-1.png.claim");
@@ -104,6 +105,8 @@ static void test_claim_usage(void **state)
     (void)state;
     expect_run(2, "--claim: needs --frames", NULL, "$HELIO render s.gltf -o a.png --claim");
     expect_run(2, "--claim: needs a file", NULL, "$HELIO render s.gltf -o - --frames 1-2 --claim");
+    expect_run(2, "fc-1.png.claim: is a folder", NULL,
+        "mkdir fc-1.png.claim; $HELIO render s.gltf -o fc-#.png --frames 1-2 --claim");
     expect_run(2, "--claim: frames of --denoise depend", NULL,
         "$HELIO render s.gltf -o a#.exr --mode path --denoise --frames 1-2 --claim");
 }
