@@ -233,8 +233,9 @@ class App {
                 await this.openSession();
             }
             this.wasOpen = true;
+            const watched = this.people.watch(); // first, so that no edit is missed
             this.refreshScene();
-            await this.people.watch();
+            await watched;
         } catch (error) {
             if (error.status !== "closed")
                 this.showFailure(error);
@@ -245,6 +246,7 @@ class App {
         const { scene, view, connection } = this;
         const path = this.opened?.path ?? "";
         this.link.scene = connection.joined || this.link.scene;
+        this.opening.framed = null;
         await this.withProgress("Opening the scene", async (onProgress) => {
             await scene.open(this.link.scene, path, onProgress);
             if (this.opened?.files && !scene.existed)
@@ -282,6 +284,8 @@ class App {
         else if (name === "idle_warning")
             toast(`This session ends in ${waitText(body.remaining_ms)}.`, "info",
                 ["Stay", () => this.view.subscribe()]);
+        else if (name === "edited")
+            this.scene.noteEdit(body);
         else if (name === "notice" && body.what === "worker")
             toast("The renderer was restarted; the scene is being restored.");
         else if (name === "notice" && body.reason)
@@ -546,13 +550,18 @@ class App {
         const { scene, connection } = this;
         this.scenePanel.update();
         this.timeline.setAnimations(scene.animations, connection.canEdit);
-        const file = scene.assets.map((a) => a.file).filter(Boolean).map((f) => f.split("/").pop());
+        this.showTitle();
+        this.updateView();
+        this.opening.setEmpty(!scene.total);
+        this.attempt(() => this.opening.followScene());
+    }
+
+    showTitle() {
+        const file = this.scene.assets.map((a) => a.file).filter(Boolean).map((f) => f.split("/").pop());
         const name = this.openedName ?? (this.link.scene || file.join(", "));
         this.title = name;
         $("title").textContent = name;
         document.title = name ? `${name} – Heliograph` : "Heliograph";
-        this.updateView();
-        this.opening.setEmpty(!scene.total);
     }
 
     async withProgress(text, action, onCancel = null) {

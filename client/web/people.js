@@ -39,7 +39,7 @@ export class People {
     // After the scene was opened, or the session resumed.
     async watch() {
         this.isThere = await this.app.connection.call("scene_watch",
-            { participants: true, camera: true, annotations: true }).then(() => true, () => false);
+            { participants: true, camera: true, annotations: true, edits: true }).then(() => true, () => false);
         this.opener.hidden = !this.isThere;
         if (this.isThere && this.isFollowing)
             await this.setFollow(true);
@@ -59,10 +59,14 @@ export class People {
         return !this.isFollowing || this.isHolder;
     }
 
-    nameOf(session) {
+    // "" for who is not there, or has no name.
+    knownName(session) {
         const who = this.sessions.find((s) => s.session === session);
-        const name = who ? who.label || who.name || `session ${session}` : `session ${session}`;
-        return session === this.self ? "you" : name;
+        return who?.label || who?.name || "";
+    }
+
+    nameOf(session) {
+        return session === this.self ? "you" : this.knownName(session) || `session ${session}`;
     }
 
     // ---- the shared camera ---------------------------------------------------------------------

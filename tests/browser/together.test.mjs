@@ -1,0 +1,72 @@
+// together.test.mjs - several people at one scene in Chromium, against a real daemon: what others open, what
+// each role is offered, what is said of limits and of an access that ended.
+// Run: node --test tests/browser/together.test.mjs   (HELIO_BUILD_DIR; docs/testing.md)
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
+
+const daemon = new Daemon();
+let browser, host, guest;
+
+const link = (words, role) => `${daemon.origin}/#${words}&ticket=${daemon.tokens[role]}&gi=NONE&samples=1`;
+const title = (page) => page.$eval("#title", (t) => t.textContent);
+
+before(async () => {
+    await daemon.start();
+    browser = await openBrowser();
+    // Windows of their own: a page in the background gets no frames.
+    host = await openPage(browser, link("scene=room", "edit"));
+    guest = await openPage(await browser.createBrowserContext(), link("scene=room", "view"));
+    for (const page of [host, guest])
+        await page.waitForSelector("#empty:not([hidden])");
+}, { timeout: WAIT_MS });
+
+after(async () => {
+    await browser?.close();
+    await daemon.finish();
+});
+
+// The host drops a file, in place of what is there.
+async function open(name, bytes) {
+    await host.bringToFront();
+    await host.evaluate((file, base64) => {
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], file));
+        window.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
+    }, name, Buffer.from(bytes).toString("base64"));
+    if (await host.evaluate(() => window.helio.scene.assets.length)) {
+        await host.waitForSelector("dialog[open] button[value=replace]");
+        await host.click("dialog[open] button[value=replace]");
+    }
+    await waitFor(host, (file) => document.title.includes(file), name);
+}
+
+// The guest looks from where the host does.
+async function seesTheSame() {
+    const eye = (page) => page.evaluate(() => window.helio.view.camera.eye.join());
+    await guest.bringToFront();
+    await until(async () => await eye(guest) === await eye(host), "both look from the same place");
+    await waitPicture(guest, (d) => d.settled === "true");
+}
+
+test("who waits in an empty scene sees what another one opens", async () => {
+    await open("panes.glb", readFileSync(join(models, "panes.glb")));
+    await waitFor(guest, () => document.querySelector("#empty").hidden
+        && document.querySelector("#live").textContent === "edit opened panes.glb.");
+    await seesTheSame();
+    assert.equal(await title(guest), "panes.glb");
+});
+
+test("who has moved sees what is opened in place of it from where it is seen whole", async () => {
+    await guest.focus("#picture");
+    await guest.keyboard.press("ArrowLeft");
+    await waitFor(guest, () => window.helio.view.node === 0n);
+    await open("variants.gltf", makeVariants());
+    await seesTheSame();
+    assert.equal(await title(guest), "variants.gltf");
+});
+
+test("nobody complained", () =>
+    assert.deepEqual([...host.complaints, ...guest.complaints], []));
