@@ -112,7 +112,7 @@ static enum hg_status join_party(struct hg_conn *conn)
 
 void hg_conn_set_open(struct hg_conn *conn, double rate)
 {
-    hg_slots_opened(&conn->table->slots, &conn->slot);
+    hg_slots_set_opening(&conn->table->slots, &conn->slot, false);
     conn->state = HG_CONN_OPEN;
     if (join_party(conn)) // no memory: its turns are with those of its network
         hg_warn(NET, "session %llu has no turns of its own: no memory",
@@ -207,9 +207,31 @@ static void turn_away(struct hg_conn *conn, const struct hg_refusal *refusal)
         hg_conn_kill(conn, "too many connections");
 }
 
+bool hg_conn_is_between(const struct hg_conn *conn)
+{
+    return conn->state == HG_CONN_PREFACE && conn->transport.served && !(conn->transport.stage & 1);
+}
+
+// Browsers keep connections for requests that may never come: the one that waits longest gives way
+// to a newcomer for which there would be no slot.
+static void make_room(const struct hg_conn *conn)
+{
+    struct hg_conn *oldest;
+    do {
+        oldest = NULL;
+        for (struct hg_conn *it = conn->table->first; it; it = it->next)
+            if (hg_conn_is_between(it) && (!oldest || it->received_ns < oldest->received_ns) &&
+                hg_slots_would_gain(&conn->table->slots, &conn->slot, &it->slot))
+                oldest = it;
+        if (oldest)
+            hg_conn_kill(oldest, "gives way to a new one");
+    } while (oldest);
+}
+
 // May it stay, as far as its peer is known?
 static void admit(struct hg_conn *conn)
 {
+    make_room(conn);
     const struct hg_refusal *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);
     if (refusal)
         turn_away(conn, refusal);
@@ -327,6 +349,8 @@ static void process(struct hg_conn *conn)
 static void check_stage(struct hg_conn *conn)
 {
     const struct hg_options *o = conn->table->options;
+    if (conn->state < HG_CONN_OPEN)
+        hg_slots_set_opening(&conn->table->slots, &conn->slot, !hg_conn_is_between(conn));
     if (conn->transport.known_stage == conn->transport.stage)
         return;
     conn->transport.known_stage = conn->transport.stage;

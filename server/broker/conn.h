@@ -112,6 +112,8 @@ struct hg_conn_table {
 
 // Takes in the clients that wait at a listener.
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+// It has had answers of HTTP and waits for another request: its client comes again when it ends.
+bool hg_conn_is_between(const struct hg_conn *conn);
 // How bytes reach the client, for the next program.
 enum { HG_CONN_TCP = 1, HG_CONN_WEBSOCKET = 2 };
 

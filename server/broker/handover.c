@@ -63,9 +63,8 @@ uint32_t hg_handover_shed(const struct hg_handover *h, bool all)
     for (struct hg_conn *it = h->conns->first, *next; it; it = next) {
         unsigned kind;
         next = it->next;
-        const bool between =
-            it->state == HG_CONN_PREFACE && it->transport.served && !(it->transport.stage & 1);
-        if (between || (all && it->state == HG_CONN_OPEN && !hg_conn_kind(it, &kind))) {
+        if (hg_conn_is_between(it) ||
+            (all && it->state == HG_CONN_OPEN && !hg_conn_kind(it, &kind))) {
             hg_conn_kill(it, "a new program takes over: its client comes again");
             count++;
         }
