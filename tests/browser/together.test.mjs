@@ -68,5 +68,19 @@ test("who has moved sees what is opened in place of it from where it is seen who
     assert.equal(await title(guest), "variants.gltf");
 });
 
+test("a page of which a module does not come is loaded again", async () => {
+    const page = await (await browser.createBrowserContext()).newPage();
+    let refused = 0;
+    await page.setRequestInterception(true);
+    page.on("request", (r) => r.url().endsWith("/looks.js") && refused++ < 2
+        ? r.respond({ status: 503, body: "too many connections" }) : r.continue());
+    await page.goto(link("scene=room", "view"));
+    await waitFor(page, () => /Trying again/.test(document.querySelector("#curtain").textContent));
+    await until(() => page.evaluate(() => document.body.dataset.state === "open").catch(() => false),
+        "the page opens its session");
+    assert.equal(refused, 3);
+    await page.browserContext().close();
+});
+
 test("nobody complained", () =>
     assert.deepEqual([...host.complaints, ...guest.complaints], []));
