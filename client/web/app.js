@@ -1,6 +1,6 @@
 // app.js - the viewer as a whole: one connection, one scene, one view, and the page around them.
 import { blend, cameraToText, distance, halfHeight, makeCamera } from "./camera.js";
-import { Connection, describeError } from "./connection.js";
+import { Connection, RequestError, describeError, waitText } from "./connection.js";
 import { Controls } from "./controls.js";
 import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
 import { Inspector } from "./inspect.js";
@@ -25,7 +25,6 @@ const LONG_TICK_S = 0.1;
 const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
 
 const $ = (id) => document.getElementById(id);
-const waitText = (ms) => ms < 100000 ? `${Math.ceil(ms / 1000)} s` : `${Math.round(ms / 60000)} min`;
 const radians = (deg) => deg * Math.PI / 180;
 
 class App {
@@ -217,10 +216,12 @@ class App {
     showWaiting() {
         const { connection } = this;
         const rest = Math.max(0, connection.retryAt_ms - performance.now());
-        const again = rest > 900 ? `Trying again in ${Math.ceil(rest / 1000)} s.` : "Trying again.";
-        const why = connection.lastError ? `${describeError(connection.lastError)} ` : "";
-        this.curtain.show(this.wasOpen ? "Connection lost" : "No connection",
-            `${why}${again}`, ["Try now", () => connection.connect()]);
+        const again = rest > 900 ? `Trying again in ${waitText(rest)}.` : "Trying again.";
+        const { lastError } = connection;
+        const why = lastError ? `${describeError(lastError, false)} ` : "";
+        const isRefused = lastError instanceof RequestError && lastError.status !== "closed";
+        this.curtain.show(isRefused ? "The server does not let you in now"
+            : this.wasOpen ? "Connection lost" : "No connection", `${why}${again}`, ["Try now", () => connection.connect()]);
     }
 
     async onOpened(resumed) {
@@ -263,12 +264,11 @@ class App {
     }
 
     async signIn(error) {
+        this.curtain.show("Signed out", "This server needs an access token or a join ticket.",
+            ["Sign in", () => this.signIn(null)]);
         const token = await askToken(error ? describeError(error) : null);
-        if (token === null) {
-            this.curtain.show("Signed out", "This server needs an access token or a join ticket.",
-                ["Sign in", () => this.signIn(null)]);
+        if (token === null)
             return;
-        }
         keepAccess(token);
         this.connection.token = token;
         this.connection.connect();

@@ -62,7 +62,8 @@ static enum hg_status check_session(
     }
     if (token && a->sessions->count >= most && count_sessions(a->sessions, conn) >= most) {
         hg_error_set(err, HG_E_LIMIT, "session", NULL,
-            "this token has %u sessions open, as many as it may (max-sessions-per-token)", most);
+            "this token has %u session%s open, as many as it may (max-sessions-per-token)", most,
+            most == 1 ? "" : "s");
         return hg_error_limit(err, "max-sessions-per-token", RETRY_SESSION_MS);
     }
     return HG_OK;

@@ -199,6 +199,11 @@ test("errors say which limit it was and when to try again", () => {
         reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
     for (const part of ["max-pixels", "view 1", "too many pixels", "3 s"])
         assert.ok(text.includes(part), text);
+    const session = new RequestError({ code: 3, what: "session", reason: "as many as it may (max-sessions)",
+        limit: "max-sessions", retry_after_ms: 600000 });
+    assert.equal(describeError(session).split("max-sessions").length, 2, "the limit is said once");
+    assert.ok(describeError(session).endsWith("Try again in 10 min."));
+    assert.ok(!describeError(session, false).includes("Try again"));
 });
 
 test("lengths have a unit that fits, and no sign without a digit", async () => {

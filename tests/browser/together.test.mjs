@@ -82,5 +82,39 @@ test("a page of which a module does not come is loaded again", async () => {
     await page.browserContext().close();
 });
 
+test("who is over a limit reads which one, and comes again when the server said", async () => {
+    daemon.options = ["--max-sessions-per-token", "1"];
+    await daemon.kill();
+    await daemon.start();
+    await waitFor(guest, () => window.helio.connection.isOpen);
+    const page = await openPage(await browser.createBrowserContext(), link("scene=room", "view"));
+    await waitFor(page, () => window.helio.connection.state === "waiting");
+    const [text, rest_ms, tries] = await page.evaluate(() => {
+        const { connection } = window.helio;
+        return [document.querySelector("#curtain").textContent, connection.retryAt_ms - performance.now(),
+            connection.tries];
+    });
+    assert.match(text, /does not let you in.*1 session open.*max-sessions-per-token.*Trying again in \d s/);
+    assert.ok(tries === 1 && rest_ms > 1000, `try ${tries}, ${rest_ms} ms`);
+    await guest.evaluate(() => window.helio.connection.close());
+    await waitFor(page, () => window.helio.connection.isOpen); // without being asked to
+    await page.browserContext().close();
+    await guest.evaluate(() => window.helio.connection.connect());
+    await waitFor(guest, () => window.helio.connection.isOpen);
+});
+
+test("who has lost the access reads why, and may sign in with another one", async () => {
+    const { stdout } = await daemon.manage("tickets", "make", "--scene", "room", "--uses", "1", "--valid", "600");
+    const secret = stdout.trim().split(/\s+/).at(-1);
+    const page = await (await browser.createBrowserContext()).newPage();
+    await page.goto(`${daemon.origin}/#scene=room&ticket=${secret}&gi=NONE&samples=1`);
+    await waitFor(page, () => window.helio?.connection.isOpen);
+    const tickets = await daemon.manage("tickets", "list");
+    await daemon.manage("tickets", "revoke", tickets.stdout.trim().split("\n").at(-1).trim().split(/\s+/)[0]);
+    await waitFor(page, () => /ticket was revoked/.test(document.querySelector("#token-error")?.textContent));
+    assert.doesNotMatch(await page.$eval("#curtain", (c) => c.textContent), /Trying again/);
+    await page.browserContext().close();
+});
+
 test("nobody complained", () =>
     assert.deepEqual([...host.complaints, ...guest.complaints], []));
