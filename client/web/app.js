@@ -108,12 +108,13 @@ class App {
         this.people = new People(this, $("panel-people"), people,
             () => this.panels.set("people", false));
         const more = () => [
-            ["Open files", "open", "", open], ["Screenshot", "camera", "", picture],
+            ...this.connection.canEdit ? [["Open files", "open", "", open]] : [], ["Screenshot", "camera", "", picture],
             ["Share", "share", "", link],
             ...this.people.isThere
                 ? [["People", "people", "", () => this.panels.toggle("people")]] : [],
             ["Help", "help", "?", showHelp]];
-        $("menu").append(iconButton("open", "Open files", open, wide),
+        this.openButton = iconButton("open", "Open files", open, { ...wide, hidden: true });
+        $("menu").append(this.openButton,
             iconButton("camera", "Screenshot", picture, wide),
             iconButton("share", "Share", link, wide),
             people, opener("scene", "scene", "Scene"), opener("view", "view", "View"),
@@ -189,6 +190,7 @@ class App {
         document.body.dataset.state = state;
         clearInterval(this.waitTimer);
         if (state === "open") {
+            this.openButton.hidden = !this.connection.canEdit;
             this.curtain.hide();
             this.status.set("live", "Preparing", "The first picture is on its way");
             return;

@@ -17,7 +17,7 @@ export class Opening {
         let depth = 0;
         const show = (by) => {
             depth = by === 0 ? 0 : depth + by;
-            zone.hidden = depth <= 0;
+            zone.hidden = depth <= 0 || !this.app.connection.canEdit;
         };
         addEventListener("dragenter", (e) => { e.preventDefault(); show(1); });
         addEventListener("dragleave", () => show(-1));

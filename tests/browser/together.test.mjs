@@ -68,6 +68,12 @@ test("who has moved sees what is opened in place of it from where it is seen who
     assert.equal(await title(guest), "variants.gltf");
 });
 
+test("who may only look is not offered to open files", async () => {
+    const offered = (page) => page.evaluate(() => [...document.querySelectorAll("button")]
+        .some((b) => b.title === "Open files" && !b.hidden));
+    assert.deepEqual([await offered(host), await offered(guest)], [true, false]);
+});
+
 test("a page of which a module does not come is loaded again", async () => {
     const page = await (await browser.createBrowserContext()).newPage();
     let refused = 0;
