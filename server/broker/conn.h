@@ -26,6 +26,7 @@ enum hg_conn_state {
 // Who the client says it is. Of the layer above.
 struct hg_conn_auth {
     uint8_t hash[32]; // of its token
+    char name[33];    // of the token's line, as far as it fits; "" = not known. For logs
     bool has_token;
     bool resumes;            // it says which session it goes on with (auth_resume)
     uint8_t secret_hash[32]; // of what it says

@@ -456,6 +456,7 @@ static enum hg_status load_conn(const struct hg_handover *h, struct hg_reader *r
     conn->peer_ended = saved.peer_ended;
     conn->auth.has_token = saved.has_token;
     memcpy(conn->auth.hash, saved.hash, sizeof conn->auth.hash);
+    snprintf(conn->auth.name, sizeof conn->auth.name, "%.32s", conn->session->name);
     snprintf(conn->client, sizeof conn->client, "%s", saved.client);
     hg_conn_set_open(conn, saved.rate);
     hg_conn_update(conn);
