@@ -290,8 +290,17 @@ class App {
             this.scene.noteEdit(body);
         else if (name === "notice" && body.what === "worker")
             toast("The renderer was restarted; the scene is being restored.");
+        else if (name === "notice" && body.limit)
+            this.explainLimit(new RequestError(body));
         else if (name === "notice" && body.reason)
             toast(`${body.what}: ${body.reason}`);
+    }
+
+    // A limit that refuses nothing, but lets pictures wait.
+    explainLimit(error) {
+        const text = describeError(error, false);
+        toast(text);
+        this.status.set("refining", "Waiting", text);
     }
 
     // ---- frames --------------------------------------------------------------------------------

@@ -336,7 +336,7 @@ export class Connection extends EventTarget {
         if (known.name === "progress" || known.name === "notice" || known.name === "frame_part") {
             request?.onProgress?.(known.name, body);
             if (!request)
-                this.tell(known.name, body);
+                this.tell(known.name, known.name === "notice" ? { ...body, ...this.limitOf(0) } : body);
         } else if (known.name === "ping") {
             this.send("pong", body);
         } else if (known.name === "limited") {
