@@ -74,6 +74,37 @@ test("who may only look is not offered to open files", async () => {
     assert.deepEqual([await offered(host), await offered(guest)], [true, false]);
 });
 
+test("who has the shared camera is told who asks for it, and gives it", async () => {
+    const press = (page, label) => page.evaluate((text) => [...document.querySelectorAll("button")]
+        .find((b) => b.textContent === text).click(), label);
+    const text = (page) => page.$eval("#panel-people", (p) => p.textContent);
+    await press(host, "Ask for it");
+    await waitFor(host, () => window.helio.people.isHolder);
+    await waitFor(guest, () => window.helio.people.shared.holder);
+    await press(guest, "Ask for it");
+    await waitFor(host, () => /view asks for the shared camera/.test(document.querySelector("#toasts").textContent));
+    assert.match(await text(host), /asks for the camera/);
+    assert.match(await text(guest), /number 1 of 1 that wait/);
+    await press(guest, "Ask no longer");
+    await waitFor(host, () => !window.helio.people.shared.waiting.length);
+    await press(guest, "Ask for it");
+    await waitFor(host, () => window.helio.people.shared.waiting.length);
+    await press(host, "Give it");
+    await waitFor(guest, () => window.helio.people.isHolder);
+    for (const page of [host, guest])
+        await page.evaluate(() => window.helio.people.setFollow(false));
+    await press(guest, "Release");
+    await waitFor(host, () => !window.helio.people.shared.holder);
+    const admin = await openPage(await browser.createBrowserContext(), link("scene=room", "admin"));
+    await waitFor(admin, () => window.helio.people.isThere);
+    await press(admin, "Lock");
+    await waitFor(guest, () => window.helio.people.shared.locked);
+    assert.match(await text(guest), /Locked by an administrator/);
+    await press(admin, "Unlock");
+    await waitFor(guest, () => !window.helio.people.shared.locked);
+    await admin.browserContext().close();
+});
+
 test("a page of which a module does not come is loaded again", async () => {
     const page = await (await browser.createBrowserContext()).newPage();
     let refused = 0;
