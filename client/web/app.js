@@ -247,16 +247,26 @@ class App {
 
     async openSession() {
         const { scene, view, connection } = this;
-        const path = this.opened?.path ?? "";
+        const { path, files } = this.opened ?? {};
         this.link.scene = connection.joined || this.link.scene;
-        this.opening.framed = null;
         await this.withProgress("Opening the scene", async (onProgress) => {
-            await scene.open(this.link.scene, path, onProgress);
-            if (this.opened?.files && !scene.existed)
-                await scene.loadFiles(this.opened.files, onProgress);
+            await scene.open(this.link.scene);
+            if ((path || files) && await this.mayFill())
+                await (path ? scene.loadPath(path, onProgress) : scene.loadFiles(files, onProgress));
         });
+        this.opening.framed = null; // the camera is chosen for what is there now
         await view.start();
         await connection.keep();
+    }
+
+    // Whether this page loads what belongs into the scene: it is new, or those who came before may only
+    // look. Others who may edit are about to load the same.
+    async mayFill() {
+        const { scene, connection, people } = this;
+        if (!connection.canEdit || !scene.existed)
+            return connection.canEdit;
+        await scene.refresh();
+        return !scene.total && !scene.assets.length && people.isOnlyEditor();
     }
 
     showFailure(error) {

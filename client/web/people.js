@@ -46,6 +46,12 @@ export class People {
         this.draw();
     }
 
+    // Nobody else who is there may change the scene; false where that is not known.
+    isOnlyEditor() {
+        return this.app.connection.call("scene_watch", { participants: true }).then(() =>
+            this.sessions.every((s) => s.session === this.self || s.role === "VIEW" || s.away), () => false);
+    }
+
     get self() {
         return this.app.connection.session;
     }

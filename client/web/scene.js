@@ -31,16 +31,14 @@ export class Scene extends EventTarget {
 
     // ---- opening -------------------------------------------------------------------------------
 
-    // Joins or makes the scene; with `path` loads it where the scene is new.
-    async open(name, path, onProgress) {
+    // Joins or makes the scene.
+    async open(name) {
         this.clear();
         this.name = name;
         const opened = await this.connection.call("scene_open", { name });
         this.setRange(opened);
         this.existed = opened.existed;
         this.revision = opened.revision;
-        if (path && !opened.existed)
-            await this.loadPath(path, onProgress);
     }
 
     setRange({ first_id, id_count }) {

@@ -105,6 +105,25 @@ test("who has the shared camera is told who asks for it, and gives it", async ()
     await admin.browserContext().close();
 });
 
+test("guests may come by the link before the host does", async () => {
+    const words = `scene=early&load=${join(models, "panes.glb")}`;
+    const first = await openPage(await browser.createBrowserContext(), link(words, "view"));
+    await first.waitForSelector("#empty:not([hidden])");
+    assert.match(await first.$eval("#empty", (e) => e.textContent), /view only/);
+    assert.ok(await first.$eval("#curtain", (c) => c.hidden));
+    const second = await openPage(await browser.createBrowserContext(), link(words, "edit"));
+    await waitFor(second, () => window.helio.scene.assets.length === 1);
+    assert.equal(await second.$eval("#toasts", (t) => t.textContent), "", "its own file is no news to it");
+    const third = await openPage(await browser.createBrowserContext(), link(words, "edit"));
+    await waitFor(third, () => window.helio.scene.assets.length === 1);
+    await first.waitForSelector("#empty", { hidden: true });
+    assert.equal(await second.evaluate(() => window.helio.scene.refresh().then(() => window.helio.scene.assets.length)), 1);
+    for (const page of [first, second, third]) {
+        assert.deepEqual(page.complaints, []);
+        await page.browserContext().close();
+    }
+});
+
 test("a page of which a module does not come is loaded again", async () => {
     const page = await (await browser.createBrowserContext()).newPage();
     let refused = 0;
