@@ -320,7 +320,9 @@ class App {
         this.stats.add(detail);
         this.overlay.draw(this.view.isReprojected ? this.view.camera : this.view.shown);
         this.scene.noteRevision(frame.scene_revision);
-        if (frame.settled)
+        if (this.view.isEmpty)
+            this.status.set("settled", "Ready");
+        else if (frame.settled)
             this.status.set("settled", "Settled", "Nothing is left to improve");
         else if (this.isMoving)
             this.status.set("live", "Moving");
@@ -339,7 +341,7 @@ class App {
     }
 
     onVerified(isSame) {
-        if (isSame)
+        if (isSame && !this.view.isEmpty)
             this.status.set("settled", "Exact",
                 "The pixels shown are those that the server rendered, bit by bit");
     }

@@ -86,7 +86,8 @@ export class Opening {
     async show(name, loaded, warnings) {
         this.setEmpty(false);
         await this.frame();
-        const notes = warnings.length ? ` ${warnings.length} notes: see the scene panel.` : "";
+        const count = warnings.length;
+        const notes = count ? ` ${count} ${count === 1 ? "note" : "notes"}: see the scene panel.` : "";
         toast(`${name}: ${Number(loaded.triangles).toLocaleString()} triangles.${notes}`);
         await this.app.refreshScene();
     }

@@ -190,6 +190,9 @@ test("missing, foreign and broken files are refused by name", async () => {
         (e) => e.status === "unsupported");
     await assert.rejects(choose([{ path: "a.gltf", file: new File(["{"], "a.gltf") }]),
         (e) => e.status === "format");
+    const gone = { text: () => Promise.reject(new DOMException("", "NotFoundError")) };
+    await assert.rejects(choose([{ path: "a.gltf", file: gone }]),
+        (e) => e.status === "not-found" && /cannot read it/.test(e.message));
     await assert.rejects(choose([{ path: "a.glb", file: new File(["short"], "a.glb") }]),
         (e) => e.status === "unsupported");
 });

@@ -52,6 +52,7 @@ async function seesTheSame() {
 }
 
 test("who waits in an empty scene sees what another one opens", async () => {
+    await waitFor(host, () => document.querySelector("#status").textContent.trim() === "Ready");
     await open("panes.glb", readFileSync(join(models, "panes.glb")));
     await waitFor(guest, () => document.querySelector("#empty").hidden
         && document.querySelector("#live").textContent === "edit opened panes.glb.");
