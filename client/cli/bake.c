@@ -102,14 +102,22 @@ static double number_of(const json_t *report, const char *part, const char *key)
     return json_number_value(json_object_get(json_object_get(report, part), key));
 }
 
-// HG_E_LIMIT: DIR holds less than the scene takes, so that some of it took the place of the rest.
+// HG_E_LIMIT: DIR holds less than the scene takes, so that some of it took the place of the rest;
+// HG_E_NOSPACE: so does its disk.
 static enum hg_status check_room(const json_t *report, struct hg_error *err)
 {
     const double limit = number_of(report, "cache", "limit_bytes"),
+                 absent = number_of(report, "cache", "absent"),
                  bytes = number_of(report, "textures", "pack_bytes") +
                          number_of(report, "geometry", "file_bytes");
-    if (limit == 0 || bytes <= limit || number_of(report, "cache", "evicted") == 0)
+    const bool tight = limit > 0 && bytes > limit && number_of(report, "cache", "evicted") > 0;
+    if (absent == 0 && !tight)
         return HG_OK;
+    if (!tight)
+        return hg_error_set(err, HG_E_NOSPACE, "--output", NULL,
+            "%.0f of the scene's packs and files are not there: its disk is full, or another "
+            "program deleted them to have room for its own",
+            absent);
     return hg_error_set(err, HG_E_LIMIT, "--cache-limit", NULL,
         "the scene takes %.1f MiB and the folder may hold %.1f: not all of it is there",
         bytes / (1 << 20), limit / (1 << 20));
@@ -130,6 +138,17 @@ static enum hg_status write_report(
     return status;
 }
 
+static enum hg_status check_scene(
+    const struct hg_cli *cli, const char *name, enum hg_cli_doing *doing, struct hg_error *err)
+{
+    char *path = NULL;
+    enum hg_status status = hg_cli_server_path(cli, name, &path, err);
+    hg_free(path);
+    if (status)
+        *doing = HG_CLI_DOING_INPUT;
+    return status;
+}
+
 enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options)
 {
     struct hg_cli cli;
@@ -140,6 +159,8 @@ enum hg_cli_exit hg_cli_bake(const struct hg_cli_options *options)
     hg_cli_init(&cli, options);
     cli.embedded = true;
     enum hg_status status = check_arguments(options, &err);
+    if (!status)
+        status = check_scene(&cli, options->args[0], &doing, &err); // before a folder is made
     if (!status)
         status = check_folder(options->bake_dir, &err);
     if (!status) {

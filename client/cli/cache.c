@@ -1,10 +1,13 @@
 // cache.c - helio cache: what the cache folder holds, checked or cleared. Needs no worker: entries
 // are files that programs share.
+#include <errno.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "base/alloc.h"
 #include "client/cli/cli.h"
@@ -19,6 +22,19 @@ struct cache {
     uint64_t removed_bytes;
 };
 
+// What --cache-dir names is there: an empty answer about a mistyped name would be taken for the
+// truth.
+static enum hg_status check_given(const char *folder, struct hg_error *err)
+{
+    struct stat st;
+    if (stat(folder, &st) != 0)
+        return hg_error_set(err, HG_E_INVAL, "--cache-dir", NULL, "%s: %s", folder,
+            errno == ENOENT ? "there is no such folder" : strerror(errno));
+    if (!S_ISDIR(st.st_mode))
+        return hg_error_set(err, HG_E_INVAL, "--cache-dir", NULL, "%s is no folder", folder);
+    return HG_OK;
+}
+
 static enum hg_status find_dir(
     const struct hg_cli_options *o, struct cache *cache, struct hg_error *err)
 {
@@ -29,10 +45,10 @@ static enum hg_status find_dir(
         return hg_error_set(err, HG_E_INVAL, "--cache-dir", NULL,
             "is needed: the environment names no folder for caches");
     snprintf(cache->dir, sizeof cache->dir, "%s/store", path);
-    return HG_OK;
+    return o->cache_folder ? check_given(o->cache_folder, err) : HG_OK;
 }
 
-// A folder that is not there is an empty cache.
+// A cache that nothing was written to yet is an empty one.
 static enum hg_status list(struct cache *cache, struct hg_error *err)
 {
     const enum hg_status status = hg_store_list(cache->dir, &cache->entries, &cache->count, err);
@@ -130,6 +146,9 @@ static enum hg_status run(struct hg_cli *cli, struct cache *cache, struct hg_err
 {
     const struct hg_cli_options *o = cli->options;
     enum hg_status status = list(cache, err);
+    if (!status && !cache->count && access(cache->dir, F_OK) != 0)
+        hg_cli_progress_say(
+            &cli->progress, "%s is missing: nothing was cached here yet", cache->dir);
     if (!status && o->clear && cache->count) {
         status = hg_store_clear(cache->dir, &cache->removed, &cache->removed_bytes, err);
         cache->count = cache->removed > cache->count ? cache->removed : cache->count;

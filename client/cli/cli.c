@@ -362,7 +362,9 @@ void hg_cli_attach(struct hg_cli *cli)
     helio_set_handlers(cli->h, &(struct helio_handlers){.user = &cli->progress,
                                    .tick = hg_cli_on_tick,
                                    .progress = hg_cli_on_progress,
-                                   .notice = hg_cli_on_notice});
+                                   .notice = hg_cli_on_notice,
+                                   .message = hg_cli_on_message,
+                                   .idle = hg_cli_on_idle});
 }
 
 static enum hg_status open_session(
@@ -460,6 +462,29 @@ enum hg_status hg_cli_error_of(const struct hgp_error *e, struct hg_error *err)
     hg_cli_clean(where, sizeof where, e->where.data, e->where.size);
     return hg_error_set(err, e->code ? (enum hg_status)e->code : HG_E_INTERNAL, what, where, "%.*s",
         (int)e->reason.size, e->reason.data ? e->reason.data : "");
+}
+
+static bool is_pixel_rate(const struct hg_error *e)
+{
+    return e->status == HG_E_LIMIT && e->retry_after_ms > 0 &&
+           (strcmp(e->limit, "max-pixel-rate") == 0 || strcmp(e->limit, "pixel-rate-total") == 0);
+}
+
+enum hg_status hg_cli_wait_for_pixels(
+    struct hg_cli *cli, enum hg_status refused, struct hg_error *err)
+{
+    char stage[64];
+    if (!refused || !is_pixel_rate(err))
+        return refused;
+    snprintf(stage, sizeof stage, "waiting for %s", err->limit);
+    hg_cli_progress_stage(&cli->progress, stage);
+    const uint64_t until_ns = hg_clock_now_ns() + (uint64_t)err->retry_after_ms * 1000000;
+    for (uint64_t now_ns; (now_ns = hg_clock_now_ns()) < until_ns;) {
+        enum hg_status status = helio_wait(cli->h, until_ns - now_ns, err);
+        if (status && status != HG_E_TIMEOUT)
+            return status;
+    }
+    return HG_OK;
 }
 
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err)

@@ -93,6 +93,11 @@ enum hg_status hg_cli_server_path(
 // Turns the other side's error into *err (may be NULL), peer bytes made harmless.
 enum hg_status hg_cli_error_of(const struct hgp_error *e, struct hg_error *err);
 
+// After a frame that was refused because frames have taken the pixels of this second: waits until
+// the daemon has more, and returns HG_OK. Else `refused`, the status of *err, or why waiting ended.
+enum hg_status hg_cli_wait_for_pixels(
+    struct hg_cli *cli, enum hg_status refused, struct hg_error *err) HG_MUST_CHECK;
+
 // Errors of messages without an answer (view_camera), and other stray messages, are taken
 // from the queue; the first error is returned.
 enum hg_status hg_cli_drain_queue(struct hg_cli *cli, struct hg_error *err) HG_MUST_CHECK;
@@ -109,6 +114,8 @@ bool hg_cli_is_stdout(const char *name);
 bool hg_cli_is_stream(const char *name);
 // Checks that the output can be made: its folder exists and is writable.
 enum hg_status hg_cli_check_output(const char *name, struct hg_error *err) HG_MUST_CHECK;
+// HG_E_INVAL: a folder has this name, and no output can take its place.
+enum hg_status hg_cli_check_no_folder(const char *path, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_write_output(
     const char *name, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 

@@ -49,11 +49,11 @@ enum hg_status hg_cli_frame_ask_job(
 {
     enum hg_status status;
     do {
-        r->losses = hg_cli_frame_losses(r);
+        r->daemon.losses = hg_cli_frame_losses(r);
         status = hg_cli_frame_keep_camera(r, err);
         if (!status)
             status = ask_once(r, after, job, err);
-    } while (!status && r->losses != hg_cli_frame_losses(r));
+    } while (!status && r->daemon.losses != hg_cli_frame_losses(r));
     return status;
 }
 
@@ -113,7 +113,12 @@ enum hg_status hg_cli_frame_check_existing(struct hg_cli_render *r, const char *
     struct helio_message *answer = NULL;
     struct hg_error wrong = {0};
     *good = false;
-    enum hg_status status = hg_file_read(name, EXISTING_BYTES, &data, &size, &wrong);
+    r->doing = HG_CLI_DOING_ARGUMENTS;
+    enum hg_status status = hg_cli_check_no_folder(name, err);
+    if (status)
+        return status;
+    r->doing = HG_CLI_DOING_RENDER;
+    status = hg_file_read(name, EXISTING_BYTES, &data, &size, &wrong);
     if (status == HG_E_NOTFOUND)
         return HG_OK;
     if (!status) {

@@ -20,6 +20,17 @@ static void take_part(
         hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory for its parts");
 }
 
+// A daemon that is about to stop.
+static void note_drain(struct hg_cli_render *r, const struct hgp_drain *drain)
+{
+    char reason[260];
+    hg_cli_clean(reason, sizeof reason, drain->reason.data, drain->reason.size);
+    hg_cli_progress_say(&r->cli.progress, "the daemon stops in %.0f s%s%s",
+        (double)drain->deadline_ms / 1e3, reason[0] ? ": " : "", reason);
+    r->daemon.closes_ns = hg_clock_now_ns() + (uint64_t)drain->deadline_ms * 1000000;
+    r->daemon.has_said = true;
+}
+
 // Messages that came: progress and notices are shown; true when the frame or its error is there.
 static bool take_messages(
     struct hg_cli_render *r, uint32_t request, struct helio_message **frame, struct hg_error *err)
@@ -34,11 +45,11 @@ static bool take_messages(
         else if (m->type == HGP_T_frame_part && ours)
             take_part(&r->parts, &m->body->frame_part, err);
         else if (m->type == HGP_T_drain)
-            r->closes_s = fmax(m->body->drain.deadline_ms / 1e3, 0.1);
+            note_drain(r, &m->body->drain);
         else if (m->type == HGP_T_notice)
             hg_cli_on_notice(&cli->progress, &m->body->notice);
         else if (m->type == HGP_T_error) // ours, or of a message without an answer: a camera
-            hg_cli_error_of(&m->body->error, err);
+            helio_message_error(cli->h, m, err);
         if (ours && m->type == HGP_T_frame) {
             *frame = m;
             return true;
@@ -53,6 +64,11 @@ static bool take_messages(
 static uint64_t add_s(uint64_t ns, double s)
 {
     return s > 1e9 ? UINT64_MAX : ns + (uint64_t)(s * 1e9);
+}
+
+static uint64_t min_ns(uint64_t a, uint64_t b)
+{
+    return a < b ? a : b;
 }
 
 // Of the whole picture.
@@ -127,7 +143,7 @@ static enum hg_status go_on(
     struct hg_cli_render *r, const char *name, const uint8_t job[32], struct hg_error *err)
 {
     uint8_t same[32];
-    if (r->losses == hg_cli_frame_losses(r))
+    if (r->daemon.losses == hg_cli_frame_losses(r))
         return HG_OK;
     enum hg_status status = hg_cli_frame_ask_job(r, NULL, same, err);
     if (status || !hg_cli_is_path(r->o) || !r->film.is_left)
@@ -159,14 +175,22 @@ static struct waiting begin_waiting(
         .save_every_s = every_s};
 }
 
-// A daemon that is about to stop: the film is kept at once, and as long as it lasts.
-static void note_drain(struct waiting *w)
+// While the daemon is about to stop the film is kept as long as it lasts: at once when that is
+// said, then in quarters of the time that is left, of the frames that follow, too.
+static void heed_drain(struct waiting *w)
 {
-    if (w->r->closes_s > 0 && hg_cli_is_path(w->r->o) && !w->r->streams) {
-        w->save_ns = hg_clock_now_ns();
-        w->save_every_s = fmin(w->save_every_s, w->r->closes_s / 4);
-    }
-    w->r->closes_s = 0;
+    struct hg_cli_daemon *daemon = &w->r->daemon;
+    struct helio_info info;
+    helio_get_info(w->r->cli.h, &info);
+    if (!info.draining) // it goes on after all
+        daemon->closes_ns = 0;
+    if (!daemon->closes_ns || !hg_cli_is_path(w->r->o) || w->r->streams)
+        return;
+    const uint64_t now = hg_clock_now_ns();
+    const double left_s = daemon->closes_ns > now ? (double)(daemon->closes_ns - now) / 1e9 : 0;
+    w->save_every_s = fmin(w->save_every_s, fmax(left_s / 4, 0.1));
+    w->save_ns = daemon->has_said ? now : min_ns(w->save_ns, add_s(now, w->save_every_s));
+    daemon->has_said = false;
 }
 
 // Until something comes, or the film is to be kept, which is done then.
@@ -175,9 +199,9 @@ static enum hg_status wait_on(struct waiting *w, struct hg_error *err)
     enum hg_status status = go_on(w->r, w->name, w->job, err);
     if (status)
         return status;
-    note_drain(w);
+    heed_drain(w);
     const uint64_t now = hg_clock_now_ns();
-    const uint64_t until = w->save_ns < w->deadline_ns ? w->save_ns : w->deadline_ns;
+    const uint64_t until = min_ns(w->save_ns, w->deadline_ns);
     status = helio_wait(w->r->cli.h,
         until == UINT64_MAX ? HELIO_NO_TIMEOUT
         : until > now       ? until - now
@@ -242,10 +266,16 @@ enum hg_status hg_cli_frame_wait(struct hg_cli_render *r, const char *name, cons
     struct helio_message **frame, struct hg_error *err)
 {
     for (;;) {
-        const uint32_t losses = r->losses;
-        const enum hg_status status = wait_frame(r, name, job, frame, err);
-        if (status || losses == hg_cli_frame_losses(r) || hg_cli_series_is_lost(r))
-            return status;
+        const uint32_t losses = r->daemon.losses;
+        enum hg_status status = wait_frame(r, name, job, frame, err);
+        if (status) {
+            status = hg_cli_wait_for_pixels(&r->cli, status, err);
+            if (status)
+                return status;
+            continue;
+        }
+        if (losses == hg_cli_frame_losses(r) || hg_cli_series_is_lost(r))
+            return HG_OK;
         helio_message_free(*frame);
         *frame = NULL;
     }

@@ -75,6 +75,10 @@ static enum hg_status write_frame(struct hg_cli_render *r, const struct hgp_fram
     status = hg_cli_frame_note(r, frame, name, took_ns, err);
     if (status)
         return status;
+    r->doing = HG_CLI_DOING_ARGUMENTS;
+    status = hg_cli_check_no_folder(name, err);
+    if (status)
+        return status;
     r->doing = HG_CLI_DOING_OUTPUT;
     status = hg_cli_write_output(name, data, size, err);
     if (status)
@@ -214,6 +218,17 @@ void hg_cli_frame_file(const struct hg_cli_render *r, int32_t frame, char *dst, 
         snprintf(dst, size, "%s", r->output);
 }
 
+enum hg_status hg_cli_frame_check_files(const struct hg_cli_render *r, struct hg_error *err)
+{
+    char name[4096];
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < r->list.count && !status && !r->streams; i++) {
+        hg_cli_frame_file(r, hg_cli_frame_at(r, i), name, sizeof name);
+        status = hg_cli_check_no_folder(name, err);
+    }
+    return status;
+}
+
 int32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index)
 {
     return r->list.numbers[index];
@@ -257,7 +272,7 @@ static enum hg_status meter_series(struct hg_cli_render *r, struct hg_error *err
     helio_message_free(answer);
     r->light.metered = true;
     r->light.ev = view.exposure_ev;
-    if (r->light.ev != 0)
+    if (r->light.ev != 0 && !r->o->claim) // those that share the frames meter the same one
         hg_cli_progress_say(&r->cli.progress,
             "the exposure, %.3g stops, is metered at frame %d; other commands of the same series "
             "need "
@@ -266,7 +281,7 @@ static enum hg_status meter_series(struct hg_cli_render *r, struct hg_error *err
     return helio_call_for(r->cli.h, HGP_T_view_set, &view, HGP_T_ok, NULL, err);
 }
 
-static enum hg_status render_numbered(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
+enum hg_status hg_cli_frame_render(struct hg_cli_render *r, uint32_t i, struct hg_error *err)
 {
     char name[4096];
     if (r->series)
@@ -284,7 +299,7 @@ static enum hg_status render_all_frames(struct hg_cli_render *r, struct hg_error
     for (uint32_t i = 0; i < count && !status; i++) {
         r->next = i;
         hg_cli_progress_begin_frame(&r->cli.progress, hg_cli_frame_at(r, i), i + 1);
-        status = render_numbered(r, i, err);
+        status = hg_cli_frame_render(r, i, err);
     }
     r->next = status ? r->next : count;
     for (uint32_t i = 0; i < count && !status && r->series; i++)
@@ -314,7 +329,9 @@ enum hg_status hg_cli_render_frames(struct hg_cli_render *r, struct hg_error *er
             return hg_error_set(err, HG_E_NOMEM, "--frames", NULL, "no memory for so many");
     }
     enum hg_status status = meter_series(r, err);
-    return status ? status : render_all_frames(r, err);
+    if (status)
+        return status;
+    return r->o->claim ? hg_cli_frames_share(r, err) : render_all_frames(r, err);
 }
 
 // 2.3 s, 3 min 20 s, 2 h 5 min.
@@ -349,8 +366,9 @@ void hg_cli_render_summary(struct hg_cli_render *r)
     hg_cli_frame_file(r, hg_cli_frame_at(r, 0), first, sizeof first);
     hg_cli_frame_file(r, hg_cli_frame_at(r, hg_cli_frame_count(r) - 1), last, sizeof last);
     if (p->outputs.skipped)
-        hg_cli_progress_say(p, "wrote %u of %u frames, %s to %s, in %s; %u were there already",
-            p->outputs.written, hg_cli_frame_count(r), first, last, took, p->outputs.skipped);
+        hg_cli_progress_say(p, "wrote %u of %u frames, %s to %s, in %s; %u were there already%s",
+            p->outputs.written, hg_cli_frame_count(r), first, last, took, p->outputs.skipped,
+            r->o->claim ? " or are of other commands" : "");
     else
         hg_cli_progress_say(p, "wrote %u frame%s, %s to %s, in %s", p->outputs.written,
             p->outputs.written == 1 ? "" : "s", first, last, took);
@@ -363,6 +381,10 @@ static void say_rest(struct hg_cli_render *r)
     const uint32_t written = p->outputs.written;
     const char *frames = written == 1 ? "frame is" : "frames are";
     char rest[1024], exposure[32] = "";
+    if (r->o->claim) { // others may be at the rest
+        hg_cli_progress_say(p, "%u %s written; the same command goes on", written, frames);
+        return;
+    }
     hg_frame_list_text(r->list.numbers + r->next, r->list.count - r->next, rest, sizeof rest);
     if (r->light.metered)
         snprintf(exposure, sizeof exposure, " --exposure=%.9g", (double)r->light.ev);

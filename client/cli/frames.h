@@ -55,6 +55,9 @@ enum hg_status hg_cli_frame_resume(struct hg_cli_render *r, const char *name, co
 int32_t hg_cli_frame_at(const struct hg_cli_render *r, uint32_t index); // its number
 uint32_t hg_cli_frame_count(const struct hg_cli_render *r);
 void hg_cli_frame_file(const struct hg_cli_render *r, int32_t frame, char *dst, size_t size);
+// No frame's file is a folder: what no repetition changes is said before the first frame.
+enum hg_status hg_cli_frame_check_files(
+    const struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 // Poses the animations at this time.
 enum hg_status hg_cli_frame_set_time(
     struct hg_cli_render *r, double time_s, struct hg_error *err) HG_MUST_CHECK;
@@ -64,6 +67,11 @@ enum hg_status hg_cli_frame_go_to(
 // *there: --skip-existing leaves the file alone.
 enum hg_status hg_cli_frame_check(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     bool *there, struct hg_error *err) HG_MUST_CHECK;
+// The frame at that place of the list: its pose, and its file if it is not there.
+enum hg_status hg_cli_frame_render(
+    struct hg_cli_render *r, uint32_t index, struct hg_error *err) HG_MUST_CHECK;
+// frame_claims.c: all frames, with other commands that do the same (--claim).
+enum hg_status hg_cli_frames_share(struct hg_cli_render *r, struct hg_error *err) HG_MUST_CHECK;
 // Renders a frame and, if it is wanted, writes it. *again: the picture was made without the history
 // that it needs, and has no owner.
 enum hg_status hg_cli_frame_make(struct hg_cli_render *r, const char *name, const uint8_t job[32],

@@ -55,14 +55,23 @@ static enum hg_status check_stream(const char *path, struct hg_error *err)
     return HG_OK;
 }
 
+enum hg_status hg_cli_check_no_folder(const char *path, struct hg_error *err)
+{
+    struct stat st;
+    return stat(path, &st) == 0 && S_ISDIR(st.st_mode)
+               ? hg_error_set(err, HG_E_INVAL, path, NULL, "is a folder")
+               : HG_OK;
+}
+
 static enum hg_status check_file(const char *path, const char *target, struct hg_error *err)
 {
     char folder[PATH_MAX];
     struct stat st;
     if (strlen(target) >= sizeof folder)
         return hg_error_set(err, HG_E_INVAL, path, NULL, "the name is too long");
-    if (stat(target, &st) == 0 && S_ISDIR(st.st_mode))
-        return hg_error_set(err, HG_E_INVAL, path, NULL, "is a folder");
+    enum hg_status status = hg_cli_check_no_folder(path, err);
+    if (status)
+        return status;
     snprintf(folder, sizeof folder, "%s", target);
     char *slash = strrchr(folder, '/');
     if (slash)

@@ -322,3 +322,17 @@ void hg_cli_on_notice(void *user, const struct hgp_notice *notice)
         snprintf(p->first_warning, sizeof p->first_warning, "%s", text);
     }
 }
+
+void hg_cli_on_message(void *user, const struct hgp_message *message)
+{
+    char from[132], text[1028];
+    hg_cli_clean(from, sizeof from, message->from.data, message->from.size);
+    hg_cli_clean(text, sizeof text, message->text.data, message->text.size);
+    hg_cli_progress_say(user, "the administrator %s says: %s", from, text);
+}
+
+void hg_cli_on_idle(void *user, const struct hgp_idle_warning *warning)
+{
+    hg_cli_progress_say(
+        user, "the daemon ends this idle session in %.0f s", (double)warning->remaining_ms / 1e3);
+}

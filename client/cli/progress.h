@@ -72,5 +72,7 @@ void hg_cli_progress_clear(struct hg_cli_progress *p);
 void hg_cli_on_tick(void *user);
 void hg_cli_on_progress(void *user, const struct hgp_progress *progress);
 void hg_cli_on_notice(void *user, const struct hgp_notice *notice);
+void hg_cli_on_message(void *user, const struct hgp_message *message);
+void hg_cli_on_idle(void *user, const struct hgp_idle_warning *warning);
 
 #endif

@@ -74,6 +74,8 @@ static enum hg_status check_combinations(const struct hg_cli_options *o, struct 
             err, "--fps", "needs --frames, --turntable, --shutter, --shutter-time or --aov");
     if (o->animate_seed && !o->has_frames && !o->has_turntable)
         return usage(err, "--animate-seed", "needs --frames or --turntable");
+    if (o->claim && !o->has_frames && !o->has_turntable)
+        return usage(err, "--claim", "needs --frames or --turntable");
     if (o->has_turntable && o->has_camera && !is_fit(o))
         return usage(err, "--turntable",
             "needs a view with a target: --orbit or --eye with --target, or no --camera");
@@ -99,7 +101,8 @@ static enum hg_status check_scene(const struct hg_cli_options *o, struct hg_erro
 // A stream keeps nothing that a later command could find.
 static enum hg_status check_stream(const struct hg_cli_options *o, struct hg_error *err)
 {
-    const char *option = o->skip_existing    ? "--skip-existing"
+    const char *option = o->claim            ? "--claim"
+                         : o->skip_existing  ? "--skip-existing"
                          : o->resume         ? "--resume"
                          : o->has_checkpoint ? "--checkpoint"
                                              : NULL;
@@ -115,6 +118,9 @@ static enum hg_status list_frames(struct hg_cli_render *r, struct hg_error *err)
         return HG_OK;
     enum hg_status status = hg_frame_ranges_list(
         o->has_frames ? &o->frames : &turn, &r->list.numbers, &r->list.count, err);
+    if (!status && o->claim && o->denoise && r->list.count > 1)
+        status = usage(err, "--claim",
+            "frames of --denoise depend on those before, so that one command renders them all");
     for (uint32_t i = 1; !status && o->denoise && i < r->list.count; i++)
         if (r->list.numbers[i] < r->list.numbers[i - 1])
             status =
@@ -539,6 +545,8 @@ static enum hg_status check_files(struct hg_cli_render *r, struct hg_error *err)
 {
     r->doing = HG_CLI_DOING_ARGUMENTS;
     enum hg_status status = hg_cli_check_output(r->output, err);
+    if (!status)
+        status = hg_cli_frame_check_files(r, err);
     if (status)
         return status;
     status = r->o->stats_file ? hg_cli_check_output(r->o->stats_file, err) : HG_OK;
@@ -631,6 +639,7 @@ static enum hg_cli_exit render_once(const struct hg_cli_options *options)
     struct hg_cli_options chosen = *options;
     char line[160];
     hg_cli_apply_quality(&chosen, line, sizeof line);
+    chosen.skip_existing |= chosen.claim;
     struct hg_cli_render r = {.o = &chosen,
         .size = {HGP_STANDARD_width, HGP_STANDARD_height},
         .doing = HG_CLI_DOING_ARGUMENTS};

@@ -46,6 +46,13 @@ struct hg_cli_film_kept {
     uint32_t samples; // fewer do not take its place
 };
 
+// What is known of the other side.
+struct hg_cli_daemon {
+    uint32_t losses;    // of the view, when the job of the current frame was asked for
+    uint64_t closes_ns; // when it stops; 0: it said nothing
+    bool has_said;      // just now
+};
+
 struct hg_cli_render {
     struct hg_cli cli;
     const struct hg_cli_options *o;
@@ -62,8 +69,7 @@ struct hg_cli_render {
     uint32_t skipped;             // files that were left as they were
     uint32_t next;                // index of the first frame that is not there yet
     struct hg_cli_film_kept film; // of the first frame that is not there yet
-    uint32_t losses;              // of the view, when the job of the current frame was asked for
-    double closes_s;              // > 0: the daemon has just said that it stops after this time
+    struct hg_cli_daemon daemon;
     struct hg_cli_light light;
     struct hg_writer parts;       // of the frame that is waited for, as far as they have come
     struct hg_cli_frame_numbers list; // of --frames and --turntable; empty: one picture

@@ -42,8 +42,12 @@ enum hg_status hg_cli_run_take(
         return status;
     const uint64_t begin_ns = hg_clock_now_ns();
     status = helio_frame(r->cli.h, &request, &hg_cli_run_now(r)->frame, err);
-    if (status)
-        return status;
+    while (status) {
+        status = hg_cli_wait_for_pixels(&r->cli, status, err);
+        if (status)
+            return status;
+        status = helio_frame(r->cli.h, &request, &hg_cli_run_now(r)->frame, err);
+    }
     const uint64_t end_ns = hg_clock_now_ns();
     hg_cli_run_now(r)->frame_ns = end_ns - begin_ns;
     if (r->first_frame_ns == 0)

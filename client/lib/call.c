@@ -147,19 +147,19 @@ static bool handle_companion(struct helio *h, const struct hg_client_message *m)
     return false;
 }
 
-static enum hg_status status_of_answer(
-    struct helio *h, const struct hg_client_message *m, struct hg_error *err)
+enum hg_status helio_message_error(
+    const struct helio *h, const struct helio_message *message, struct hg_error *err)
 {
-    if (m->pub.type != HGP_T_error)
+    if (message->type != HGP_T_error)
         return HG_OK;
-    const struct hgp_error *e = &m->body.error;
+    const struct hgp_error *e = &message->body->error;
     char what[sizeof err->what], where[sizeof err->where];
     snprintf(what, sizeof what, "%.*s", (int)e->what.size, e->what.data ? e->what.data : "");
     snprintf(where, sizeof where, "%.*s", (int)e->where.size, e->where.data ? e->where.data : "");
     enum hg_status status = e->code ? (enum hg_status)e->code : HG_E_INTERNAL;
     hg_error_set(err, status, what, where, "%.*s", (int)e->reason.size,
         e->reason.data ? e->reason.data : "");
-    hg_client_add_limit(h, m->pub.request, err);
+    hg_client_add_limit(h, message->request, err);
     return status;
 }
 
@@ -170,7 +170,7 @@ static bool find_answer(struct helio *h, uint32_t request, struct hg_client_mess
     struct hg_client_message *m;
     while ((m = take_answer(h, request))) {
         if (!handle_companion(h, m)) {
-            *status = status_of_answer(h, m, err);
+            *status = helio_message_error(h, &m->pub, err);
             if (*status)
                 hg_client_message_destroy(m);
             else

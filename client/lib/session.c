@@ -49,7 +49,7 @@ static void take_limit(struct helio *h, const struct hgp_limited *m)
         m->limit.size ? m->limit.data : "");
 }
 
-void hg_client_add_limit(struct helio *h, uint32_t request, struct hg_error *err)
+void hg_client_add_limit(const struct helio *h, uint32_t request, struct hg_error *err)
 {
     if (h->server.limited.is_set && h->server.limited.request == request)
         hg_error_limit(err, h->server.limited.limit, h->server.limited.retry_after_ms);

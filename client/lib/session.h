@@ -12,6 +12,6 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
 
 // Adds to the error of a request (0: of the connection) which limit it is of, where the server has
 // said so.
-void hg_client_add_limit(struct helio *h, uint32_t request, struct hg_error *err);
+void hg_client_add_limit(const struct helio *h, uint32_t request, struct hg_error *err);
 
 #endif

@@ -1,6 +1,6 @@
 // app.js - the viewer as a whole: one connection, one scene, one view, and the page around them.
 import { blend, cameraToText, distance, halfHeight, makeCamera } from "./camera.js";
-import { Connection, describeError } from "./connection.js";
+import { Connection, RequestError, describeError, waitText } from "./connection.js";
 import { Controls } from "./controls.js";
 import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
 import { Inspector } from "./inspect.js";
@@ -25,7 +25,6 @@ const LONG_TICK_S = 0.1;
 const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
 
 const $ = (id) => document.getElementById(id);
-const waitText = (ms) => ms < 100000 ? `${Math.ceil(ms / 1000)} s` : `${Math.round(ms / 60000)} min`;
 const radians = (deg) => deg * Math.PI / 180;
 
 class App {
@@ -109,12 +108,13 @@ class App {
         this.people = new People(this, $("panel-people"), people,
             () => this.panels.set("people", false));
         const more = () => [
-            ["Open files", "open", "", open], ["Screenshot", "camera", "", picture],
+            ...this.connection.canEdit ? [["Open files", "open", "", open]] : [], ["Screenshot", "camera", "", picture],
             ["Share", "share", "", link],
             ...this.people.isThere
                 ? [["People", "people", "", () => this.panels.toggle("people")]] : [],
             ["Help", "help", "?", showHelp]];
-        $("menu").append(iconButton("open", "Open files", open, wide),
+        this.openButton = iconButton("open", "Open files", open, { ...wide, hidden: true });
+        $("menu").append(this.openButton,
             iconButton("camera", "Screenshot", picture, wide),
             iconButton("share", "Share", link, wide),
             people, opener("scene", "scene", "Scene"), opener("view", "view", "View"),
@@ -190,6 +190,7 @@ class App {
         document.body.dataset.state = state;
         clearInterval(this.waitTimer);
         if (state === "open") {
+            this.openButton.hidden = !this.connection.canEdit;
             this.curtain.hide();
             this.status.set("live", "Preparing", "The first picture is on its way");
             return;
@@ -217,10 +218,12 @@ class App {
     showWaiting() {
         const { connection } = this;
         const rest = Math.max(0, connection.retryAt_ms - performance.now());
-        const again = rest > 900 ? `Trying again in ${Math.ceil(rest / 1000)} s.` : "Trying again.";
-        const why = connection.lastError ? `${describeError(connection.lastError)} ` : "";
-        this.curtain.show(this.wasOpen ? "Connection lost" : "No connection",
-            `${why}${again}`, ["Try now", () => connection.connect()]);
+        const again = rest > 900 ? `Trying again in ${waitText(rest)}.` : "Trying again.";
+        const { lastError } = connection;
+        const why = lastError ? `${describeError(lastError, false)} ` : "";
+        const isRefused = lastError instanceof RequestError && lastError.status !== "closed";
+        this.curtain.show(isRefused ? "The server does not let you in now"
+            : this.wasOpen ? "Connection lost" : "No connection", `${why}${again}`, ["Try now", () => connection.connect()]);
     }
 
     async onOpened(resumed) {
@@ -233,8 +236,9 @@ class App {
                 await this.openSession();
             }
             this.wasOpen = true;
+            const watched = this.people.watch(); // first, so that no edit is missed
             this.refreshScene();
-            await this.people.watch();
+            await watched;
         } catch (error) {
             if (error.status !== "closed")
                 this.showFailure(error);
@@ -243,15 +247,26 @@ class App {
 
     async openSession() {
         const { scene, view, connection } = this;
-        const path = this.opened?.path ?? "";
+        const { path, files } = this.opened ?? {};
         this.link.scene = connection.joined || this.link.scene;
         await this.withProgress("Opening the scene", async (onProgress) => {
-            await scene.open(this.link.scene, path, onProgress);
-            if (this.opened?.files && !scene.existed)
-                await scene.loadFiles(this.opened.files, onProgress);
+            await scene.open(this.link.scene);
+            if ((path || files) && await this.mayFill())
+                await (path ? scene.loadPath(path, onProgress) : scene.loadFiles(files, onProgress));
         });
+        this.opening.framed = null; // the camera is chosen for what is there now
         await view.start();
         await connection.keep();
+    }
+
+    // Whether this page loads what belongs into the scene: it is new, or those who came before may only
+    // look. Others who may edit are about to load the same.
+    async mayFill() {
+        const { scene, connection, people } = this;
+        if (!connection.canEdit || !scene.existed)
+            return connection.canEdit;
+        await scene.refresh();
+        return !scene.total && !scene.assets.length && people.isOnlyEditor();
     }
 
     showFailure(error) {
@@ -261,12 +276,11 @@ class App {
     }
 
     async signIn(error) {
+        this.curtain.show("Signed out", "This server needs an access token or a join ticket.",
+            ["Sign in", () => this.signIn(null)]);
         const token = await askToken(error ? describeError(error) : null);
-        if (token === null) {
-            this.curtain.show("Signed out", "This server needs an access token or a join ticket.",
-                ["Sign in", () => this.signIn(null)]);
+        if (token === null)
             return;
-        }
         keepAccess(token);
         this.connection.token = token;
         this.connection.connect();
@@ -282,10 +296,21 @@ class App {
         else if (name === "idle_warning")
             toast(`This session ends in ${waitText(body.remaining_ms)}.`, "info",
                 ["Stay", () => this.view.subscribe()]);
+        else if (name === "edited")
+            this.scene.noteEdit(body);
         else if (name === "notice" && body.what === "worker")
             toast("The renderer was restarted; the scene is being restored.");
+        else if (name === "notice" && body.limit)
+            this.explainLimit(new RequestError(body));
         else if (name === "notice" && body.reason)
             toast(`${body.what}: ${body.reason}`);
+    }
+
+    // A limit that refuses nothing, but lets pictures wait.
+    explainLimit(error) {
+        const text = describeError(error, false);
+        toast(text);
+        this.status.set("refining", "Waiting", text);
     }
 
     // ---- frames --------------------------------------------------------------------------------
@@ -295,7 +320,9 @@ class App {
         this.stats.add(detail);
         this.overlay.draw(this.view.isReprojected ? this.view.camera : this.view.shown);
         this.scene.noteRevision(frame.scene_revision);
-        if (frame.settled)
+        if (this.view.isEmpty)
+            this.status.set("settled", "Ready");
+        else if (frame.settled)
             this.status.set("settled", "Settled", "Nothing is left to improve");
         else if (this.isMoving)
             this.status.set("live", "Moving");
@@ -314,7 +341,7 @@ class App {
     }
 
     onVerified(isSame) {
-        if (isSame)
+        if (isSame && !this.view.isEmpty)
             this.status.set("settled", "Exact",
                 "The pixels shown are those that the server rendered, bit by bit");
     }
@@ -546,13 +573,18 @@ class App {
         const { scene, connection } = this;
         this.scenePanel.update();
         this.timeline.setAnimations(scene.animations, connection.canEdit);
-        const file = scene.assets.map((a) => a.file).filter(Boolean).map((f) => f.split("/").pop());
+        this.showTitle();
+        this.updateView();
+        this.opening.setEmpty(!scene.total);
+        this.attempt(() => this.opening.followScene());
+    }
+
+    showTitle() {
+        const file = this.scene.assets.map((a) => a.file).filter(Boolean).map((f) => f.split("/").pop());
         const name = this.openedName ?? (this.link.scene || file.join(", "));
         this.title = name;
         $("title").textContent = name;
         document.title = name ? `${name} – Heliograph` : "Heliograph";
-        this.updateView();
-        this.opening.setEmpty(!scene.total);
     }
 
     async withProgress(text, action, onCancel = null) {

@@ -17,6 +17,7 @@ const SILENCE_MS = 15000;
 const KEPT_PINGS = 10;
 const ENDING = ["not-allowed", "timeout"]; // of a session: by an administrator, or idle for too long
 const RETRY_MS = [250, 500, 1000, 2000, 4000, 8000];
+const LONGEST_RETRY_MS = 3600000;
 
 const statusNames = Object.fromEntries(Object.entries(statusCodes).map(([k, v]) => [v, k]));
 
@@ -100,6 +101,7 @@ export class Connection extends EventTarget {
         this.bytesIn = 0;
         this.bytesOut = 0;
         this.lastError = null;
+        this.revoked = null; // why the access of the session that was open is good no longer
     }
 
     get isOpen() {
@@ -123,6 +125,7 @@ export class Connection extends EventTarget {
     connect() {
         clearTimeout(this.retryTimer);
         this.drop();
+        this.lastError = null;
         this.setState("connecting");
         const socket = new WebSocket(this.url, SUBPROTOCOL);
         socket.binaryType = "arraybuffer";
@@ -146,7 +149,7 @@ export class Connection extends EventTarget {
             return;
         const resumed = await this.tryResume();
         this.tries = 0;
-        this.lastError = null;
+        this.lastError = this.revoked = null;
         this.setState("open");
         this.dispatchEvent(new CustomEvent("opened", { detail: { resumed } }));
     }
@@ -180,9 +183,11 @@ export class Connection extends EventTarget {
     }
 
     askToken(error) {
+        const why = this.revoked ?? error;
+        this.revoked = null;
         this.drop();
         this.setState("auth");
-        this.dispatchEvent(new CustomEvent("auth", { detail: error }));
+        this.dispatchEvent(new CustomEvent("auth", { detail: why }));
     }
 
     // The message resumed, or null when the session has to be opened anew.
@@ -223,10 +228,13 @@ export class Connection extends EventTarget {
         this.drop();
         if (wasAuth)
             return;
-        const wait = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
-        this.retryAt_ms = performance.now() + wait;
+        // Not before the server says, and not all who were refused at one time.
+        const usual_ms = RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)];
+        const told_ms = Math.min(LONGEST_RETRY_MS, this.lastError?.retryAfter_ms ?? 0);
+        const wait_ms = Math.max(told_ms, usual_ms * 0.8) + usual_ms * 0.4 * Math.random();
+        this.retryAt_ms = performance.now() + wait_ms;
         this.setState("waiting");
-        this.retryTimer = setTimeout(() => this.connect(), wait * (0.8 + 0.4 * Math.random()));
+        this.retryTimer = setTimeout(() => this.connect(), wait_ms);
     }
 
     // Ends the socket and answers what waits for it.
@@ -328,7 +336,7 @@ export class Connection extends EventTarget {
         if (known.name === "progress" || known.name === "notice" || known.name === "frame_part") {
             request?.onProgress?.(known.name, body);
             if (!request)
-                this.tell(known.name, body);
+                this.tell(known.name, known.name === "notice" ? { ...body, ...this.limitOf(0) } : body);
         } else if (known.name === "ping") {
             this.send("pong", body);
         } else if (known.name === "limited") {
@@ -381,10 +389,14 @@ export class Connection extends EventTarget {
         return first?.[1];
     }
 
-    answer(id, request, name, body) {
+    forget(request) {
         for (const [key, value] of this.requests)
             if (value === request)
                 this.requests.delete(key);
+    }
+
+    answer(id, request, name, body) {
+        this.forget(request);
         if (name === "error")
             request.reject(new RequestError({ ...body, ...this.limitOf(id) }));
         else
@@ -399,9 +411,13 @@ export class Connection extends EventTarget {
             this.end();
             return;
         }
+        if (this.isOpen && error.status === "auth")
+            this.revoked = error;
         const first = this.isOpen ? null : this.oldest();
-        if (first)
-            this.answer(0, first, "error", body);
+        if (first) {
+            this.forget(first);
+            first.reject(error);
+        }
         this.tell("error", body);
     }
 
@@ -440,15 +456,17 @@ export function describeProgress({ stage, done, total }) {
         : `${stage}, ${Math.floor(n / all * 100)} %`, n / all];
 }
 
-// What happened, to what, and when to try again, for people.
-export function describeError(error) {
+export const waitText = (ms) => ms < 100000 ? `${Math.ceil(ms / 1000)} s` : `${Math.round(ms / 60000)} min`;
+
+// What happened, to what, and (hasRetry) when to try again, for people.
+export function describeError(error, hasRetry = true) {
     if (!(error instanceof RequestError))
         return error?.message ?? String(error);
     const place = [error.what, error.where].filter(Boolean).join(", ");
     const head = SENTENCES[error.status] ?? "That did not work";
-    const limit = error.limit ? ` (${error.limit})` : "";
-    const retry = error.retryAfter_ms
-        ? ` Try again in ${Math.ceil(error.retryAfter_ms / 1000)} s.` : "";
+    const limit = error.limit && !error.message?.includes(error.limit) ? ` (${error.limit})` : "";
+    const retry = error.retryAfter_ms && hasRetry
+        ? ` Try again in ${waitText(error.retryAfter_ms)}.` : "";
     const reason = error.message ? `: ${error.message}` : "";
     return `${head}${limit}${place ? ` – ${place}` : ""}${reason}.${retry}`.replace(/\.\.$/, ".");
 }

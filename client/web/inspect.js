@@ -116,6 +116,13 @@ export class Inspector {
         this.showCard();
     }
 
+    // Another scene: nothing is selected, and no place of the old one picked.
+    reset() {
+        this.app.overlay.points = [];
+        this.app.overlay.draw();
+        this.clear();
+    }
+
     // Takes back one thing; false: there was nothing.
     escape() {
         if (this.tool !== "select")

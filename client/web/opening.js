@@ -6,6 +6,8 @@ export class Opening {
     constructor(app, zone, section) {
         this.app = app;
         this.section = section;
+        this.framed = null; // Set of what the camera was chosen for (contents); null: not yet known
+        this.isOpening = false;
         this.input = h("input", { type: "file", multiple: true, class: "hidden", tabindex: "-1",
             "aria-label": "Files to open", on: { change: () => this.openPicked() } });
         this.listen(zone);
@@ -15,7 +17,7 @@ export class Opening {
         let depth = 0;
         const show = (by) => {
             depth = by === 0 ? 0 : depth + by;
-            zone.hidden = depth <= 0;
+            zone.hidden = depth <= 0 || !this.app.connection.canEdit;
         };
         addEventListener("dragenter", (e) => { e.preventDefault(); show(1); });
         addEventListener("dragleave", () => show(-1));
@@ -66,25 +68,65 @@ export class Opening {
         [["Cancel", "cancel"], ["Add to the scene", "add"], ["Replace", "replace"]]) : "replace";
         if (answer !== "add" && answer !== "replace")
             return;
-        await app.withProgress(name, async (onProgress) => {
-            const { loaded, warnings } = await load(onProgress);
-            if (answer === "replace")
-                await app.scene.unloadAll(before);
-            app.opened = opened;
-            app.openedName = answer === "replace" ? name : app.openedName;
-            await this.show(name, loaded, warnings);
-        });
+        this.isOpening = true;
+        try {
+            await app.withProgress(name, async (onProgress) => {
+                const { loaded, warnings } = await load(onProgress);
+                if (answer === "replace")
+                    await app.scene.unloadAll(before);
+                app.opened = opened;
+                app.openedName = answer === "replace" ? name : app.openedName;
+                await this.show(name, loaded, warnings);
+            });
+        } finally {
+            this.isOpening = false;
+        }
     }
 
     async show(name, loaded, warnings) {
-        const { app } = this;
         this.setEmpty(false);
-        app.inspector.clear();
+        await this.frame();
+        const count = warnings.length;
+        const notes = count ? ` ${count} ${count === 1 ? "note" : "notes"}: see the scene panel.` : "";
+        toast(`${name}: ${Number(loaded.triangles).toLocaleString()} triangles.${notes}`);
+        await this.app.refreshScene();
+    }
+
+    // Begins with what is in the scene now.
+    async frame() {
+        const { app } = this;
+        app.inspector.reset();
         app.looks.reset();
         await app.view.fitFirst();
         app.updateView();
-        const notes = warnings.length ? ` ${warnings.length} notes: see the scene panel.` : "";
-        toast(`${name}: ${Number(loaded.triangles).toLocaleString()} triangles.${notes}`);
+    }
+
+    // What the scene holds, as keys.
+    contents() {
+        const { assets, total } = this.app.scene;
+        return new Set(assets.length || !total ? assets.map((a) => a.number) : ["nodes"]);
+    }
+
+    // The scene was listed. Where somebody else has opened something in place of all that the camera was
+    // chosen for, it is chosen anew, but for one that others move and for that of the link into an
+    // empty scene.
+    async followScene() {
+        const { app, framed } = this;
+        const now = this.contents();
+        if (!framed || this.isOpening)
+            this.framed = now;
+        if (this.framed === now || !now.size || [...now].some((key) => framed.has(key)))
+            return;
+        this.framed = now;
+        const files = app.scene.assets.map((a) => a.file?.split("/").pop()).filter(Boolean).join(", ");
+        app.opened = null;
+        app.openedName = files || undefined;
+        app.showTitle();
+        const who = app.people.knownName(app.scene.loader);
+        if (files)
+            toast(who ? `${who} opened ${files}.` : `${files} was opened.`);
+        if (app.people.canMove && (framed.size || !app.link.camera))
+            await this.frame();
     }
 
     setEmpty(isEmpty) {

@@ -39,11 +39,17 @@ export class People {
     // After the scene was opened, or the session resumed.
     async watch() {
         this.isThere = await this.app.connection.call("scene_watch",
-            { participants: true, camera: true, annotations: true }).then(() => true, () => false);
+            { participants: true, camera: true, annotations: true, edits: true }).then(() => true, () => false);
         this.opener.hidden = !this.isThere;
         if (this.isThere && this.isFollowing)
             await this.setFollow(true);
         this.draw();
+    }
+
+    // Nobody else who is there may change the scene; false where that is not known.
+    isOnlyEditor() {
+        return this.app.connection.call("scene_watch", { participants: true }).then(() =>
+            this.sessions.every((s) => s.session === this.self || s.role === "VIEW" || s.away), () => false);
     }
 
     get self() {
@@ -59,10 +65,14 @@ export class People {
         return !this.isFollowing || this.isHolder;
     }
 
-    nameOf(session) {
+    // "" for who is not there, or has no name.
+    knownName(session) {
         const who = this.sessions.find((s) => s.session === session);
-        const name = who ? who.label || who.name || `session ${session}` : `session ${session}`;
-        return session === this.self ? "you" : name;
+        return who?.label || who?.name || "";
+    }
+
+    nameOf(session) {
+        return session === this.self ? "you" : this.knownName(session) || `session ${session}`;
     }
 
     // ---- the shared camera ---------------------------------------------------------------------
@@ -79,14 +89,23 @@ export class People {
     }
 
     onCamera(state) {
-        const before = this.shared.holder;
+        const { holder: before, waiting } = this.shared;
         this.shared = state;
         this.app.view.isFollowing = this.isFollowing && !this.isHolder;
         if (state.holder !== before && state.change !== "NONE"
             && (this.isFollowing || this.isHolder))
             toast(state.holder ? `The shared camera is with ${this.nameOf(state.holder)}.`
                 : "The shared camera is free.");
+        this.tellAsked(waiting, state.waiting);
         this.draw();
+    }
+
+    // Its holder is told who asks for it.
+    tellAsked(before, now) {
+        for (const { session } of this.isHolder ? now : [])
+            if (!before.some((w) => w.session === session))
+                toast(`${this.nameOf(session)} asks for the shared camera.`, "info",
+                    ["Give it", () => this.ask("camera_give", { session })]);
     }
 
     onMoved(moved) {
@@ -106,18 +125,24 @@ export class People {
 
     drawCamera() {
         const { shared, app } = this;
-        const waits = shared.waiting.some((w) => w.session === this.self);
-        this.cameraText.textContent = shared.locked ? "Locked by an administrator."
-            : shared.holder ? `With ${this.nameOf(shared.holder)}.` : "It is free.";
+        const place = shared.waiting.findIndex((w) => w.session === this.self) + 1;
+        this.cameraText.textContent = [shared.holder ? `With ${this.nameOf(shared.holder)}.` : "It is free.",
+            shared.locked ? "Locked by an administrator." : "",
+            place ? `You are number ${place} of ${shared.waiting.length} that wait for it.` : ""].filter(Boolean).join(" ");
         this.follow.set(this.isFollowing);
         const actions = [];
         if (this.isHolder)
             actions.push(button("Release", () => this.ask("camera_give")));
+        else if (place)
+            actions.push(button("Ask no longer", () => this.ask("camera_give")));
         else if (!shared.locked)
-            actions.push(button(waits ? "Asked for it" : "Ask for it",
-                () => this.ask("camera_request"), { disabled: waits }));
-        if (!this.isHolder && shared.holder && app.connection.canEdit)
+            actions.push(button("Ask for it", () => this.ask("camera_request")));
+        const isAdmin = app.connection.role === "ADMIN";
+        if (!this.isHolder && shared.holder && app.connection.canEdit && (!shared.locked || isAdmin))
             actions.push(button("Take it", () => this.ask("camera_take")));
+        if (isAdmin)
+            actions.push(button(shared.locked ? "Unlock" : "Lock", () => app.attempt(() =>
+                app.connection.call("camera_lock", { locked: !shared.locked }))));
         this.actions.replaceChildren(...actions);
     }
 
@@ -171,7 +196,8 @@ export class People {
                 ? iconButton("camera", `Give the camera to ${this.nameOf(s.session)}`,
                     () => this.ask("camera_give", { session: s.session })) : null;
             const about = [s.role.toLowerCase(),
-                s.session === shared.holder ? "has the camera" : "", s.away ? "away" : ""]
+                s.session === shared.holder ? "has the camera" : "",
+                shared.waiting.some((w) => w.session === s.session) ? "asks for the camera" : "", s.away ? "away" : ""]
                 .filter(Boolean).join(", ");
             return h("li", {}, dot, h("span", { class: "name", text: this.nameOf(s.session) }),
                 h("span", { class: "hint", text: about }), give);

@@ -2,16 +2,19 @@
 //
 // Events: "changed" (nodes or assets were listed anew), "assets" (they were loaded or removed).
 import { RequestError, describeProgress } from "./connection.js";
+import { findMessage } from "./hgp.js";
 import { upload } from "./upload.js";
 
 const PAGE_NODES = 4096;
 const MOST_NODES = 200000;
 const REFRESH_MS = 1500;
+const ASSET_MS = 100; // sooner, as this is what people wait for
 
 export class Scene extends EventTarget {
     constructor(connection) {
         super();
         this.connection = connection;
+        this.due_ms = Infinity; // when what is listed is asked for anew
         this.clear();
     }
 
@@ -23,20 +26,19 @@ export class Scene extends EventTarget {
         this.revision = 0n;
         this.listed = -1n;
         this.isWanted = false;
+        this.loader = 0n; // session that loaded an asset last; 0 = not known
     }
 
     // ---- opening -------------------------------------------------------------------------------
 
-    // Joins or makes the scene; with `path` loads it where the scene is new.
-    async open(name, path, onProgress) {
+    // Joins or makes the scene.
+    async open(name) {
         this.clear();
         this.name = name;
         const opened = await this.connection.call("scene_open", { name });
         this.setRange(opened);
         this.existed = opened.existed;
         this.revision = opened.revision;
-        if (path && !opened.existed)
-            await this.loadPath(path, onProgress);
     }
 
     setRange({ first_id, id_count }) {
@@ -88,14 +90,27 @@ export class Scene extends EventTarget {
     // ---- what is in it -------------------------------------------------------------------------
 
     // A frame showed this revision: what is listed on the page follows after a moment.
-    noteRevision(revision) {
+    noteRevision(revision, wait_ms = REFRESH_MS) {
         if (revision > this.revision)
             this.revision = revision;
-        if (this.isWanted && this.revision > this.listed && !this.timer)
-            this.timer = setTimeout(() => {
-                this.timer = null;
-                this.refresh().catch(() => {});
-            }, REFRESH_MS);
+        if (!this.isWanted || this.revision <= this.listed || this.due_ms <= performance.now() + wait_ms)
+            return;
+        clearTimeout(this.timer);
+        this.due_ms = performance.now() + wait_ms;
+        this.timer = setTimeout(() => {
+            this.due_ms = Infinity;
+            this.refresh().catch(() => {});
+        }, wait_ms);
+    }
+
+    // Somebody's edit took effect, of which there may be no frame: none come of an empty scene.
+    noteEdit({ message, session, revision }) {
+        const name = findMessage(message)?.name;
+        const isAsset = name === "asset_load" || name === "asset_unload";
+        if (name === "asset_load")
+            this.loader = session;
+        if (isAsset || session !== this.connection.session) // what this page did itself needs no new list
+            this.noteRevision(revision, isAsset ? ASSET_MS : REFRESH_MS);
     }
 
     async refresh() {

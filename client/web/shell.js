@@ -45,6 +45,7 @@ export async function askToken(reason) {
 const isNarrow = () => matchMedia("(max-width: 719px)").matches;
 
 const GAP_PX = 10; // --gap of style.css
+const MESSAGE_PX = 240; // as wide as messages are at least
 
 // Panels stand beside each other as long as there is room; then those opened first give way.
 export class Panels {
@@ -97,6 +98,20 @@ export class Panels {
             this.set(this.open[0], false);
         this.shell.classList.toggle("tight", !isNarrow() && this.open.length > 0
             && this.rest_px < this.tools.offsetWidth + 2 * GAP_PX);
+        this.placeMessages();
+    }
+
+    // Messages stand between the panels, and where that is too narrow at their lower ends.
+    placeMessages() {
+        const isCrowded = !isNarrow() && this.rest_px < MESSAGE_PX + GAP_PX;
+        const { classList, style } = document.body;
+        classList.toggle("crowded", isCrowded);
+        for (const side of ["left", "right"]) {
+            const shown = this.shell.querySelectorAll(`.side.${side} > .panel:not([hidden])`);
+            const taken_px = isNarrow() || isCrowded ? 0
+                : [...shown].reduce((sum, panel) => sum + panel.offsetWidth + GAP_PX, 0);
+            style.setProperty(`--taken-${side}`, `${taken_px}px`);
+        }
     }
 
     toggle(name) {

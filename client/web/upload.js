@@ -96,6 +96,9 @@ async function gltfParts(main, files) {
     } catch (error) {
         if (error instanceof RequestError)
             throw error;
+        if (error instanceof DOMException)
+            throw new RequestError({ status: "not-found", what: main.path,
+                reason: "the browser cannot read it; it may have been moved or changed since it was chosen" });
         throw new RequestError({ status: "format", what: main.path, reason: "not JSON" });
     }
     const missing = [], parts = [];

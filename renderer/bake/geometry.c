@@ -13,6 +13,7 @@
 struct geometry {
     const struct hg_bake *bake;
     struct hg_store *store;
+    struct hg_bake_entries *entries;
     uint64_t before, total; // source triangles of parts that are done; of all that can be baked
     uint32_t files, found, skipped, failed;
     uint64_t triangles, made_triangles, file_bytes, ns;
@@ -119,6 +120,9 @@ static enum hg_status bake_part(struct geometry *g, const struct hg_mesh *mesh,
         note_failure(g, mesh->head.name, err);
         return HG_OK;
     }
+    status = hg_bake_note(g->entries, &key, err);
+    if (status != HG_OK)
+        return status;
     g->files++;
     g->found += found;
     g->triangles += triangles;
@@ -146,9 +150,9 @@ static void put_report(struct hg_writer *w, const struct geometry *g)
 }
 
 enum hg_status hg_bake_geometry(const struct hg_bake *bake, struct hg_store *store,
-    struct hg_writer *report, struct hg_error *err)
+    struct hg_bake_entries *entries, struct hg_writer *report, struct hg_error *err)
 {
-    struct geometry g = {.bake = bake, .store = store};
+    struct geometry g = {.bake = bake, .store = store, .entries = entries};
     enum hg_status status = each_part(&g, count_part, err);
     if (status == HG_OK)
         status = each_part(&g, bake_part, err);

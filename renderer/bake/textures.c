@@ -221,12 +221,31 @@ static void put_report(struct hg_writer *w, const struct textures *t)
     hg_json_put(w, "}");
 }
 
-// Nothing could be written at all: that is the cache folder's fault, not the images'.
+static enum hg_status note_entries(
+    const struct textures *t, struct hg_bake_entries *entries, struct hg_error *err)
+{
+    enum hg_status status = HG_OK;
+    for (uint32_t i = 0; i < t->count && status == HG_OK; i++) {
+        const struct item *item = &t->items[i];
+        if (item->status == HG_OK && item->result.pack_bytes > 0 && counts(t, i))
+            status = hg_bake_note(entries, &item->result.key, err);
+    }
+    return status;
+}
+
+// A full disk, and where nothing could be written at all: that is the cache folder's fault, not the
+// images'.
 static enum hg_status folder_failure(const struct textures *t, struct hg_error *err)
 {
     for (uint32_t i = 0; i < t->count; i++) {
+        if (t->items[i].status == HG_E_NOSPACE) {
+            *err = t->items[i].err;
+            return HG_E_NOSPACE;
+        }
+    }
+    for (uint32_t i = 0; i < t->count; i++) {
         const enum hg_status s = t->items[i].status;
-        if (s != HG_E_NOSPACE && s != HG_E_IO && s != HG_E_PERM)
+        if (s != HG_E_IO && s != HG_E_PERM)
             return HG_OK;
     }
     if (t->count > 0)
@@ -235,7 +254,7 @@ static enum hg_status folder_failure(const struct textures *t, struct hg_error *
 }
 
 enum hg_status hg_bake_textures(const struct hg_bake *bake, struct hg_store *store,
-    struct hg_writer *report, struct hg_error *err)
+    struct hg_bake_entries *entries, struct hg_writer *report, struct hg_error *err)
 {
     struct textures t = {.bake = bake};
     const struct hg_page_sources_params params = {.store = store,
@@ -250,6 +269,8 @@ enum hg_status hg_bake_textures(const struct hg_bake *bake, struct hg_store *sto
         status = run(&t, err);
     if (status == HG_OK)
         status = folder_failure(&t, err);
+    if (status == HG_OK)
+        status = note_entries(&t, entries, err);
     if (status == HG_OK)
         put_report(report, &t);
     for (uint32_t i = 0; i < t.count; i++)

@@ -62,7 +62,8 @@ static enum hg_status check_session(
     }
     if (token && a->sessions->count >= most && count_sessions(a->sessions, conn) >= most) {
         hg_error_set(err, HG_E_LIMIT, "session", NULL,
-            "this token has %u sessions open, as many as it may (max-sessions-per-token)", most);
+            "this token has %u session%s open, as many as it may (max-sessions-per-token)", most,
+            most == 1 ? "" : "s");
         return hg_error_limit(err, "max-sessions-per-token", RETRY_SESSION_MS);
     }
     return HG_OK;
@@ -86,6 +87,7 @@ static bool open_session(struct hg_conn *conn, const struct hg_token *token)
     struct hg_error err = {0};
     enum hgp_role role = token ? token->role : HGP_role_ADMIN;
     const char *name = token ? token->name : "local";
+    snprintf(conn->auth.name, sizeof conn->auth.name, "%.32s", name);
     if (check_session(conn, token, &err)) {
         hg_count(HG_COUNT_REFUSED_SESSION);
         audit_refusal(conn, name, err.status, err.reason);
@@ -280,6 +282,7 @@ static void judge_token(struct hg_conn *conn)
         refuse_token(conn);
         return;
     }
+    snprintf(conn->auth.name, sizeof conn->auth.name, "%.32s", token ? token->name : ticket->label);
     if (refuse_blocked(conn))
         return;
     conn->auth.has_token = true;

@@ -11,6 +11,7 @@
 #include "server/broker/list.h"
 #include "server/broker/ws_transport.h"
 
+enum { WHO_BYTES = 160 }; // a name, an address and the number of a session
 enum { CLOSING_NS = 2000000000, ACCEPT_PAUSE_NS = 200000000, ACCEPTS_PER_EVENT = 16 };
 // hello, auth and some pings; what is answered to them is small.
 enum { MESSAGES_BEFORE_OPEN = 32, OUTPUT_BEFORE_OPEN = 4096 };
@@ -112,7 +113,7 @@ static enum hg_status join_party(struct hg_conn *conn)
 
 void hg_conn_set_open(struct hg_conn *conn, double rate)
 {
-    hg_slots_opened(&conn->table->slots, &conn->slot);
+    hg_slots_set_opening(&conn->table->slots, &conn->slot, false);
     conn->state = HG_CONN_OPEN;
     if (join_party(conn)) // no memory: its turns are with those of its network
         hg_warn(NET, "session %llu has no turns of its own: no memory",
@@ -121,20 +122,34 @@ void hg_conn_set_open(struct hg_conn *conn, double rate)
     conn->rate.per_second = conn->rate.allowance = rate;
 }
 
+// Whose it is, as far as that is known: for logs.
+static const char *who(const struct hg_conn *conn, char *dst, size_t size)
+{
+    const char *name = conn->auth.name;
+    if (conn->opened_ns)
+        snprintf(dst, size, "session %llu (%s) of %s", (unsigned long long)conn->number, name,
+            conn->peer.name);
+    else if (name[0])
+        snprintf(dst, size, "%s (%s)", conn->peer.name, name);
+    else
+        snprintf(dst, size, "%s", conn->peer.name);
+    return dst;
+}
+
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
 {
     struct hg_conn_table *table = conn->table;
+    char text[WHO_BYTES];
     if (conn->state == HG_CONN_DEAD)
         return;
-    if (conn->state == HG_CONN_CLOSING ? !conn->number
+    if (conn->state == HG_CONN_CLOSING ? !conn->opened_ns
                                        : conn->state < HG_CONN_OPEN && conn->transport.served)
         hg_debug(NET, "closed %s: %s", conn->peer.name, reason);
     else if (conn->state < HG_CONN_OPEN)
         hg_peer_warn(&table->log, table->loop->now_ns, NET, "closed %s before it was open: %s",
             conn->peer.name, reason);
     else
-        hg_info(NET, "session %llu of %s closed: %s", (unsigned long long)conn->number,
-            conn->peer.name, reason);
+        hg_info(NET, "%s closed: %s", who(conn, text, sizeof text), reason);
     conn->state = HG_CONN_DEAD;
     hg_loop_remove(table->loop, &conn->source);
     hg_transport_close(&conn->transport);
@@ -158,6 +173,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
 {
     if (conn->state >= HG_CONN_CLOSING)
         return;
+    char name[WHO_BYTES];
     if (err) {
         const char *text = err->reason[0] ? err->reason : hg_status_text(err->status);
         hg_conn_tell_limit(conn, 0, err->limit, err->retry_after_ms);
@@ -167,7 +183,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
                 .where = hgp_str_make(err->where),
                 .reason = hgp_str_make(text)});
         hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, NET, "closing %s: %s: %s (%s)",
-            conn->peer.name, reason, text, hg_status_name(err->status));
+            who(conn, name, sizeof name), reason, text, hg_status_name(err->status));
     }
     hg_conn_send(conn, 0, HGP_T_bye, &(struct hgp_bye){.reason = hgp_str_make(reason)});
     if (conn->state == HG_CONN_DEAD)
@@ -207,9 +223,31 @@ static void turn_away(struct hg_conn *conn, const struct hg_refusal *refusal)
         hg_conn_kill(conn, "too many connections");
 }
 
+bool hg_conn_is_between(const struct hg_conn *conn)
+{
+    return conn->state == HG_CONN_PREFACE && conn->transport.served && !(conn->transport.stage & 1);
+}
+
+// Browsers keep connections for requests that may never come: the one that waits longest gives way
+// to a newcomer for which there would be no slot.
+static void make_room(const struct hg_conn *conn)
+{
+    struct hg_conn *oldest;
+    do {
+        oldest = NULL;
+        for (struct hg_conn *it = conn->table->first; it; it = it->next)
+            if (hg_conn_is_between(it) && (!oldest || it->received_ns < oldest->received_ns) &&
+                hg_slots_would_gain(&conn->table->slots, &conn->slot, &it->slot))
+                oldest = it;
+        if (oldest)
+            hg_conn_kill(oldest, "gives way to a new one");
+    } while (oldest);
+}
+
 // May it stay, as far as its peer is known?
 static void admit(struct hg_conn *conn)
 {
+    make_room(conn);
     const struct hg_refusal *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);
     if (refusal)
         turn_away(conn, refusal);
@@ -327,6 +365,8 @@ static void process(struct hg_conn *conn)
 static void check_stage(struct hg_conn *conn)
 {
     const struct hg_options *o = conn->table->options;
+    if (conn->state < HG_CONN_OPEN)
+        hg_slots_set_opening(&conn->table->slots, &conn->slot, !hg_conn_is_between(conn));
     if (conn->transport.known_stage == conn->transport.stage)
         return;
     conn->transport.known_stage = conn->transport.stage;

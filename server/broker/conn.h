@@ -26,6 +26,7 @@ enum hg_conn_state {
 // Who the client says it is. Of the layer above.
 struct hg_conn_auth {
     uint8_t hash[32]; // of its token
+    char name[33];    // of the token's line, as far as it fits; "" = not known. For logs
     bool has_token;
     bool resumes;            // it says which session it goes on with (auth_resume)
     uint8_t secret_hash[32]; // of what it says
@@ -112,6 +113,8 @@ struct hg_conn_table {
 
 // Takes in the clients that wait at a listener.
 void hg_conn_accept(struct hg_conn_table *table, struct hg_listener *listener);
+// It has had answers of HTTP and waits for another request: its client comes again when it ends.
+bool hg_conn_is_between(const struct hg_conn *conn);
 // How bytes reach the client, for the next program.
 enum { HG_CONN_TCP = 1, HG_CONN_WEBSOCKET = 2 };
 

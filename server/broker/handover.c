@@ -63,9 +63,8 @@ uint32_t hg_handover_shed(const struct hg_handover *h, bool all)
     for (struct hg_conn *it = h->conns->first, *next; it; it = next) {
         unsigned kind;
         next = it->next;
-        const bool between =
-            it->state == HG_CONN_PREFACE && it->transport.served && !(it->transport.stage & 1);
-        if (between || (all && it->state == HG_CONN_OPEN && !hg_conn_kind(it, &kind))) {
+        if (hg_conn_is_between(it) ||
+            (all && it->state == HG_CONN_OPEN && !hg_conn_kind(it, &kind))) {
             hg_conn_kill(it, "a new program takes over: its client comes again");
             count++;
         }
@@ -457,6 +456,7 @@ static enum hg_status load_conn(const struct hg_handover *h, struct hg_reader *r
     conn->peer_ended = saved.peer_ended;
     conn->auth.has_token = saved.has_token;
     memcpy(conn->auth.hash, saved.hash, sizeof conn->auth.hash);
+    snprintf(conn->auth.name, sizeof conn->auth.name, "%.32s", conn->session->name);
     snprintf(conn->client, sizeof conn->client, "%s", saved.client);
     hg_conn_set_open(conn, saved.rate);
     hg_conn_update(conn);

@@ -133,6 +133,7 @@ struct hg_session_share {
 struct hg_session_pace {
     struct hg_pixel_account *account;     // of its token; NULL: not known yet
     bool waits;                           // subscribed frames wait for pixels
+    uint64_t wait_told_ns;                // when its client was told that; 0 = never
     uint64_t frames, pixels, frame_bytes; // that came from the worker, for statistics
     double acts;            // changes that go to many, or into logs, which it may make now
     uint64_t acts_ns;       // when that was counted

@@ -5,6 +5,8 @@
 #include "protocol/view_params.h"
 #include "server/broker/session_allow.h"
 
+enum { TOLD_WAIT_NS = 1000000000, TELL_AGAIN_S = 60 };
+
 struct hg_session_view *hg_session_view_find(struct hg_session *s, uint32_t number)
 {
     for (struct hg_session_view *it = s->views; it; it = it->next)
@@ -198,13 +200,32 @@ void hg_session_view_count(
     hg_pixel_take(&s->table->pixels, s->pace.account, pixels);
 }
 
+// Tells of a wait that is seen, now and then: the picture stands still, and nobody else says why.
+static void tell_wait(struct hg_session *s, uint64_t wait_ns, const char *limit)
+{
+    const uint64_t now_ns = s->table->loop->now_ns;
+    struct hg_error err = {0};
+    if (wait_ns < TOLD_WAIT_NS || !s->conn || s->conn->state != HG_CONN_OPEN ||
+        (s->pace.wait_told_ns &&
+            now_ns - s->pace.wait_told_ns < (uint64_t)TELL_AGAIN_S * 1000000000))
+        return;
+    s->pace.wait_told_ns = now_ns;
+    hg_error_set(&err, HG_E_LIMIT, "view", NULL,
+        "frames come late, as they have more pixels than %s allows; smaller ones come sooner",
+        limit);
+    hg_error_limit(&err, limit, (uint32_t)(wait_ns / 1000000));
+    hg_conn_fail(s->conn, 0, &err);
+}
+
 // Whether a frame may be begun; else the view waits.
 static bool has_pixels(struct hg_session *s)
 {
     const char *limit;
-    const bool has = hg_session_view_wait_ns(s, &limit) == 0;
-    s->pace.waits |= !has;
-    return has;
+    const uint64_t wait_ns = hg_session_view_wait_ns(s, &limit);
+    s->pace.waits |= wait_ns > 0;
+    if (wait_ns)
+        tell_wait(s, wait_ns, limit);
+    return !wait_ns;
 }
 
 void hg_session_view_tick(struct hg_session_table *table)

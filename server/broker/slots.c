@@ -48,10 +48,13 @@ enum hg_status hg_slots_take(
     return slot->source && (slot->network || !peer->network[0]) ? HG_OK : HG_E_NOMEM;
 }
 
-void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot)
+void hg_slots_set_opening(struct hg_slots *slots, struct hg_slot *slot, bool opening)
 {
+    if (slot->refused)
+        return;
     slots->opening -= slot->opening;
-    slot->opening = false;
+    slots->opening += opening;
+    slot->opening = opening;
 }
 
 bool hg_slots_refuse(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns)
@@ -71,7 +74,7 @@ void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_n
         slot->refused = false;
         return;
     }
-    hg_slots_opened(slots, slot);
+    hg_slots_set_opening(slots, slot, false);
     slots->count--;
     hg_peer_table_leave(&slots->peers, slot->source, now_ns);
     hg_peer_table_leave(&slots->peers, slot->network, now_ns);
@@ -132,20 +135,46 @@ static const struct hg_refusal *because(enum hg_counter counter, const struct hg
     return refusal;
 }
 
+static uint32_t most_connections(const struct hg_slots *slots)
+{
+    const uint32_t most = slots->options->max_connections;
+    return slots->files && slots->files < most ? slots->files : most;
+}
+
+static bool is_address_full(const struct hg_slots *slots, const struct hg_slot *slot)
+{
+    return slot->source && slot->source->connections > slots->options->max_per_address;
+}
+
+static bool is_network_full(const struct hg_slots *slots, const struct hg_slot *slot)
+{
+    return slot->network && slot->network->connections > slots->options->max_per_network;
+}
+
+bool hg_slots_would_gain(
+    const struct hg_slots *slots, const struct hg_slot *slot, const struct hg_slot *other)
+{
+    const uint32_t most = most_connections(slots);
+    const uint32_t kept = slot->own ? 0 : hg_slots_kept(most, slots->options->reserved_connections);
+    if (other->refused)
+        return false;
+    return slots->count > most - kept ||
+           (is_address_full(slots, slot) && other->source == slot->source) ||
+           (is_network_full(slots, slot) && other->network == slot->network);
+}
+
 const struct hg_refusal *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot)
 {
-    const struct hg_options *o = slots->options;
-    const uint32_t most =
-        slots->files && slots->files < o->max_connections ? slots->files : o->max_connections;
+    const uint32_t most = most_connections(slots);
     if (slots->count > most)
         return because(HG_COUNT_REFUSED_CONNECTIONS, &no_slot);
     if (slot->own)
         return NULL;
-    if (slots->count > most - hg_slots_kept(most, o->reserved_connections))
+    if (slots->count > most - hg_slots_kept(most, slots->options->reserved_connections))
         return because(HG_COUNT_REFUSED_CONNECTIONS, &no_free_slot);
-    if (slot->source->connections > o->max_per_address)
+    if (is_address_full(slots, slot))
         return because(HG_COUNT_REFUSED_ADDRESS, &no_slot_of_address);
-    if (slot->network && slot->network->connections > o->max_per_network)
+    if (is_network_full(slots, slot))
         return because(HG_COUNT_REFUSED_NETWORK, &no_slot_of_network);
     if (is_dropped_early(slots))
         return because(HG_COUNT_REFUSED_HANDSHAKES, &no_handshake);

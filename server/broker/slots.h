@@ -15,7 +15,7 @@ struct hg_slots {
     const struct hg_options *options;
     struct hg_peer_table peers;
     uint32_t count;
-    uint32_t opening; // of these, those whose session is not open
+    uint32_t opening; // of these, those that hg_slots_set_opening is true of
     uint32_t refused; // besides, those that are still being told so
     uint64_t random;  // state of the early drop
     uint32_t files;   // connections that the limit of open files has room for; 0 = not measured
@@ -45,7 +45,11 @@ struct hg_refusal {
 
 // Of a counted connection; NULL: it may stay.
 const struct hg_refusal *hg_slots_refusal(struct hg_slots *slots, const struct hg_slot *slot);
-void hg_slots_opened(struct hg_slots *slots, struct hg_slot *slot); // its session is open
+// A counted connection is above a limit, and would be less so without this other one.
+bool hg_slots_would_gain(
+    const struct hg_slots *slots, const struct hg_slot *slot, const struct hg_slot *other);
+// Whether its session is still to be opened: at first it is.
+void hg_slots_set_opening(struct hg_slots *slots, struct hg_slot *slot, bool opening);
 // It is told that it may not stay: for as long as that takes it keeps no slot of others, and raises
 // no probability of an early drop. False: so many are told at this moment that it is not.
 bool hg_slots_refuse(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns);

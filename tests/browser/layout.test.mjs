@@ -110,6 +110,33 @@ test("panels never cover each other, and keep their titles", async () => {
     await evaluate(() => window.helio.inspector.clear());
 });
 
+test("messages cover no panel, and where there is no room beside them not their titles", async () => {
+    const covered = (what) => evaluate((names) => {
+        const toasts = [...document.querySelectorAll(".toast")].map((t) => t.getBoundingClientRect());
+        return [...document.querySelectorAll(names)].filter((e) => e.checkVisibility()).map((e) => [e, e.getBoundingClientRect()])
+            .filter(([, box]) => toasts.some((t) => t.left < box.right && box.left < t.right && t.top < box.bottom
+                && box.top < t.bottom)).map(([e]) => e.id || e.textContent);
+    }, what);
+    await evaluate(async () => {
+        const { toast } = await import("./dom.js");
+        toast("The server stops within 10 min: an administrator says so.", "error");
+        toast("restart at noon", "error");
+    });
+    for (const [width, panels, what] of [[1280, ["scene", "stats", "view"], ".panel"], [1024, ["scene", "view"], ".panel"],
+        [900, ["scene", "view"], ".panel"], [900, ["view"], ".panel"], [900, ["scene", "stats"], ".panel"],
+        [740, ["scene", "view"], ".panel header"], [360, ["view"], ".panel"]]) {
+        await page.setViewport({ width, height: 640 });
+        await evaluate((open) => ["scene", "stats", "people", "view"].forEach((name) =>
+            window.helio.panels.set(name, open.includes(name))), panels);
+        await waitFor(page, (all) => all.every((name) => window.helio.panels.isOpen(name)), panels);
+        assert.deepEqual(await covered(what), [], `at ${width} px with ${panels}`);
+        const [toast] = await evaluate(() => [...document.querySelectorAll(".toast")].map((t) => t.offsetWidth));
+        assert.ok(toast >= 230, `${toast} px wide at ${width} px`);
+    }
+    await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
+    await evaluate(() => ["scene", "stats", "view"].forEach((n) => window.helio.panels.set(n, false)));
+});
+
 test("what a curtain offers can be pressed, whatever is open", async () => {
     const reached = () => evaluate(() => {
         const box = document.querySelector("#curtain button").getBoundingClientRect();

@@ -190,6 +190,9 @@ test("missing, foreign and broken files are refused by name", async () => {
         (e) => e.status === "unsupported");
     await assert.rejects(choose([{ path: "a.gltf", file: new File(["{"], "a.gltf") }]),
         (e) => e.status === "format");
+    const gone = { text: () => Promise.reject(new DOMException("", "NotFoundError")) };
+    await assert.rejects(choose([{ path: "a.gltf", file: gone }]),
+        (e) => e.status === "not-found" && /cannot read it/.test(e.message));
     await assert.rejects(choose([{ path: "a.glb", file: new File(["short"], "a.glb") }]),
         (e) => e.status === "unsupported");
 });
@@ -199,6 +202,11 @@ test("errors say which limit it was and when to try again", () => {
         reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
     for (const part of ["max-pixels", "view 1", "too many pixels", "3 s"])
         assert.ok(text.includes(part), text);
+    const session = new RequestError({ code: 3, what: "session", reason: "as many as it may (max-sessions)",
+        limit: "max-sessions", retry_after_ms: 600000 });
+    assert.equal(describeError(session).split("max-sessions").length, 2, "the limit is said once");
+    assert.ok(describeError(session).endsWith("Try again in 10 min."));
+    assert.ok(!describeError(session, false).includes("Try again"));
 });
 
 test("lengths have a unit that fits, and no sign without a digit", async () => {

@@ -122,6 +122,20 @@ ls "$temp/killed" | grep -v '^f-[0-9][0-9]\.png$' && fail "a stopped command lef
 expect 0 render killed --skip-existing
 for f in "$temp"/once/*.png; do same "$f" "$temp/killed/${f##*/}"; done
 
+# Commands of the same line share the frames, and one of them is killed: whole files, no claims.
+mkdir "$temp/shared"
+run=exec render shared --claim --progress none >"$temp/out" 2>&1 &
+client=$!
+begins "$temp/shared/f-00.png"
+kill -KILL $client 2>/dev/null
+wait $client
+run=exec render shared --claim --progress none >"$temp/other.out" 2>&1 &
+client=$!
+expect 0 render shared --claim --connect "$url"
+wait $client || fail "exit $? of the other command: $(tail -n 2 "$temp/other.out")"
+for f in "$temp"/once/*.png; do same "$f" "$temp/shared/${f##*/}"; done
+ls -A "$temp/shared" | grep -v '^f-[0-9][0-9]\.png$' && fail "shared: something else is left"
+
 # Path tracing: a film that is taken up gives the same file as one that was never stopped, planes and
 # all; intervals; other jobs' checkpoints.
 trace() { # out options...

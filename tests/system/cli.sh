@@ -111,6 +111,15 @@ grep -q '"made_from": ""' "$temp/out" && fail "an entry does not tell what it wa
 expect 0 "$helio" bake "$knot" -o "$temp/tight" --cache-limit 1
 expect 6 "$helio" bake demo: -o "$temp/tight" --cache-limit 1 --textures-only
 grep -q -e '--cache-limit: the scene takes .* MiB and the folder may hold 1.0' "$temp/out" || fail "what is evicted again is not said"
+expect 3 "$helio" bake "$temp/gone.gltf" -o "$temp/gone"
+[ -e "$temp/gone" ] && fail "a folder was made for a scene that is not there"
+small=$temp/small # a disk of its own, where one may be made: its texture makes room for the mesh
+mkdir "$small"
+if mount -t tmpfs -o size=840k tmpfs "$small" 2>/dev/null; then
+    expect 6 "$helio" bake "$knot" -o "$small"
+    umount "$small"
+    grep -q -e '--output: [0-9]* of the scene.s packs and files are not there: its disk is full' "$temp/out" || fail "a full disk is not said"
+fi
 
 # One that may only be read has its entries all the same; one that is none is said, once.
 reader() { # the owner writes where root does not look at permissions
@@ -142,6 +151,8 @@ expect 1 "$helio" cache --cache-dir "$temp/baked" --verify
 expect 0 "$helio" cache --cache-dir "$temp/baked" --clear
 expect 0 "$helio" cache --cache-dir "$temp/baked"
 grep -q "^0 entries" "$temp/out" || fail "the cache is not clear"
+expect 2 "$helio" cache --cache-dir "$temp/nothing"
+mkdir "$temp/nothing"
 expect 0 "$helio" cache --cache-dir "$temp/nothing"
 expect 2 "$helio" cache --verify --clear
 

@@ -323,6 +323,13 @@ static void pixels_per_second_are_limited(void **state)
     for (int i = 0; i < 5; i++)
         await(&p, HGP_T_frame);
     assert_true(hg_clock_now_ns() - begin_ns > 400000000u); // not before the pixels are there
+    // A wait that is seen is told.
+    set_pixel_rate(&d, "max-pixel-rate = 64\n");
+    peer_send(&other, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 100});
+    await(&other, HGP_T_notice);
+    assert_int_equal(other.m.notice.code, HG_E_LIMIT);
+    assert_true(peer_says(&other, "more pixels than max-pixel-rate allows"));
+    assert_string_equal(other.limit, "max-pixel-rate");
     peer_close(&other);
     peer_close(&p);
     daemon_finish(&d);

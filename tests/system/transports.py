@@ -177,6 +177,39 @@ def slow_and_silent_clients_end(d):
     assert d.metric('heliod_refused_total{reason="handshake-timeout"}') >= 4
 
 
+def waiting_http_gives_way(d):
+    """Browsers keep connections for requests that may never come: with 8 slots for an address, and 6 of those
+    that open before some are dropped, 26 of them keep out nobody, and no session ends for them."""
+    session = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
+    assert [kind for kind, _ in session.hgp(2)] == [0x0102, 0x0104]
+    silent = Http(d.ports[0])
+    kept = []
+    for _ in range(26):
+        kept.append(Http(d.ports[0]))
+        assert kept[-1].get("/healthz")[0] == 200
+    assert read_all(kept[0].stream.s) == b"", "the one that waited longest has ended"
+    assert silent.get("/healthz")[0] == 200, "who has not been answered yet has not"
+    assert kept[-2].get("/healthz")[0] == 200, "the newest one has not"
+    is_served(d)
+    for limit in ("max-per-address", "max-handshakes"):
+        assert d.metric(f'heliod_refused_total{{reason="{limit}"}}') == 0, limit
+    session.send(frame(0x89, b"still there"))
+    assert session.next() == (10, b"still there")
+
+
+def log_says_whose(d):
+    """Who was refused, and whose session ended: a line says it without others."""
+    first = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
+    assert [kind for kind, _ in first.hgp(2)] == [0x0102, 0x0104]
+    second = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
+    assert 0x0105 in [kind for kind, _ in second.hgp(3)]
+    first.send(frame(0x88, struct.pack(">H", 1000)))
+    wait(lambda: "closed: the client" in d.read_log(), "the end of the session")
+    assert re.search(r"closing 127\.0\.0\.1 \(anna\): session: this token has 1 session open", d.read_log())
+    assert re.search(r"session \d+ \(anna\) of 127\.0\.0\.1 closed: the client", d.read_log())
+    assert len(re.findall(r"session \d+ [^ ]* ?of 127\.0\.0\.1 closed", d.read_log())) == 1, "of one that never opened"
+
+
 def proxies_say_for_whom(d):
     def header(source, family=0x11, command=0x21, extra=b""):
         if family == 0x11:
@@ -515,6 +548,18 @@ def main():
     try:
         slow_and_silent_clients_end(d)
         print("ok slow_and_silent_clients_end", flush=True)
+    finally:
+        d.stop()
+    d = Daemon(heliod, worker, *plain, "--max-per-address", "8", "--max-handshakes", "12")
+    try:
+        waiting_http_gives_way(d)
+        print("ok waiting_http_gives_way", flush=True)
+    finally:
+        d.stop()
+    d = Daemon(heliod, worker, *plain, "--max-sessions-per-token", "1")
+    try:
+        log_says_whose(d)
+        print("ok log_says_whose", flush=True)
     finally:
         d.stop()
     d = Daemon(heliod, worker, *plain, "--proxy-from", "127.0.0.0/8")

@@ -154,6 +154,10 @@ struct helio_message {
 HELIO_API enum hg_status helio_next(
     struct helio *h, struct helio_message **out, struct hg_error *err) HG_MUST_CHECK;
 HELIO_API void helio_message_free(struct helio_message *message); // accepts NULL
+// What a message of type HGP_T_error says, with the limit that was reached and when to ask again
+// (struct hg_error): for those that helio_next gives. Returns its status; HG_OK: of another type.
+HELIO_API enum hg_status helio_message_error(
+    const struct helio *h, const struct helio_message *message, struct hg_error *err);
 
 // Says that a frame of a subscription has come (`frame`: of type HGP_T_frame, with request 0), and
 // when, and gives credit for one more: for views with `names`. The daemon then keeps as many frames

@@ -239,6 +239,7 @@ PROTOTYPES: Dict[str, Tuple[Any, List[Any]]] = {
     "helio_send": (c_int, [_H, c_int, c_void_p, POINTER(c_uint32), _ERR]),
     "helio_next": (c_int, [_H, _MESSAGE, _ERR]),
     "helio_message_free": (None, [POINTER(Message)]),
+    "helio_message_error": (c_int, [_H, POINTER(Message), _ERR]),
     "helio_taken": (c_int, [_H, POINTER(Message), _ERR]),
     "helio_set_handlers": (None, [_H, POINTER(Handlers)]),
     "helio_set_tap": (None, [_H, POINTER(Tap)]),

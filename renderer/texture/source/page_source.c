@@ -635,6 +635,9 @@ enum hg_status hg_page_source_bake(
         if (image->backing->kind == HG_PAGES_IN_PACK) {
             out->pages = image->layout.pages;
             out->pack_bytes = hg_store_entry_bytes(image->backing->pack.entry);
+            status = hg_page_pack_key(&image->chain, &out->key);
+            if (status != HG_OK)
+                hg_error_set(err, status, source->origin->label, NULL, "no memory");
         }
     }
     pthread_mutex_unlock(&s->lock);

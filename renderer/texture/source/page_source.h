@@ -121,6 +121,7 @@ struct hg_page_bake {
     uint64_t pages;      // in the pack
     uint64_t pack_bytes; // 0: read in place or made on demand, nothing to bake
     uint64_t bake_ns;    // 0: the pack was there
+    struct hg_store_key key; // of the pack
 };
 // Blocks until the pack is written. HG_E_STATE (no store), statuses of store.h and image.h.
 enum hg_status hg_page_source_bake(

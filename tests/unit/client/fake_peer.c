@@ -20,6 +20,10 @@
 //   tickets=1           one join ticket is listed
 //   quiet=1             do not warn when an asset is loaded
 //   large=1             send frames of 8 KiB
+//   paced=N             refuse the first N frames: pixels of this second are taken
+//   drain=MS            say before the first frame that the daemon stops after that time; the frame
+//                       comes when a checkpoint was asked for, and no other one does
+//   folder=PATH         make this folder when animations are posed
 //   lost=N              warn with the N-th frame
 //   job=N               what frames are made from: the first byte of its hash; default 1
 //   parts=1|gap         send frames in parts of 3 bytes, begun twice; gap: one of them is left out
@@ -31,6 +35,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -119,6 +124,44 @@ static void split_frame(const struct hgp_header *h, struct hgp_frame *frame, boo
     }
     frame->has_size = true;
     frame->size = all.size;
+}
+
+static struct { // the frame that waits
+    bool is_set;
+    struct hgp_header header;
+    struct hgp_frame_request request;
+} held;
+
+static bool hold_for_drain(const struct hgp_header *h, const struct hgp_frame_request *request)
+{
+    static int frames;
+    const struct hgp_header nobody = {.channel = h->channel};
+    if (!word("drain"))
+        return false;
+    if (frames++ > 0)
+        return true;
+    answer(&nobody, HGP_T_drain,
+        &(struct hgp_drain){
+            .deadline_ms = (uint32_t)atoi(word("drain")), .reason = hgp_str_make("new disks")});
+    answer(&nobody, HGP_T_message,
+        &(struct hgp_message){.from = hgp_str_make("ann"), .text = hgp_str_make("at noon")});
+    held.is_set = true;
+    held.header = *h;
+    held.request = *request;
+    return true;
+}
+
+static bool refuse_paced(const struct hgp_header *h)
+{
+    static int refused;
+    if (!word("paced") || refused++ >= atoi(word("paced")))
+        return false;
+    answer(h, HGP_T_limited,
+        &(struct hgp_limited){
+            .request = h->request, .limit = hgp_str_make("max-pixel-rate"), .retry_after_ms = 20});
+    answer(h, HGP_T_error,
+        &(struct hgp_error){.code = HG_E_LIMIT, .reason = hgp_str_make("pixels are taken")});
+    return true;
 }
 
 static void send_frame(const struct hgp_header *h, const struct hgp_frame_request *request)
@@ -351,13 +394,14 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
                 .uses = m->join_make.has_uses ? m->join_make.uses : 1,
                 .valid_s = m->join_make.has_valid_s ? m->join_make.valid_s : 3600});
         break;
-    case HGP_T_bake:
-        answer(h, HGP_T_json,
-            &(struct hgp_json){
-                .text = hgp_str_make(word("unbaked") ? "{\"textures\":{\"failures\":[{\"what\":"
-                                                       "\"a.png\",\"reason\":\"broken\"}]}}"
-                                                     : "{\"textures\":{\"packs\":2}}")});
+    case HGP_T_bake: {
+        const char *report = word("unbaked")  ? "{\"textures\":{\"failures\":[{\"what\":\"a.png\","
+                                                "\"reason\":\"broken\"}]}}"
+                             : word("absent") ? "{\"cache\":{\"absent\":2}}"
+                                              : "{\"textures\":{\"packs\":2}}";
+        answer(h, HGP_T_json, &(struct hgp_json){.text = hgp_str_make(report)});
         break;
+    }
     case HGP_T_compare:
         send_compared(h, &m->compare);
         break;
@@ -373,6 +417,9 @@ static void answer_query(const struct hgp_header *h, const union hgp_any *m)
         break;
     case HGP_T_checkpoint_query:
         send_checkpoint(h);
+        if (held.is_set)
+            send_frame(&held.header, &held.request);
+        held.is_set = false;
         break;
     default:
         answer(h, HGP_T_ok, &(struct hgp_ok){.revision = 1});
@@ -408,6 +455,8 @@ static void check_token(const struct hgp_header *h, const struct hgp_auth *auth)
 
 static void respond(const struct hgp_header *h, const union hgp_any *m)
 {
+    if (h->type == HGP_T_animation_set && word("folder"))
+        mkdir(word("folder"), 0777);
     switch ((enum hgp_type)h->type) {
     case HGP_T_hello:
         greet(h);
@@ -428,7 +477,8 @@ static void respond(const struct hgp_header *h, const union hgp_any *m)
         send_nodes(h);
         return;
     case HGP_T_frame_request:
-        send_frame(h, &m->frame_request);
+        if (!refuse_paced(h) && !hold_for_drain(h, &m->frame_request))
+            send_frame(h, &m->frame_request);
         return;
     case HGP_T_upload_query:
         send_have(h, &m->upload_query);

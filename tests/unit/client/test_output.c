@@ -109,6 +109,34 @@ static void test_other_commands(void **state)
     expect_file("x", "frame 1 as EXR_HALF");
 }
 
+// A mistyped folder is not an empty cache; one that nothing used yet is.
+static void test_cache_folder(void **state)
+{
+    (void)state;
+    expect_run(2, "--cache-dir: typo: there is no such folder", "entries",
+        "$HELIO cache --cache-dir typo");
+    expect_run(2, "--cache-dir: s.gltf is no folder", "entries",
+        "$HELIO cache --cache-dir s.gltf --clear");
+    expect_run(0, "fresh/store is missing: nothing was cached here yet", NULL,
+        "mkdir fresh; $HELIO cache --cache-dir fresh");
+    assert_non_null(strstr(h.output, "0 entries"));
+    expect_run(0, "0 entries", NULL, "XDG_CACHE_HOME=$PWD/none $HELIO cache");
+}
+
+// A folder in a frame's place is there the next time, too: nothing is rendered, and no queue tries
+// again. Neither when it comes in the middle.
+static void test_folder_in_series(void **state)
+{
+    (void)state;
+    expect_run(2, "fo-3.png: is a folder", "written",
+        "mkdir fo-3.png; $HELIO render s.gltf -o fo-#.png --frames 1-4; code=$?; "
+        "test ! -e fo-1.png && exit $code");
+    expect_run(2, "fm-2.png: is a folder\nhelio: 1 frame is written", NULL,
+        "FAKE=folder=fm-2.png $HELIO render s.gltf -o fm-#.png --frames 1-2");
+    expect_run(2, "fs-2.png: is a folder\nhelio: 1 frame is written", NULL,
+        "FAKE=folder=fs-2.png $HELIO render s.gltf -o fs-#.png --frames 1-2 --skip-existing");
+}
+
 // ulimit -f 1: files of 512 or 1024 bytes. The signal of that limit is not the end.
 static void test_file_size_limit(void **state)
 {
@@ -264,6 +292,8 @@ int main(void)
         cmocka_unit_test(test_standard_output),
         cmocka_unit_test(test_pipes_and_links),
         cmocka_unit_test(test_other_commands),
+        cmocka_unit_test(test_cache_folder),
+        cmocka_unit_test(test_folder_in_series),
         cmocka_unit_test(test_file_size_limit),
         cmocka_unit_test(test_summary),
         cmocka_unit_test(test_warnings),
