@@ -8,6 +8,7 @@
 #include "base/clock.h"
 #include "renderer/frame/frame.h"
 #include "renderer/frame/gi_view.h"
+#include "renderer/frame/glass_region.h"
 #include "renderer/frame/path_view.h"
 #include "renderer/gi/gather.h"
 #include "shaders/shared/features.h"
@@ -25,6 +26,7 @@
 #define MOST_BOUNCE  6    // of paths that do not find the field,
 #define GLASS_BOUNCE 16   // and of those by way of glass, which pass both its sides
 #define COLOR        0u   // enum hg_plane of renderer.h
+#define TEXEL_BYTES  16u  // of its four floats
 #define REACH        0.5f // spacings of the finest grid of probes there
 
 struct hg_gather_key hg_gather_view_key(const struct hg_view_state *view)
@@ -130,6 +132,8 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
         .max_bounces = glass ? GLASS_BOUNCE : MOST_BOUNCE,
         .denoise = !glass, // the film has what the denoiser is guided by
         .frame_s = s->path.frame_s};
+    if (glass)
+        request.region = hg_glass_region(view);
     return request;
 }
 
@@ -245,14 +249,24 @@ static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *er
 {
     const struct hg_view_settings *s = &view->settings;
     const struct hg_gpu_region all = {.width = s->width, .height = s->height};
+    const struct hg_picture_region part = hg_glass_region(view);
     struct hg_gpu_image *image = &view->gi.gather.glass;
     struct hg_refbuf *colors = NULL;
-    enum hg_status status = hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err);
+    float *whole = hg_calloc((size_t)s->width * s->height, TEXEL_BYTES);
+    enum hg_status status =
+        whole != NULL
+            ? hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err)
+            : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    for (uint32_t y = 0; y < part.height && status == HG_OK; y++)
+        memcpy(whole + 4 * ((size_t)(part.y + y) * s->width + part.x),
+            colors->data + (size_t)y * part.width * TEXEL_BYTES,
+            (size_t)part.width * TEXEL_BYTES);
     if (status == HG_OK)
         status = make_image(
             view, image, s->height, VK_FORMAT_R32G32B32A32_SFLOAT, "light by way of glass", err);
     if (status == HG_OK)
-        status = hg_gpu_image_upload(view->context->gpu, image, &all, colors->data, 0, err);
+        status = hg_gpu_image_upload(view->context->gpu, image, &all, whole, 0, err);
+    hg_free(whole);
     hg_refbuf_unref(colors);
     hg_path_destroy(view->gi.gather.path);
     view->gi.gather.path = NULL;
@@ -262,7 +276,8 @@ static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *er
 static enum hg_status take(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_view_gather *g = &view->gi.gather;
-    const bool transmits = (view->scene_gpu->features & HG_FEATURE_TRANSMISSION) != 0;
+    const bool transmits = (view->scene_gpu->features & HG_FEATURE_TRANSMISSION) != 0 &&
+                           hg_glass_region(view).width > 0;
     const enum hg_status status = g->lit ? take_glass(view, err) : filter(view, err);
     if (status != HG_OK)
         return status;

@@ -133,6 +133,15 @@ bool hg_geometry_bounds(const struct hg_geometry *g, float min[3], float max[3])
     return some;
 }
 
+bool hg_geometry_transmits(const struct hg_geometry *g, uint32_t draw, struct hg_box *box)
+{
+    const struct hg_material *m = draw < g->draw_count ? g->draws[draw].material : NULL;
+    if (m == NULL || m->unlit || !(m->transmission > 0))
+        return false;
+    *box = g->draws[draw].bounds;
+    return true;
+}
+
 bool hg_geometry_one_shape(const struct hg_geometry *g)
 {
     return g->one_shape;
