@@ -15,6 +15,7 @@
 #define QUIET                                                                                      \
     0.01f // share of its light that a pixel's deviation is no more visible from; noisier
           // ones go on to the widest step of few samples
+#define QUIET_SAMPLES 16u // and with more samples, as pictures then are so small that pixels differ
 #define BLIND        2  // iterations that do not look at light: that of few samples is noise
 #define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
 #define LAMPLIT_STEP  2  // of those of lamps
@@ -503,7 +504,8 @@ static void filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, 
 static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
 {
     const size_t height = w->in.height;
-    const uint32_t widest = widest_step(&w->in), noisy = part_of_height(&w->in, FINEST);
+    const uint32_t widest = widest_step(&w->in);
+    const uint32_t noisy = w->in.samples > QUIET_SAMPLES ? widest : part_of_height(&w->in, FINEST);
     w->widest = widest;
     hg_jobs_for(jobs, height, prepare_row, w);
     for (int kind = 0; kind < LAMPLIT; kind++) {
