@@ -254,13 +254,11 @@ static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *er
     struct hg_refbuf *colors = NULL;
     float *whole = hg_calloc((size_t)s->width * s->height, TEXEL_BYTES);
     enum hg_status status =
-        whole != NULL
-            ? hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err)
-            : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+        whole != NULL ? hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err)
+                      : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     for (uint32_t y = 0; y < part.height && status == HG_OK; y++)
         memcpy(whole + 4 * ((size_t)(part.y + y) * s->width + part.x),
-            colors->data + (size_t)y * part.width * TEXEL_BYTES,
-            (size_t)part.width * TEXEL_BYTES);
+            colors->data + (size_t)y * part.width * TEXEL_BYTES, (size_t)part.width * TEXEL_BYTES);
     if (status == HG_OK)
         status = make_image(
             view, image, s->height, VK_FORMAT_R32G32B32A32_SFLOAT, "light by way of glass", err);

@@ -91,8 +91,7 @@ bool hg_geometry_moved_casters(const struct hg_geometry *geometry, uint64_t sinc
 // Grows with every change a picture could show (materials too).
 uint64_t hg_geometry_revision(const struct hg_geometry *geometry);
 // Box of a draw whose material transmits, relative to the origin; false: it does not.
-bool hg_geometry_transmits(
-    const struct hg_geometry *geometry, uint32_t draw, struct hg_box *box);
+bool hg_geometry_transmits(const struct hg_geometry *geometry, uint32_t draw, struct hg_box *box);
 // True when the textures of each material agree in size (one address serves them all).
 bool hg_geometry_one_shape(const struct hg_geometry *geometry);
 // World bounds of everything drawn, relative to the origin. False when there is nothing.

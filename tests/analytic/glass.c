@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "renderer/internal.h"
+#include "renderer/frame/glass_region.h"
 #include "tests/analytic/gi_rig.h"
 
 enum { COLUMNS = 8, ROWS = 6, MOVES = 8 };
@@ -268,6 +269,42 @@ static void test_counters(void **state)
     hg_view_destroy(view);
 }
 
+// Paths go where glass may be seen: nowhere behind the camera, everywhere about a camera within it.
+static void test_region(void **state)
+{
+    struct rig *rig = *state;
+    static const float eyes[4][2][3] = {{{0, 1.5f, 2.8f}, {0, 1.4f, -3}},
+        {{0, 1.5f, 2.8f}, {-2, 1.4f, 3}}, {{0, 1.5f, 2.8f}, {0, 1.4f, 3}},
+        {{0, 1.4f, -0.4f}, {0, 1.4f, -3}}};
+    hall(rig);
+    rig_sphere(rig, glass(rig, 0.4f), (const float[3]){0, 1.4f, -0.4f}, 0.2f, 24);
+    struct hg_view *view = gi_open_view(
+        rig, &(struct gi_shot){.target = {0, 1.4f, -3}, .gi = HG_GI_RAYS, .samples = 2});
+    for (int i = 0; i < 4; i++) {
+        struct hg_error err = {0};
+        struct hg_frame_info info;
+        struct hg_view_camera camera = {.vfov_rad = 1.1f};
+        for (int a = 0; a < 3; a++) {
+            camera.eye[a] = (double)eyes[i][0][a];
+            camera.target[a] = (double)eyes[i][1][a];
+        }
+        test_ok(hg_view_set_camera(view, &camera, &err), &err);
+        test_ok(hg_view_step(view, 1, &info, &err), &err);
+        const struct hg_picture_region r = hg_glass_region(&view->state);
+        print_message("glass in %u x %u px\n", r.width, r.height);
+        if (i == 0) {
+            assert_true(r.x <= GI_WIDTH / 2 - 3 && r.x + r.width >= GI_WIDTH / 2 + 3);
+            assert_true(r.y <= GI_HEIGHT / 2 - 3 && r.y + r.height >= GI_HEIGHT / 2 + 3);
+            assert_true(r.width * r.height < GI_WIDTH * GI_HEIGHT / 16);
+        }
+        if (i == 1 || i == 2)
+            assert_int_equal(r.width * r.height, 0);
+        if (i == 3)
+            assert_int_equal(r.width * r.height, GI_WIDTH * GI_HEIGHT);
+    }
+    hg_view_destroy(view);
+}
+
 int main(int argc, char **argv) // argv[1]: only tests of this name
 {
     const struct CMUnitTest tests[] = {
@@ -275,6 +312,7 @@ int main(int argc, char **argv) // argv[1]: only tests of this name
         cmocka_unit_test(test_furnace),
         cmocka_unit_test(test_lampshade),
         cmocka_unit_test(test_counters),
+        cmocka_unit_test(test_region),
     };
     if (argc > 1)
         cmocka_set_test_filter(argv[1]);
