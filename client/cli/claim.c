@@ -133,7 +133,7 @@ static bool is_at(const char *path, int fd)
            named.st_dev == open_file.st_dev && named.st_ino == open_file.st_ino;
 }
 
-// The name is read anew, as other machines see it.
+// Reopens the file, so that a network file system shows what other machines wrote.
 static bool is_ours(const struct hg_cli_claims *c)
 {
     char text[HG_CLI_CLAIM_OWNER_BYTES];

@@ -107,9 +107,8 @@ export class Opening {
         return new Set(assets.length || !total ? assets.map((a) => a.number) : ["nodes"]);
     }
 
-    // The scene was listed. Where somebody else has opened something in place of all that the camera was
-    // chosen for, it is chosen anew, but for one that others move and for that of the link into an
-    // empty scene.
+    // The scene was listed. When another client has replaced everything that the camera was framed on, it is
+    // framed again, except when others move it, or it is that of a link into an empty scene.
     async followScene() {
         const { app, framed } = this;
         const now = this.contents();

@@ -46,7 +46,7 @@ export class People {
         this.draw();
     }
 
-    // Nobody else who is there may change the scene; false where that is not known.
+    // No other connected client may edit the scene; false where that is not known.
     isOnlyEditor() {
         return this.app.connection.call("scene_watch", { participants: true }).then(() =>
             this.sessions.every((s) => s.session === this.self || s.role === "VIEW" || s.away), () => false);
@@ -100,7 +100,7 @@ export class People {
         this.draw();
     }
 
-    // Its holder is told who asks for it.
+    // The holder is notified of new requests.
     tellAsked(before, now) {
         for (const { session } of this.isHolder ? now : [])
             if (!before.some((w) => w.session === session))

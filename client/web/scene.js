@@ -14,7 +14,7 @@ export class Scene extends EventTarget {
     constructor(connection) {
         super();
         this.connection = connection;
-        this.due_ms = Infinity; // when what is listed is asked for anew
+        this.due_ms = Infinity; // when the list is requested again
         this.clear();
     }
 

@@ -5,14 +5,13 @@
 
 #include "renderer/math/box.h"
 
-#define MARGIN 1.0f  // px around what boxes are seen in
-#define NEAR   1e-4f // of a corner's clip coordinate w: it is not in front of the camera
+#define MARGIN 1.0f // px around what boxes are seen in
 
 struct rectangle {
     float left, top, right, bottom; // px; empty: left > right
 };
 
-// Where a corner is seen; false: nowhere.
+// Where a corner is seen; false: nowhere, as it is not in front of the camera.
 static bool project(
     const struct hg_gpu_camera *c, const float size[2], const float p[3], float out[2])
 {
@@ -22,7 +21,7 @@ static bool project(
         const float clip = m[a] * p[0] + m[4 + a] * p[1] + m[8 + a] * p[2] + m[12 + a];
         out[a] = (clip / w * 0.5f + 0.5f) * size[a];
     }
-    return w > NEAR;
+    return w > 0;
 }
 
 static void add_box(struct rectangle *r, const struct hg_gpu_camera *camera, const float size[2],

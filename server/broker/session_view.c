@@ -200,7 +200,8 @@ void hg_session_view_count(
     hg_pixel_take(&s->table->pixels, s->pace.account, pixels);
 }
 
-// Tells of a wait that is seen, now and then: the picture stands still, and nobody else says why.
+// Notifies the client of a wait that users notice, at most once in TELL_AGAIN_S: the worker does
+// not know of it.
 static void tell_wait(struct hg_session *s, uint64_t wait_ns, const char *limit)
 {
     const uint64_t now_ns = s->table->loop->now_ns;

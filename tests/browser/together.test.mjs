@@ -75,7 +75,7 @@ test("who may only look is not offered to open files", async () => {
     assert.deepEqual([await offered(host), await offered(guest)], [true, false]);
 });
 
-test("who has the shared camera is told who asks for it, and gives it", async () => {
+test("the holder of the shared camera is notified of a request, and hands it over", async () => {
     const press = (page, label) => page.evaluate((text) => [...document.querySelectorAll("button")]
         .find((b) => b.textContent === text).click(), label);
     const text = (page) => page.$eval("#panel-people", (p) => p.textContent);

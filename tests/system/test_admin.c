@@ -323,7 +323,7 @@ static void pixels_per_second_are_limited(void **state)
     for (int i = 0; i < 5; i++)
         await(&p, HGP_T_frame);
     assert_true(hg_clock_now_ns() - begin_ns > 400000000u); // not before the pixels are there
-    // A wait that is seen is told.
+    // The client is notified of a wait that users notice.
     set_pixel_rate(&d, "max-pixel-rate = 64\n");
     peer_send(&other, HGP_T_subscribe, &(struct hgp_subscribe){.view = 1, .credit_frames = 100});
     await(&other, HGP_T_notice);
