@@ -18,6 +18,7 @@ static struct hg_refbuf *create(size_t size, bool spilled)
         return NULL;
     atomic_init(&buf->refs, 1);
     buf->size = size;
+    buf->data = (uint8_t *)(buf + 1);
     return buf;
 }
 
@@ -29,6 +30,21 @@ struct hg_refbuf *hg_refbuf_create(size_t size)
 struct hg_refbuf *hg_refbuf_create_spilled(size_t size)
 {
     return create(size, true);
+}
+
+struct hg_refbuf *hg_refbuf_wrap(void *data, size_t size)
+{
+    struct hg_refbuf *buf = create(0, false);
+    if (!buf)
+        return NULL;
+    buf->size = size;
+    buf->data = data;
+    return buf;
+}
+
+bool hg_refbuf_is_shared(const struct hg_refbuf *buf)
+{
+    return atomic_load_explicit(&buf->refs, memory_order_acquire) > 1;
 }
 
 struct hg_refbuf *hg_refbuf_ref(struct hg_refbuf *buf)

@@ -248,13 +248,25 @@ enum hg_status hg_view_step(
     return HG_OK;
 }
 
-enum hg_status hg_view_read_pixels(
-    struct hg_view *view, enum hg_pixel_format format, struct hg_refbuf **out, struct hg_error *err)
+static enum hg_status take_pixels(struct hg_view *view, enum hg_pixel_format format, bool lends,
+    struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
     if ((unsigned)format > HG_PIXEL_RGBA32F)
         return hg_renderer_out_of_range(err, "pixels", "format");
-    return hg_view_state_read(&view->state, (uint32_t)format, out, err);
+    return hg_view_state_read(&view->state, (uint32_t)format, lends, out, err);
+}
+
+enum hg_status hg_view_read_pixels(
+    struct hg_view *view, enum hg_pixel_format format, struct hg_refbuf **out, struct hg_error *err)
+{
+    return take_pixels(view, format, false, out, err);
+}
+
+enum hg_status hg_view_lend_pixels(
+    struct hg_view *view, enum hg_pixel_format format, struct hg_refbuf **out, struct hg_error *err)
+{
+    return take_pixels(view, format, true, out, err);
 }
 
 enum hg_status hg_view_save(struct hg_view *view, struct hg_refbuf **out, struct hg_error *err)

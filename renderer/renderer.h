@@ -347,6 +347,10 @@ enum hg_status hg_view_step(struct hg_view *view, uint32_t max_samples, struct h
 // RGBA16: as RGBA8 with 16 bits. Renders nothing. HG_E_STATE: hg_view_has_pixels says no.
 enum hg_status hg_view_read_pixels(struct hg_view *view, enum hg_pixel_format format,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
+// The same where the device wrote them, for the whole picture without a label: not a copy, which
+// further steps leave alone. To be released, on any thread, before the renderer is destroyed.
+enum hg_status hg_view_lend_pixels(struct hg_view *view, enum hg_pixel_format format,
+    struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 
 // False before the first step, and for a picture in motion in formats that were not requested
 // (hg_view_set_formats).

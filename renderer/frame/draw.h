@@ -11,6 +11,7 @@
 #include "renderer/frame/history.h"
 #include "renderer/frame/phase.h"
 #include "renderer/frame/targets.h"
+#include "renderer/gpu/readback.h"
 #include "renderer/light/lighting.h"
 #include "renderer/passes/blend.h"
 #include "renderer/passes/unlit_tiles.h"
@@ -113,7 +114,7 @@ void hg_view_stats_add_device(struct hg_view_stats *stats, const struct hg_gpu *
 
 struct hg_view_buffers {
     struct hg_gpu_buffer blocks;   // frame blocks of the samples of a batch
-    struct hg_gpu_buffer readback; // pixels
+    struct hg_gpu_readback readback; // pixels
     struct hg_gpu_buffer pick;     // struct hg_gpu_pick of each pixel that is looked at
     struct hg_gpu_buffer motion;   // depth; visibility (temporal_view.h)
     struct hg_culling *pick_culling; // of what one pixel shows

@@ -612,7 +612,7 @@ static enum hg_status record_copy(const struct hg_graph_run *run, void *user, st
     struct hg_gpu_image *shown = hg_graph_run_image(run, r->shown);
     const struct hg_gpu_region all = {.width = shown->width, .height = shown->height};
     (void)err;
-    hg_gpu_image_read(run->cmd, shown, &all, &r->draw->buffers->readback, 0);
+    hg_gpu_image_read(run->cmd, shown, &all, &r->draw->buffers->readback.buffer, 0);
     return HG_OK;
 }
 

@@ -268,7 +268,7 @@ void hg_reflect_view_show(struct hg_view_state *view, const struct hg_draw *draw
         [HG_REFLECT_LATE] = {224, 32, 32, 255}};
     const struct hg_view_settings *s = &view->settings;
     const VkExtent2D size = hg_draw_size(draw->request), texels = texels_of(draw);
-    uint8_t *pixels = view->buffers.readback.mapped;
+    uint8_t *pixels = view->buffers.readback.buffer.mapped;
     for (uint32_t y = 0; y < s->height && hg_reflect_view_is_on(draw); y++)
         for (uint32_t x = 0; x < s->width; x++, pixels += 4) {
             const uint32_t column = x * size.width / s->width / HG_PROBE_LIGHT_PX;

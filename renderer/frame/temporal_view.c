@@ -350,7 +350,7 @@ static void fill_picture(struct hg_view_state *view, const struct hg_draw *draw,
     *out = (struct hg_temporal_picture){.width = now.width,
         .height = now.height,
         .jitter_px = {now.jitter_px[0], now.jitter_px[1]},
-        .rgba = view->buffers.readback.mapped,
+        .rgba = view->buffers.readback.buffer.mapped,
         .checkerboard = hg_draw_is(draw, HG_DRAW_CHECKERBOARD),
         .first = draw->request->moment & 1,
         .depth = (const float *)(const void *)back,
@@ -444,9 +444,9 @@ enum hg_status hg_temporal_view_resolve(
         status = resolve(view, draw, t->pixels, err);
     if (status == HG_OK && sharpen > 0.0f)
         hg_temporal_sharpen(
-            view->context->jobs, t->pixels, size, sharpen, view->buffers.readback.mapped);
+            view->context->jobs, t->pixels, size, sharpen, view->buffers.readback.buffer.mapped);
     else if (status == HG_OK)
-        memcpy(view->buffers.readback.mapped, t->pixels, 4 * (size_t)size[0] * size[1]);
+        memcpy(view->buffers.readback.buffer.mapped, t->pixels, 4 * (size_t)size[0] * size[1]);
     if (status == HG_OK && hg_motion_table_note(&t->places, view->scene_gpu->geometry) != HG_OK)
         status = no_memory(err);
     if (status == HG_OK)
@@ -467,7 +467,7 @@ void hg_temporal_view_show_pages(struct hg_view_state *view, const struct hg_dra
 {
     const struct hg_view_settings *s = &view->settings;
     const struct hg_shadow_depth depth = depth_of(draw);
-    uint8_t *pixels = view->buffers.readback.mapped;
+    uint8_t *pixels = view->buffers.readback.buffer.mapped;
     if (!hg_draw_is(draw, HG_DRAW_MOTION) || !hg_lighting_has_pages(view->lighting))
         return;
     for (uint32_t y = 0; y < s->height; y++)

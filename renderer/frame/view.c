@@ -39,7 +39,7 @@ static void destroy_extras(struct hg_view_state *view)
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.heads);
     hg_gpu_buffer_destroy(gpu, &view->blend.lists.nodes);
     view->blend.nodes = view->blend.strips = 0;
-    hg_gpu_buffer_destroy(gpu, &view->buffers.readback);
+    hg_gpu_readback_finish(gpu, &view->buffers.readback, &view->context->lent);
     hg_gpu_buffer_destroy(gpu, &view->buffers.motion);
     hg_temporal_view_finish(gpu, &view->motion.temporal);
     hg_view_forget_grid(view);

@@ -31,8 +31,9 @@ bool hg_view_state_has_planes(const struct hg_view_state *view);
 // Pixels of that format can be read: of a picture in motion those that were said in view->formats.
 bool hg_view_state_has_pixels(const struct hg_view_state *view, uint32_t format);
 // Copies or converts the result of the newest step; renders nothing. HG_E_STATE: see has_pixels.
-// format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel.
-enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format,
+// format index as in `pixels`; size in bytes of *out: width * height * bytes per pixel. lends:
+// where nothing has to be copied it is not (hg_view_lend_pixels).
+enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format, bool lends,
     struct hg_refbuf **out, struct hg_error *err) HG_MUST_CHECK;
 struct hg_gpu_pick;
 enum hg_status hg_view_state_pick(struct hg_view_state *view, uint32_t x, uint32_t y,

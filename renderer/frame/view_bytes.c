@@ -35,11 +35,11 @@ static uint64_t still_bytes(const struct hg_view_state *v)
     const struct hg_view_gather *g = &v->gi.gather;
     const struct hg_gpu_image *const images[] = {&a->fallback, &g->light, &g->glass};
     const struct hg_gpu_buffer *const buffers[] = {&a->progress, &a->progress_read,
-        &a->behind.progress, &g->blocks.buffer, &v->buffers.readback, &v->blend.lists.heads,
-        &v->blend.lists.nodes};
+        &a->behind.progress, &g->blocks.buffer, &v->blend.lists.heads, &v->blend.lists.nodes};
     return targets_bytes(&v->targets) + targets_bytes(&v->buffers.grid) +
            sum_images(images, sizeof images / sizeof *images) +
-           sum_buffers(buffers, sizeof buffers / sizeof *buffers);
+           sum_buffers(buffers, sizeof buffers / sizeof *buffers) +
+           hg_gpu_readback_bytes(&v->buffers.readback);
 }
 
 static uint64_t motion_bytes(const struct hg_view_state *v)

@@ -20,7 +20,7 @@ static const struct {
     {VK_FORMAT_R16G16B16A16_UNORM, 8, "pixels 16"},
     {VK_FORMAT_R32G32B32A32_SFLOAT, 16, "pixels 32"}};
 
-enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buffer *readback,
+enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_readback *readback,
     uint32_t format, struct hg_error *err)
 {
     struct hg_view_targets *t = draw->targets;
@@ -28,8 +28,9 @@ enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buf
     const uint64_t px = (uint64_t)s->width * s->height;
     const enum hg_status status = hg_draw_make_image(
         draw, formats[format].format, formats[format].name, &t->pixels[format], err);
-    return status == HG_OK ? hg_gpu_buffer_reserve(draw->context->gpu, HG_GPU_BUFFER_READBACK,
-                                 px * formats[format].bytes, "readback", readback, err)
+    hg_gpu_lent_sweep(draw->context->gpu, &draw->context->lent, false);
+    return status == HG_OK ? hg_gpu_readback_reserve(draw->context->gpu, readback,
+                                 px * formats[format].bytes, "readback", err)
                            : status;
 }
 
@@ -37,7 +38,7 @@ void hg_view_record_copy(const struct hg_draw *draw, struct hg_gpu_cmd *cmd)
 {
     struct hg_gpu_image *pixels = hg_draw_picture(draw);
     const struct hg_gpu_region all = {.width = pixels->width, .height = pixels->height};
-    hg_gpu_image_read(cmd, pixels, &all, &draw->buffers->readback, 0);
+    hg_gpu_image_read(cmd, pixels, &all, &draw->buffers->readback.buffer, 0);
 }
 
 // --- reading ------------------------------------------------------------------------------------
@@ -70,24 +71,32 @@ bool hg_view_state_has_pixels(const struct hg_view_state *view, uint32_t format)
     return (a->samples > 0 || a->has_fallback) && (a->phase != HG_VIEW_DIRECT || format == 0);
 }
 
-// The pixels of the region out of those of the whole picture.
-static enum hg_status copy_region(const struct hg_view_state *view, uint32_t pixel_bytes,
+static bool is_lent_whole(const struct hg_view_state *view)
+{
+    const struct hg_picture_region r = hg_view_region(&view->settings);
+    const struct hg_gpu_image *whole = &view->targets.accumulated;
+    return r.width == whole->width && r.height == whole->height && !hg_overlay_is_wanted(view);
+}
+
+// The pixels of the region out of those of the whole picture: lent, or a copy.
+static enum hg_status take_region(struct hg_view_state *view, uint32_t pixel_bytes, bool lends,
     struct hg_refbuf **out, struct hg_error *err)
 {
     const struct hg_picture_region r = hg_view_region(&view->settings);
-    const uint8_t *from = view->buffers.readback.mapped;
+    const uint8_t *from = view->buffers.readback.buffer.mapped;
     const size_t row_bytes = (size_t)r.width * pixel_bytes;
-    *out = hg_refbuf_create(row_bytes * r.height);
+    *out = lends ? hg_gpu_readback_lend(&view->buffers.readback, row_bytes * r.height)
+                 : hg_refbuf_create(row_bytes * r.height);
     if (*out == NULL)
         return hg_error_set(err, HG_E_NOMEM, "pixels", NULL, "out of host memory");
-    for (size_t y = 0; y < r.height; y++)
+    for (size_t y = 0; y < r.height && !lends; y++)
         memcpy((*out)->data + y * row_bytes,
             from + ((r.y + y) * view->targets.accumulated.width + r.x) * pixel_bytes, row_bytes);
     return HG_OK;
 }
 
-enum hg_status hg_view_state_read(
-    struct hg_view_state *view, uint32_t format, struct hg_refbuf **out, struct hg_error *err)
+enum hg_status hg_view_state_read(struct hg_view_state *view, uint32_t format, bool lends,
+    struct hg_refbuf **out, struct hg_error *err)
 {
     *out = NULL;
     if (!hg_view_state_has_pixels(view, 0))
@@ -102,7 +111,7 @@ enum hg_status hg_view_state_read(
         status = fetch_pixels(view, format, err);
     if (status != HG_OK)
         return status;
-    status = copy_region(view, formats[format].bytes, out, err);
+    status = take_region(view, formats[format].bytes, lends && is_lent_whole(view), out, err);
     if (status == HG_OK && hg_overlay_is_wanted(view))
         status = hg_overlay_apply(view, format, (*out)->data, err);
     if (status != HG_OK) {

@@ -6,7 +6,7 @@
 #include "renderer/frame/state.h"
 
 // The image of a format (as index into targets.pixels) and room for it in `readback`.
-enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_buffer *readback,
+enum hg_status hg_view_make_pixels(const struct hg_draw *draw, struct hg_gpu_readback *readback,
     uint32_t format, struct hg_error *err) HG_MUST_CHECK;
 // The picture in motion to the readback of the view.
 void hg_view_record_copy(const struct hg_draw *draw, struct hg_gpu_cmd *cmd);

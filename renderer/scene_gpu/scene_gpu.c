@@ -137,6 +137,8 @@ void hg_frame_context_finish(struct hg_frame_context *context)
     hg_page_cache_destroy(context->pages);
     context->pages = NULL;
     hg_sky_cache_finish(&context->sky);
+    if (context->gpu != NULL)
+        hg_gpu_lent_sweep(context->gpu, &context->lent, true);
 }
 
 static enum hg_status create(struct hg_frame_context *context, struct hg_scene *scene,

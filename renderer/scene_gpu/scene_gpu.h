@@ -10,6 +10,7 @@
 #include "renderer/irradiance/irradiance.h"
 #include "renderer/reflect/cache.h"
 #include "renderer/gpu/gpu.h"
+#include "renderer/gpu/readback.h"
 #include "renderer/light/env/sky_cache.h"
 #include "renderer/light/lighting.h"
 #include "renderer/scene/scene.h"
@@ -29,6 +30,7 @@ struct hg_frame_context {
     struct hg_page_cache *pages;    // of all scenes; made on first use
     struct hg_sky_cache sky;        // the last one drawn, for any of them
     struct hg_scene_gpu *scene_gpu; // list of all scenes in use
+    struct hg_gpu_lent *lent;       // pixels of views that are gone, which are still read
     uint32_t bake_from;             // as of struct hg_geometry_params
     struct hg_debug_overrides overrides;
 };

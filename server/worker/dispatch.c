@@ -7,6 +7,7 @@
 #include "server/worker/edit_load.h"
 #include "server/worker/edit_mesh.h"
 #include "server/worker/edit_object.h"
+#include "server/worker/encode_queue.h"
 #include "server/worker/query.h"
 #include "server/worker/session_messages.h"
 #include "server/worker/surface_query.h"
@@ -231,6 +232,8 @@ static void shut_down(struct render_state *s)
         if (c)
             hg_worker_free_command(s->w, c);
     }
+    hg_encode_queue_destroy(s->w->encoders); // they read pixels of the renderer
+    s->w->encoders = NULL;
     hg_render_state_finish(s);
 }
 

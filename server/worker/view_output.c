@@ -102,7 +102,7 @@ static enum hg_status fill_request(struct render_state *s, struct session *sessi
     struct view_slot *view, struct encode_request *request, struct hg_error *err)
 {
     const uint64_t start = hg_clock_now_ns();
-    enum hg_status status = hg_view_read_pixels(
+    enum hg_status status = hg_view_lend_pixels(
         view->view, format_of(s, request->frame.encoding), &request->pixels, err);
     if (status)
         return status;

@@ -482,6 +482,53 @@ static void test_pixels_in_motion(void **state)
     rig_close(&rig);
 }
 
+// Pixels are lent where the device wrote them: they stay what they are while further pictures are
+// drawn, and past their view; without readers the same memory is written again.
+static void test_pixels_are_lent(void **state)
+{
+    (void)state;
+    struct rig rig;
+    const float red[4] = {0.9f, 0.2f, 0.1f, 1};
+    const struct hg_view_params params = {.width = 61, .height = 47, .samples = 2};
+    rig_open(&rig, true);
+    struct hg_scene *scene = rig_new_scene();
+    rig_quad(scene, 1, 1, 0, red);
+    hg_scene_publish(scene);
+    rig_use_scene(&rig, scene, &params);
+    struct hg_refbuf *lent[3];
+    uint8_t *before = malloc((size_t)61 * 47 * 4);
+    assert_non_null(before);
+    const uint8_t *first = NULL;
+    for (int i = 0; i < 3; i++) {
+        struct hg_frame_info info;
+        rig_look_at_scene(&rig, 0.1f * (float)i);
+        test_ok(hg_view_step(rig.view, 1, &info, &rig.err), &rig.err);
+        struct hg_refbuf *again;
+        test_ok(hg_view_lend_pixels(rig.view, HG_PIXEL_RGBA8, &lent[i], &rig.err), &rig.err);
+        test_ok(hg_view_lend_pixels(rig.view, HG_PIXEL_RGBA8, &again, &rig.err), &rig.err);
+        assert_ptr_equal(again->data, lent[i]->data);
+        hg_refbuf_unref(again);
+        if (i == 0) {
+            first = lent[0]->data;
+            memcpy(before, first, lent[0]->size);
+        }
+        if (i == 1) { // nobody reads the first one any more
+            assert_ptr_not_equal(lent[1]->data, first);
+            assert_memory_equal(before, first, lent[0]->size);
+            assert_memory_not_equal(before, lent[1]->data, lent[1]->size);
+            memcpy(before, lent[1]->data, lent[1]->size);
+            hg_refbuf_unref(lent[0]);
+        }
+    }
+    assert_ptr_equal(lent[2]->data, first);
+    hg_refbuf_unref(lent[2]);
+    rig_close_scene(&rig);
+    assert_memory_equal(before, lent[1]->data, lent[1]->size);
+    hg_refbuf_unref(lent[1]);
+    free(before);
+    rig_close(&rig);
+}
+
 static void test_limits(void **state)
 {
     (void)state;
@@ -528,6 +575,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_thread_count_changes_nothing),
         cmocka_unit_test(test_settles_and_restarts),
         cmocka_unit_test(test_pixels_in_motion),
+        cmocka_unit_test(test_pixels_are_lent),
         cmocka_unit_test(test_limits),
     };
     return test_run_group(tests, NULL, NULL);
