@@ -44,7 +44,6 @@ struct hg_lighting {
     struct {
         struct hg_shadow_pages *table; // NULL until a picture has some
         uint32_t due;                  // maps of the plan behind `count`
-        uint64_t shape;                // revision of the shapes that they show
         bool pay;                      // the newest picture in motion gains by them
     } pages;
     struct {
@@ -121,10 +120,9 @@ static bool same_maps(const struct hg_shadow_plan *a, const struct hg_shadow_pla
     return same;
 }
 
-static enum hg_shadow_keeping keeping_of(
-    const struct hg_lighting *l, const struct hg_lighting_view *view)
+static enum hg_shadow_keeping keeping_of(const struct hg_lighting_view *view)
 {
-    if (l->plan.paged || view->keeps)
+    if (view->keeps)
         return HG_SHADOW_KEEPS;
     return view->moves || view->once ? HG_SHADOW_SHARES : HG_SHADOW_REFINES;
 }
@@ -133,7 +131,7 @@ static enum hg_shadow_keeping keeping_of(
 static enum hg_status place_maps(
     struct hg_lighting *l, const struct hg_lighting_view *view, bool many, struct hg_error *err)
 {
-    const struct hg_shadow_user user = {l, keeping_of(l, view), view, &l->plan};
+    const struct hg_shadow_user user = {l, keeping_of(view), view, &l->plan};
     struct hg_shadow_atlas *a, *was = l->atlas.in;
     const bool had = was && was->owner == l;
     l->atlas.in = NULL;
@@ -147,13 +145,12 @@ static enum hg_status place_maps(
         status = hg_shadow_plan_keep(&l->plan, &a->held, a->image.width);
     if (status)
         return hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan");
-    hg_shadow_atlas_plan(a, &user);
+    if (hg_shadow_atlas_plan(a, &user))
+        return hg_error_set(err, HG_E_NOMEM, "shadow maps", NULL, "no memory for what is held");
     l->atlas.in = a;
     l->atlas.lost = a != was || (view->keeps && !had);
     if (l->atlas.lost || a->revision != l->atlas.seen || !same_maps(&l->plan, &l->before))
         l->atlas.revision++;
-    if (l->pages.table && (l->atlas.lost || a->revision != l->atlas.seen))
-        hg_shadow_pages_forget(l->pages.table);
     l->atlas.seen = a->revision;
     return HG_OK;
 }
@@ -171,19 +168,11 @@ static enum hg_status sync_pages(
         return hg_error_set(err, HG_E_NOMEM, "shadow pages", NULL, "no memory for their table");
     if (!l->pages.table)
         return HG_OK;
-    const struct hg_shadow_map *pool = plan->paged ? &plan->maps[plan->pool] : NULL;
-    hg_shadow_pages_begin(
-        l->pages.table, pool ? &pool->gpu : NULL, pool ? &pool[1].gpu : NULL, view->camera);
-    const struct hg_box *moved = NULL;
-    uint32_t count = 0;
-    const bool same = l->pages.shape == view->shape_revision;
-    if (!same &&
-        (!view->moved_since || !view->moved_since(view->shapes, l->pages.shape, &moved, &count)))
-        hg_shadow_pages_forget(l->pages.table);
-    for (uint32_t k = 0; k < count && !same; k++)
-        hg_shadow_pages_touch(l->pages.table, &moved[k]);
-    l->pages.shape = view->shape_revision;
-    l->pages.due = pool ? hg_shadow_pages_plan(l->pages.table, plan->maps + plan->count) : 0;
+    struct hg_shadow_pool *pool = plan->paged ? l->atlas.in->pool : NULL;
+    if (pool)
+        hg_shadow_pool_begin(pool, &plan->maps[plan->pool].gpu, &plan->maps[plan->pool + 1].gpu);
+    hg_shadow_pages_begin(l->pages.table, pool, view->camera);
+    l->pages.due = hg_shadow_pages_plan(l->pages.table, plan->maps + plan->count);
     return HG_OK;
 }
 
@@ -272,8 +261,8 @@ bool hg_lighting_has_pages(const struct hg_lighting *l)
 
 void hg_lighting_forget_pages(struct hg_lighting *l)
 {
-    if (l->pages.table)
-        hg_shadow_pages_forget(l->pages.table);
+    if (l->atlas.in && l->atlas.in->pool)
+        hg_shadow_pool_forget(l->atlas.in->pool);
 }
 
 void hg_lighting_see(
@@ -464,13 +453,10 @@ static enum hg_status make_plan(
     struct hg_lighting *l, struct hg_lighting_view *view, struct hg_error *err)
 {
     const struct hg_shadow_plan before = l->before;
-    hg_shadow_atlases_note(atlases_of(l), l);
     l->before = l->plan;
     l->plan = before;
     if (view->paging == HG_PAGING_AUTO)
         view->paging = l->pages.pay ? HG_PAGING_ON : HG_PAGING_OFF;
-    if (!hg_shadow_atlases_have_room(atlases_of(l), l)) // pages are of one view
-        view->paging = HG_PAGING_OFF;
     const enum hg_status status =
         hg_shadow_plan_make(&l->plan, &l->set, view, l->params.shadow_atlas_px);
     return status ? hg_error_set(err, status, "shadow maps", NULL, "no memory for their plan")
@@ -514,8 +500,7 @@ enum hg_status hg_lighting_sync(
     struct hg_light_shared *shared = l->params.shared;
     const struct hg_env_maker maker = {l->gpu, l->jobs, l->params.store, shared->sky};
     bool has_sun;
-    if (l->pages.table) // what became of those that were due
-        hg_shadow_pages_drawn(l->pages.table, l->plan.maps + l->plan.count, l->pages.due);
+    hg_shadow_atlases_note(atlases_of(l), l); // before the plan changes, from which it is read
     l->pages.due = 0;
     enum hg_status status = sync_lights(l, &view, &has_sun, err);
     if (!status)

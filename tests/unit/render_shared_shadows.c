@@ -96,6 +96,39 @@ static void test_motion(void **state)
     close_views(views, VIEWS);
 }
 
+// Pages that one view has drawn are there for all: five views from about the same place draw as
+// many as one, in one atlas.
+static void test_pages(void **state)
+{
+    struct rig *rig = *state, views[VIEWS];
+    struct hg_view_params paged = params;
+    paged.shadow_maps = HG_SHADOW_MAPS_VIRTUAL;
+    paged.temporal = HG_TEMPORAL_AUTO;
+    uint32_t drawn[VIEWS] = {0};
+    open_views(views, rig->renderer, VIEWS);
+    for (uint32_t i = 0; i < VIEWS; i++) {
+        test_ok(hg_view_set_params(views[i].view, &paged, &views[i].err), &views[i].err);
+        hg_view_set_formats(views[i].view, 1u << HG_PIXEL_RGBA8);
+    }
+    struct hg_lighting_stats stats;
+    for (uint32_t i = 0; i < VIEWS; i++)
+        for (uint32_t step = 0; step < 12; step++) {
+            const struct hg_view_camera camera = {
+                .eye = {1e-4 * step, -4, 0.8}, .target = {1e-4 * step, 6, 0}, .vfov_rad = 1};
+            test_ok(hg_view_set_camera(views[i].view, &camera, &views[i].err), &views[i].err);
+            rig_step(&views[i], 1);
+            hg_lighting_stats(views[i].view->state.lighting, &stats);
+            drawn[i] += stats.pages.drawn;
+            assert_int_equal(atlases(&views[i]), 1);
+        }
+    print_message("%u pages asked for, %u drawn by the first view\n", stats.pages.asked, drawn[0]);
+    assert_true(stats.pages.asked > 2);
+    assert_int_equal(stats.pages.hits, stats.pages.asked);
+    for (uint32_t i = 1; i < VIEWS; i++)
+        assert_int_equal(drawn[i], 0);
+    close_views(views, VIEWS);
+}
+
 // Steps of all views in turn, the others while one of them moves, until all are settled.
 static void settle_all(struct rig *views)
 {
@@ -167,6 +200,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_motion),
+        cmocka_unit_test(test_pages),
         cmocka_unit_test(test_rest),
         cmocka_unit_test(test_closed),
     };

@@ -20,6 +20,7 @@ enum { WIDTH = 960, HEIGHT = 540, MOST_PICTURES = 64 };
 // A plane of 2 km across, seen from 2 m above it.
 struct ground {
     struct hg_shadow_pages *pages;
+    struct hg_shadow_pool *held;
     struct hg_shadow_map maps[HG_SHADOW_FRESH_PAGES];
     struct hg_gpu_shadow whole, pool;
     struct hg_gpu_camera camera;
@@ -51,6 +52,7 @@ static int open_ground(void **state)
 {
     struct ground *g = calloc(1, sizeof *g);
     g->pages = calloc(1, sizeof *g->pages);
+    g->held = calloc(1, sizeof *g->held);
     g->pool = (struct hg_gpu_shadow){.size_px = HG_SHADOW_POOL_SIDE_PX, .rect_px = {2048, 0}};
     // Light from straight above; 1 m a texel.
     g->whole = (struct hg_gpu_shadow){.origin_ws = {0, 100, 0},
@@ -71,18 +73,24 @@ static int close_ground(void **state)
 {
     struct ground *g = *state;
     free(g->pages);
+    free(g->held);
     free(g);
     return 0;
 }
 
-// A picture, whose maps are drawn.
+static void draw_maps(struct ground *g)
+{
+    for (uint32_t i = 0; i < g->fresh; i++)
+        g->maps[i].stale = false;
+}
+
+// A picture; the maps of the one before are drawn.
 static const struct hg_shadow_page_stats *draw(struct ground *g)
 {
     const struct hg_shadow_depth depth = {&g->depth[0][0], WIDTH, HEIGHT};
-    for (uint32_t i = 0; i < g->fresh; i++)
-        g->maps[i].stale = false;
-    hg_shadow_pages_drawn(g->pages, g->maps, g->fresh);
-    hg_shadow_pages_begin(g->pages, &g->pool, &g->whole, &g->camera);
+    draw_maps(g);
+    hg_shadow_pool_begin(g->held, &g->pool, &g->whole);
+    hg_shadow_pages_begin(g->pages, g->held, &g->camera);
     g->fresh = hg_shadow_pages_plan(g->pages, g->maps);
     hg_shadow_pages_see(g->pages, &g->camera, &depth);
     return &g->pages->stats;
@@ -182,7 +190,7 @@ static void test_maps(void **state)
     assert_int_equal(g->fresh, HG_SHADOW_FRESH_PAGES);
     for (uint32_t i = 0; i < g->fresh; i++) {
         const struct hg_shadow_map *m = &g->maps[i];
-        const struct hg_shadow_page *page = &g->pages->pages[g->pages->order[i]];
+        const struct hg_shadow_page *page = &g->held->pages[g->held->due.order[i]];
         const float side = HG_SHADOW_PAGE_INNER_PX * hg_shadow_page_texel(&g->whole, page->level);
         // The corner of the page is the inner corner of the map: x of clip space.
         const float x = (float)page->x * side + g->whole.origin_ws.x;
@@ -202,11 +210,11 @@ static void test_touched(void **state)
     struct ground *g = *state;
     rest(g);
     const struct hg_box box = {{-0.3f, 0, -4.2f}, {0.3f, 1, -3.8f}};
-    hg_shadow_pages_touch(g->pages, &box);
+    hg_shadow_pool_touch(g->held, &box);
     const struct hg_shadow_page_stats *s = draw(g);
     assert_true(s->drawn > 0 && s->drawn < s->asked / 4);
     for (uint32_t i = 0; i < g->fresh; i++) {
-        const struct hg_shadow_page *page = &g->pages->pages[g->pages->order[i]];
+        const struct hg_shadow_page *page = &g->held->pages[g->held->due.order[i]];
         const float side = HG_SHADOW_PAGE_INNER_PX * hg_shadow_page_texel(&g->whole, page->level);
         const float at[2] = {((float)page->x + 0.5f) * side, ((float)page->y + 0.5f) * side};
         assert_true(fabsf(at[0]) < 0.3f + 0.6f * side && fabsf(at[1] + 4) < 0.2f + 0.6f * side);
@@ -222,7 +230,7 @@ static void test_not_drawn(void **state)
     draw(g);
     const uint32_t held = g->pages->stats.held;
     assert_int_equal(held, HG_SHADOW_FRESH_PAGES);
-    hg_shadow_pages_drawn(g->pages, g->maps, g->fresh); // all are stale
+    hg_shadow_pool_note(g->held); // all are stale
     g->fresh = 0;
     const struct hg_shadow_page_stats *s = draw(g);
     assert_int_equal(s->hits, 0);
@@ -260,13 +268,60 @@ static void test_forgotten(void **state)
     const struct hg_shadow_page_stats *s = draw(g);
     assert_int_equal(s->hits, 0);
     rest(g);
-    hg_shadow_pages_begin(g->pages, NULL, NULL, &g->camera);
+    hg_shadow_pages_begin(g->pages, NULL, &g->camera);
     g->fresh = hg_shadow_pages_plan(g->pages, g->maps);
     assert_int_equal(g->fresh, 0);
     assert_int_equal(g->pages->stats.held, 0);
     const float p[3] = {0, 0, -4};
     struct hg_shadow_page_found f;
     assert_false(hg_shadow_pages_find(g->pages, p, 4, &f));
+}
+
+// Another view of the same pool, from about the same place, draws nothing of its own.
+static void test_shared(void **state)
+{
+    struct ground *g = *state, *other;
+    rest(g);
+    assert_int_equal(open_ground((void **)&other), 0);
+    struct hg_shadow_pool *const own = other->held;
+    other->held = g->held;
+    const uint32_t drawn = rest(other);
+    assert_int_equal(drawn, 0);
+    assert_true(other->pages->stats.asked > 20);
+    assert_int_equal(other->pages->stats.hits, other->pages->stats.asked);
+    look(other, 600, 2); // far away: what each holds stays
+    assert_true(rest(other) > 20);
+    assert_int_equal(rest(g), 0);
+    assert_int_equal(rest(other), 0);
+    other->held = own;
+    close_ground((void **)&other);
+}
+
+// Two views that want more than there is come to equal parts, which stay.
+static void test_parts(void **state)
+{
+    struct ground *g = *state, *other;
+    assert_int_equal(open_ground((void **)&other), 0);
+    struct hg_shadow_pool *const own = other->held;
+    other->held = g->held;
+    look(other, 600, 2);
+    g->pool.size_px = other->pool.size_px = 4 * HG_SHADOW_PAGE_PX;
+    uint32_t drawn = 0;
+    for (int i = 0; i < 24; i++) {
+        draw(g);
+        draw_maps(g);
+        draw(other);
+        draw_maps(other);
+        drawn += i >= 20 ? g->fresh + other->fresh : 0;
+    }
+    assert_true(g->pages->stats.asked > 16 && other->pages->stats.asked > 16);
+    print_message("%u and %u of 16 pages, %u drawn in the last pictures\n", g->pages->stats.hits,
+        other->pages->stats.hits, drawn);
+    assert_in_range(g->pages->stats.hits, 7, 9);
+    assert_in_range(other->pages->stats.hits, 7, 9);
+    assert_int_equal(drawn, 0);
+    other->held = own;
+    close_ground((void **)&other);
 }
 
 // Depth that is no number, and cameras far away, ask for nothing that does not exist.
@@ -282,7 +337,7 @@ static void test_hostile(void **state)
     const struct hg_box box = {{NAN, NAN, NAN}, {NAN, NAN, NAN}};
     look(g, 0, 0);
     rest(g);
-    hg_shadow_pages_touch(g->pages, &box); // it could be anywhere
+    hg_shadow_pool_touch(g->held, &box); // it could be anywhere
     assert_int_equal(draw(g)->hits, 0);
 }
 
@@ -292,6 +347,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {GROUND_TEST(test_resolution), GROUND_TEST(test_kept),
         GROUND_TEST(test_maps), GROUND_TEST(test_touched), GROUND_TEST(test_not_drawn),
-        GROUND_TEST(test_eviction), GROUND_TEST(test_forgotten), GROUND_TEST(test_hostile)};
+        GROUND_TEST(test_eviction), GROUND_TEST(test_forgotten), GROUND_TEST(test_shared),
+        GROUND_TEST(test_parts), GROUND_TEST(test_hostile)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -32,6 +32,7 @@ static void drop(struct hg_shadow_atlases *s, struct hg_shadow_atlas *a)
 {
     hg_gpu_image_destroy(s->gpu, &a->image);
     hg_shadow_plan_finish(&a->held);
+    hg_free(a->pool);
     *a = (struct hg_shadow_atlas){0};
 }
 
@@ -107,6 +108,8 @@ static bool is_pool(const struct hg_shadow_plan *plan, uint32_t map)
 static void note(struct hg_shadow_atlas *a)
 {
     struct hg_shadow_plan *plan = a->plan;
+    if (a->pool)
+        hg_shadow_pool_note(a->pool);
     for (uint32_t i = 0; plan && i < plan->count; i++) {
         struct hg_shadow_map *map = &plan->maps[i];
         const bool there = !map->stale || map->partly;
@@ -129,6 +132,24 @@ void hg_shadow_atlases_note(struct hg_shadow_atlases *s, const void *user)
             note(&s->items[i]);
 }
 
+// Where it lies in the atlas it holds what it held; else nothing.
+static enum hg_status keep_pool(
+    struct hg_shadow_atlas *a, const struct hg_shadow_user *user, const struct hg_shadow_map *pool)
+{
+    if (!a->pool)
+        a->pool = hg_calloc(1, sizeof *a->pool);
+    if (!a->pool)
+        return HG_E_NOMEM;
+    if (find(a, user->lighting, pool, false))
+        return HG_OK;
+    hg_shadow_pool_forget(a->pool);
+    drop_under(a, &pool->gpu);
+    if (hg_grow(&a->held.maps, &a->held.capacity, (size_t)a->held.count + 1, sizeof *a->held.maps))
+        return HG_E_NOMEM;
+    a->held.maps[a->held.count++] = *pool;
+    return HG_OK;
+}
+
 static bool is_empty(const struct hg_shadow_rect *r)
 {
     return r->x0 >= r->x1 || r->y0 >= r->y1;
@@ -144,8 +165,12 @@ static void age(struct hg_shadow_atlas *a, const struct hg_lighting_view *view)
         return;
     if (!view->moved_since || !view->moved_since(view->shapes, a->shape, &moved, &count))
         count = a->held.count = 0;
+    for (uint32_t k = 0; a->pool && k < count; k++)
+        hg_shadow_pool_touch(a->pool, &moved[k]);
     for (uint32_t i = 0; i < a->held.count; i++) {
         struct hg_shadow_map *map = &a->held.maps[i];
+        if (map->gpu.scale == 0) // the pool
+            continue;
         map->dirty = map->stale ? map->dirty : (struct hg_shadow_rect){0};
         for (uint32_t k = 0; k < count; k++)
             hg_shadow_map_touch(map, &moved[k]);
@@ -155,9 +180,10 @@ static void age(struct hg_shadow_atlas *a, const struct hg_lighting_view *view)
     a->shape = view->shape_revision;
 }
 
-void hg_shadow_atlas_plan(struct hg_shadow_atlas *a, const struct hg_shadow_user *user)
+enum hg_status hg_shadow_atlas_plan(struct hg_shadow_atlas *a, const struct hg_shadow_user *user)
 {
     struct hg_shadow_plan *plan = user->plan;
+    enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < plan->count; i++) {
         struct hg_shadow_map *map = &plan->maps[i];
         const struct hg_shadow_map *held =
@@ -168,11 +194,12 @@ void hg_shadow_atlas_plan(struct hg_shadow_atlas *a, const struct hg_shadow_user
         map->own = held && held->own;
         map->touched = false;
         if (is_pool(plan, i))
-            drop_under(a, &map->gpu);
+            status = keep_pool(a, user, map);
     }
     a->user = user->lighting;
     a->plan = plan;
     a->used_ns = hg_clock_now_ns();
+    return status;
 }
 
 // --- whose it is ---------------------------------------------------------------------------------
@@ -193,7 +220,7 @@ static uint32_t kept_count(const struct hg_shadow_atlases *s)
     return count;
 }
 
-bool hg_shadow_atlases_have_room(const struct hg_shadow_atlases *s, const void *owner)
+static bool have_room(const struct hg_shadow_atlases *s, const void *owner)
 {
     return own_of(s, owner) != NULL || kept_count(s) + 1 < HG_SHADOW_ATLASES;
 }
@@ -246,7 +273,7 @@ static uint32_t lacking(const struct hg_shadow_atlas *a, const struct hg_shadow_
     uint32_t count = 0;
     for (uint32_t i = 0; i < u->plan->count; i++) {
         const struct hg_shadow_map *map = &u->plan->maps[i];
-        if (is_pool(u->plan, i) || (u->view->moves && map->refines))
+        if (!is_pool(u->plan, i) && u->view->moves && map->refines)
             continue;
         const struct hg_shadow_map *held = find(a, u->lighting, map, !is_strict(u));
         count += !held || held->stale;
@@ -313,7 +340,7 @@ static struct hg_shadow_atlas *choose(
     *shares |= best && best->owner;
     if (*shares)
         return best ? best : find_free(s);
-    if (!hg_shadow_atlases_have_room(s, u->lighting))
+    if (!have_room(s, u->lighting))
         return find_victim(s);
     return best ? best : find_free(s);
 }

@@ -11,12 +11,14 @@
 
 #include "renderer/light/lighting.h"
 #include "renderer/light/shadow/shadow_plan.h"
+#include "renderer/light/shadow/shadow_pool.h"
 
 #define HG_SHADOW_ATLASES 4
 
 struct hg_shadow_atlas {
     struct hg_gpu_image image;   // width 0: there is none
     struct hg_shadow_plan held;  // maps that it holds; stale where casters moved since, in part
+    struct hg_shadow_pool *pool; // what it holds where `held` has a pool; NULL: it never had one
     uint64_t shape;              // revision of the shapes that they show
     const void *owner;           // whose alone it is; NULL: everybody's
     bool busy;                   // the owner draws it over several steps
@@ -58,8 +60,6 @@ struct hg_shadow_user {
 enum hg_status hg_shadow_atlases_take(struct hg_shadow_atlases *atlases,
     const struct hg_shadow_user *user, struct hg_shadow_atlas **out,
     struct hg_error *err) HG_MUST_CHECK;
-// Whether somebody has, or could have, one of its own without taking it from another.
-bool hg_shadow_atlases_have_room(const struct hg_shadow_atlases *atlases, const void *owner);
 // What it kept is everybody's; one atlas too many goes.
 void hg_shadow_atlases_release(struct hg_shadow_atlases *atlases, const void *owner);
 // The same, and its plan is looked at no more.
@@ -67,8 +67,9 @@ void hg_shadow_atlases_leave(struct hg_shadow_atlases *atlases, const void *owne
 
 // Which maps of a plan are to be drawn, and where; what becomes of them is read from the plan when
 // the atlas is taken again. The plan stays where it is until then, or until its user leaves.
-void hg_shadow_atlas_plan(struct hg_shadow_atlas *atlas, const struct hg_shadow_user *user);
-// What became of them so far; its user may change the plan.
+enum hg_status hg_shadow_atlas_plan(
+    struct hg_shadow_atlas *atlas, const struct hg_shadow_user *user) HG_MUST_CHECK; // HG_E_NOMEM
+// What became of them so far, and of pages that are due; its user may change the plan.
 void hg_shadow_atlases_note(struct hg_shadow_atlases *atlases, const void *user);
 void hg_shadow_atlases_note_drawn(
     struct hg_shadow_atlases *atlases, struct hg_shadow_atlas *atlas); // its contents changed

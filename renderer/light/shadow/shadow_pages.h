@@ -1,31 +1,17 @@
-// shadow_pages.h - cached pages of a sun's shadow in pictures in motion: a virtual shadow map.
-// Floor 2 (light). Pure host code. Thread: the render thread.
+// shadow_pages.h - what one view sees of a sun's shadow in pictures in motion: a virtual shadow
+// map. Floor 2 (light). Pure host code. Thread: the render thread.
 //
 // Levels of a clipmap share the projection of the map of the whole scene and are finer than it,
 // each with texels of half the size of the next. They are cut into pages; those that surfaces of
-// the picture before asked for are drawn, a few in a picture, into the physical pages of a pool in
-// the atlas, and stay until something moves over them or another page needs the place longest
-// unused. Each level remembers a window of pages about the camera, toroidally. What has no page yet
-// is looked up in a coarser one, in the end in the map of the whole scene. Source: Lefohn, Sengupta
-// and Owens 2007, "Resolution-Matched Shadow Maps" (pages by request); Tanner et al. 1998, "The
-// Clipmap" (levels, toroidal windows).
+// the picture before asked for are drawn, a few in a picture, into the pool of the atlas
+// (shadow_pool.h), where other views find them, too. Each level has a window of pages about the
+// camera, toroidally. What has no page yet is looked up in a coarser one, in the end in the map of
+// the whole scene. Source: Lefohn, Sengupta and Owens 2007, "Resolution-Matched Shadow Maps" (pages
+// by request); Tanner et al. 1998, "The Clipmap" (levels, toroidal windows).
 #ifndef HG_RENDERER_LIGHT_SHADOW_SHADOW_PAGES_H
 #define HG_RENDERER_LIGHT_SHADOW_SHADOW_PAGES_H
 
-#include "renderer/light/lighting.h"
-
-#define HG_SHADOW_POOL_SIDE_PX    2048
-#define HG_SHADOW_POOL_MOST_PAGES 256
-#define HG_SHADOW_FRESH_PAGES     16 // drawn in a picture, at most
-
-// A page: level 0 has the finest texels; x and y count along right and up of the projection, from
-// the origin of the map of the whole scene.
-struct hg_shadow_page {
-    int32_t x, y;
-    uint32_t level;
-    uint32_t wanted; // picture that asked for it last
-    bool taken;      // false: free
-};
+#include "renderer/light/shadow/shadow_pool.h"
 
 struct hg_shadow_page_found {
     struct hg_shadow_page page;
@@ -41,36 +27,25 @@ struct hg_shadow_page_request {
 
 // Zero-initialise.
 struct hg_shadow_pages {
-    struct hg_gpu_shadow whole; // projection that the pages belong to
-    struct hg_vec2 rect_px;     // of the pool
-    uint32_t side;              // pages in a row of the pool; 0: there is no pool
-    float per_depth, constant;  // texels for a surface: metres per metre of view depth; metres
-    struct hg_shadow_page pages[HG_SHADOW_POOL_MOST_PAGES];
+    struct hg_shadow_pool *pool; // of the picture that was planned last, until the next plan of any
+                                 // view; NULL: none
+    struct hg_gpu_shadow whole;  // projection that the requests belong to
+    float eye[2];                // place of the camera, in the plane of the projection
+    float per_depth, constant;   // texels for a surface: metres per metre of view depth; metres
     struct hg_shadow_page_request requests[HG_SHADOW_PAGE_LEVELS]
                                           [HG_SHADOW_PAGE_WINDOW * HG_SHADOW_PAGE_WINDOW];
-    uint32_t table[HG_SHADOW_PAGE_WORDS];  // as shaders read it
-    uint32_t picture;                      // counts planned pictures
-    uint32_t order[HG_SHADOW_FRESH_PAGES]; // pages of the maps that were planned last
+    uint32_t table[HG_SHADOW_PAGE_WORDS]; // as shaders read it
     struct hg_shadow_page_stats stats;
 };
 
-// Of the map of the whole scene, in metres.
-float hg_shadow_page_texel(const struct hg_gpu_shadow *whole, uint32_t level);
-
-// The pool of this picture, as placed in the atlas, and what the camera needs. Pages of another
-// projection or place are forgotten. NULL: there is none.
-void hg_shadow_pages_begin(struct hg_shadow_pages *pages, const struct hg_gpu_shadow *pool,
-    const struct hg_gpu_shadow *whole, const struct hg_gpu_camera *camera);
-// Nothing is known of the atlas.
-void hg_shadow_pages_forget(struct hg_shadow_pages *pages);
-// Casters moved within a box: pages that it may cover are no longer held.
-void hg_shadow_pages_touch(struct hg_shadow_pages *pages, const struct hg_box *casters);
+// The pool of this picture, which has begun (hg_shadow_pool_begin), and what the camera needs.
+// NULL: there is none. Requests for another projection are forgotten.
+void hg_shadow_pages_begin(
+    struct hg_shadow_pages *pages, struct hg_shadow_pool *pool, const struct hg_gpu_camera *camera);
 // Chooses what is drawn in this picture, most asked for first: writes maps to draw,
-// [HG_SHADOW_FRESH_PAGES], and returns how many. The table holds them.
+// [HG_SHADOW_FRESH_PAGES], and returns how many; they stay where they are until the pool has noted
+// what became of them. The table holds them.
 uint32_t hg_shadow_pages_plan(struct hg_shadow_pages *pages, struct hg_shadow_map *maps);
-// What became of those maps, in the same order: stale ones are not held.
-void hg_shadow_pages_drawn(
-    struct hg_shadow_pages *pages, const struct hg_shadow_map *maps, uint32_t count);
 // Replaces the requests by those of a picture: its reversed depth, [height][width], of the camera
 // that drew it.
 void hg_shadow_pages_see(struct hg_shadow_pages *pages, const struct hg_gpu_camera *camera,
