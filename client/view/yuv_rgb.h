@@ -1,6 +1,6 @@
 // yuv_rgb.h - planes of video to display values: BT.709 matrix, limited range, 8 bit, 4:2:0 with
 // chroma at the left luma samples (ITU-T H.264, E.2.1: chroma_loc 0), interpolated bilinearly. The
-// way back of server/worker/yuv.h. Floor 6 (client).
+// way back of server/worker/encode/yuv.h. Floor 6 (client).
 #ifndef HG_CLIENT_VIEW_YUV_RGB_H
 #define HG_CLIENT_VIEW_YUV_RGB_H
 

@@ -59,8 +59,8 @@
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
-#include "server/broker/client_dispatch.h"
-#include "server/broker/takeover.h"
+#include "server/broker/connection/client_dispatch.h"
+#include "server/broker/state/takeover.h"
 
 // What streams are made of.
 struct hg_broker_streams {

@@ -6,7 +6,7 @@
 
 #include "base/sha256.h"
 #include "server/broker/broker.h"
-#include "server/broker/metrics.h"
+#include "server/broker/metrics/metrics.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
 

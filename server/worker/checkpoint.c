@@ -2,7 +2,7 @@
 
 #include "base/alloc.h"
 #include "renderer/image/zstd.h"
-#include "server/worker/frame_key.h"
+#include "server/worker/encode/frame_key.h"
 
 #define FILM_LIMIT_BYTES (UINT64_C(16) << 30) // of a checkpoint when unpacked
 

@@ -18,7 +18,7 @@
 #include "renderer/debug_environment.h"
 #include "renderer/renderer.h"
 #include "server/worker/dispatch.h"
-#include "server/worker/encode_queue.h"
+#include "server/worker/encode/encode_queue.h"
 #include "server/worker/io_thread.h"
 #include "server/worker/reply.h"
 #include "server/worker/sandbox.h"

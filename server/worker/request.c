@@ -1,7 +1,7 @@
 #include "server/worker/request.h"
 
 #include "base/alloc.h"
-#include "server/worker/load_memory.h"
+#include "server/worker/edit/load_memory.h"
 
 void hg_request_ok(const struct request *r)
 {

@@ -4,7 +4,7 @@
 #define HG_SERVER_WORKER_REQUEST_H
 
 #include "server/worker/task.h"
-#include "server/worker/view_slot.h"
+#include "server/worker/view/view_slot.h"
 
 struct request {
     struct render_state *s;

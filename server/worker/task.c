@@ -15,8 +15,8 @@
 #include "base/log.h"
 #include "base/sha256.h"
 #include "renderer/image/metrics.h"
-#include "server/worker/asset_path.h"
-#include "server/worker/encode_request.h"
+#include "server/worker/edit/asset_path.h"
+#include "server/worker/encode/encode_request.h"
 
 enum { PROGRESS_NS = 100 * 1000 * 1000 };
 static const char demo[] = "demo:"; // the built-in scene

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "server/broker/conn_turn.h"
+#include "server/broker/connection/conn_turn.h"
 #include "tests/attack/tenant_rig.h"
 
 enum { MIB = 1 << 20, MESSAGES = 16, HOSTILE = 3, SIDE = 512, FRAMES = 30 };

@@ -1,7 +1,7 @@
 // PROXY headers: what is taken lies within what came, and what is needed never shrinks.
 #include <stdlib.h>
 
-#include "server/broker/proxy_header.h"
+#include "server/broker/transport/proxy_header.h"
 #include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

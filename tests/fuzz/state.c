@@ -2,9 +2,9 @@
 // of the records, so the same bytes are also read as records of their own: u16 size, body.
 #include <string.h>
 
-#include "server/broker/scene_journal.h"
-#include "server/broker/state_file.h"
-#include "server/broker/state_record.h"
+#include "server/broker/scene/scene_journal.h"
+#include "server/broker/state/state_file.h"
+#include "server/broker/state/state_record.h"
 #include "tests/fuzz/fuzz.h"
 
 static void take_record(struct hg_journal *journal, const uint8_t *body, size_t size)

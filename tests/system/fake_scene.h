@@ -4,7 +4,7 @@
 #define HG_TESTS_SYSTEM_FAKE_SCENE_H
 
 #include "base/sha256.h"
-#include "server/broker/packet.h"
+#include "server/broker/connection/packet.h"
 
 struct fake_object {
     struct fake_object *next;

@@ -20,13 +20,13 @@
 #include "base/file.h"
 #include "base/sha256.h"
 #include "server/broker/audit.h"
-#include "server/broker/auth.h"
+#include "server/broker/connection/auth.h"
 #include "server/broker/call_filter.h"
-#include "server/broker/listener.h"
+#include "server/broker/connection/listener.h"
 #include "server/broker/options.h"
-#include "server/broker/packet.h"
-#include "server/broker/peer_table.h"
-#include "server/broker/worker_pool.h"
+#include "server/broker/connection/packet.h"
+#include "server/broker/connection/peer_table.h"
+#include "server/broker/workers/worker_pool.h"
 #include "tests/support/folder.h"
 
 static char folder[TEST_FOLDER_MAX];

@@ -16,8 +16,8 @@
 #include <cmocka.h>
 
 #include "base/clock.h"
-#include "server/broker/confine.h"
-#include "server/broker/disk_watch.h"
+#include "server/broker/workers/confine.h"
+#include "server/broker/storage/disk_watch.h"
 #include "tests/support/folder.h"
 
 enum { PLACES = 3, KIB = 1 << 10 };

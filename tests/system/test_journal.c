@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "server/broker/scene_journal.h"
+#include "server/broker/scene/scene_journal.h"
 #include "tests/system/fake_scene.h"
 
 enum { IDS = 6, ASSETS = 3 };

@@ -16,8 +16,8 @@
 #include "base/clock.h"
 #include "base/crc32c.h"
 #include "base/file.h"
-#include "server/broker/state_file.h"
-#include "server/broker/state_log.h"
+#include "server/broker/state/state_file.h"
+#include "server/broker/state/state_log.h"
 #include "tests/support/folder.h"
 
 struct bodies {

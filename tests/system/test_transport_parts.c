@@ -8,10 +8,10 @@
 #include <arpa/inet.h>
 #include <cmocka.h>
 
-#include "server/broker/address_list.h"
-#include "server/broker/auth.h"
-#include "server/broker/latency.h"
-#include "server/broker/proxy_header.h"
+#include "server/broker/transport/address_list.h"
+#include "server/broker/connection/auth.h"
+#include "server/broker/metrics/latency.h"
+#include "server/broker/transport/proxy_header.h"
 
 static bool has(const char *network, const char *address)
 {

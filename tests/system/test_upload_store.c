@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/sha256.h"
-#include "server/broker/upload.h"
+#include "server/broker/storage/upload.h"
 #include "tests/support/folder.h"
 
 static char folder[TEST_FOLDER_MAX];

@@ -14,8 +14,8 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "server/worker/dispatch.h"
-#include "server/worker/encode_queue.h"
-#include "server/worker/view_codec.h"
+#include "server/worker/encode/encode_queue.h"
+#include "server/worker/view/view_codec.h"
 #include "tests/support/folder.h"
 
 enum { CHANNEL = 1, SLOW = 1, QUICK = 2, SIDE = 32, SAMPLES = 4, CAMERAS = 12 };

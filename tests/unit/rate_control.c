@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "server/worker/rate_control.h"
+#include "server/worker/encode/rate_control.h"
 
 enum { MS = 1000000 };
 

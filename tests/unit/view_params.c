@@ -14,7 +14,7 @@
 #include "base/sha256.h"
 #include "client/cli/render.h"
 #include "client/cli/script.h"
-#include "server/worker/view_params.h"
+#include "server/worker/view/view_params.h"
 
 // Where the renderer has a parameter.
 static const struct member {

@@ -8,7 +8,7 @@
 
 #include <math.h>
 
-#include "server/worker/view_control.h"
+#include "server/worker/view/view_control.h"
 
 #define MS        1000000u
 #define SECOND_NS 1000000000u

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/refbuf.h"
-#include "server/worker/encode_exr.h"
+#include "server/worker/encode/encode_exr.h"
 #include "tests/unit/image_exr.h"
 
 enum { WIDTH = 3, HEIGHT = 2, PIXELS = WIDTH * HEIGHT, EXPOSURE = 4, EXPOSURE_EV = 2 };

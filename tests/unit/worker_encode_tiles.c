@@ -11,7 +11,7 @@
 
 #include "base/alloc.h"
 #include "renderer/image/image.h"
-#include "server/worker/encode_tiles.h"
+#include "server/worker/encode/encode_tiles.h"
 
 // ---- a client -----------------------------------------------------------------------------------
 

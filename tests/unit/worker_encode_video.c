@@ -13,12 +13,12 @@
 #include <libavcodec/avcodec.h>
 
 #include "base/alloc.h"
-#include "server/worker/encode_av1.h"
-#include "server/worker/encode_openh264.h"
-#include "server/worker/encode_x264.h"
-#include "server/worker/encoder.h"
-#include "server/worker/h264.h"
-#include "server/worker/yuv.h"
+#include "server/worker/encode/encode_av1.h"
+#include "server/worker/encode/encode_openh264.h"
+#include "server/worker/encode/encode_x264.h"
+#include "server/worker/encode/encoder.h"
+#include "server/worker/encode/h264.h"
+#include "server/worker/encode/yuv.h"
 
 static const struct codec {
     const char *name;

@@ -12,9 +12,9 @@
 
 #include "base/alloc.h"
 #include "client/view/decode.h"
-#include "server/worker/encode_av1.h"
-#include "server/worker/encode_openh264.h"
-#include "server/worker/encode_tiles.h"
+#include "server/worker/encode/encode_av1.h"
+#include "server/worker/encode/encode_openh264.h"
+#include "server/worker/encode/encode_tiles.h"
 
 enum { WIDTH = 193, HEIGHT = 131, BYTES = 4 * WIDTH * HEIGHT, PATCH = 32 };
 

@@ -1,3 +1,0 @@
-#include "server/broker/counters.h"
-
-uint64_t hg_counters[HG_COUNTERS];

@@ -1,0 +1,3 @@
+#include "server/broker/metrics/counters.h"
+
+uint64_t hg_counters[HG_COUNTERS];

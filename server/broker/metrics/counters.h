@@ -1,0 +1,26 @@
+// counters.h - what the daemon has counted since it started: one row of counters.def each.
+// Floor 6 (broker). Thread: the loop. One process, one set: a metric is counted where it happens.
+#ifndef HG_BROKER_COUNTERS_H
+#define HG_BROKER_COUNTERS_H
+
+#include <stdint.h>
+
+enum hg_counter {
+#define HG_COUNTER(id, metric, labels, help) HG_COUNT_##id,
+#include "server/broker/metrics/counters.def"
+    HG_COUNTERS,
+};
+
+extern uint64_t hg_counters[HG_COUNTERS];
+
+static inline void hg_count(enum hg_counter counter)
+{
+    hg_counters[counter]++;
+}
+
+static inline void hg_count_add(enum hg_counter counter, uint64_t amount)
+{
+    hg_counters[counter] += amount;
+}
+
+#endif

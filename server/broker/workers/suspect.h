@@ -1,0 +1,25 @@
+// suspect.h - by what a request that ends a worker is known again, in whatever session it comes.
+// Floor 6 (broker). Thread: the loop.
+//
+//   asset_load, environment_set   each file of it, by its hash or path: files beside it do not
+//   help.
+//                                 Of more than HG_SUSPECT_FILES the first, and that there are so
+//                                 many
+//   mesh_set, texture_set,        their data, without ids, which differ from session to session; of
+//   compare, image_query          much data a part
+//   queries of a named scene      all that was asked, and the scene's name
+//
+// Nothing of frames and small edits is kept: what is wrong with them is the scene.
+#ifndef HG_BROKER_SUSPECT_H
+#define HG_BROKER_SUSPECT_H
+
+#include "server/broker/session/session_state.h"
+
+enum { HG_SUSPECT_FILES = 32 };
+
+// `only_known`: data are looked at only where something of that kind and size is in the quarantine.
+// Calls `take` for each; one that returns false is the last.
+void hg_suspect_each(const struct hg_session *session, const struct hg_packet *packet,
+    bool only_known, bool (*take)(void *user, const struct hg_quarantine_entry *entry), void *user);
+
+#endif
