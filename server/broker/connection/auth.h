@@ -6,7 +6,7 @@
 
 #include "protocol/hgp.h"
 
-enum { HG_TOKEN_MIN = 8, HG_TOKEN_MAX = 256 }; // characters
+enum { HG_TOKEN_MIN = 8, HG_TOKEN_MAX = 256 };               // characters
 enum { HG_TOKEN_WEIGHT = 100, HG_TOKEN_WEIGHT_MAX = 10000 }; // usual, largest
 
 // What a token allows besides its role.

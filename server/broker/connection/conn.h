@@ -94,9 +94,9 @@ struct hg_conn_table {
     struct hg_loop *loop;
     const struct hg_options *options;
     const struct hg_conn_events *events;
-    void *owner;              // for `events`
-    const struct hg_web *web; // what those get that speak HTTP
-    const struct hg_tls *tls; // of the tls listeners
+    void *owner;                           // for `events`
+    const struct hg_web *web;              // what those get that speak HTTP
+    const struct hg_tls *tls;              // of the tls listeners
     const struct hg_outq_reached *reached; // by the state log; NULL without one
     struct hg_conn *first, *dead;
     struct hgp_chunk_pool chunks; // to read into
@@ -144,7 +144,7 @@ void hg_conn_close(struct hg_conn *conn, const struct hg_error *err, const char 
 void hg_conn_kill(struct hg_conn *conn, const char *reason); // at once
 // Nothing of HGP is sent any more; what waits in the transport is, and then it is closed.
 void hg_conn_close_transport(struct hg_conn *conn);
-void hg_conn_update(struct hg_conn *conn);                   // which events are wanted
+void hg_conn_update(struct hg_conn *conn); // which events are wanted
 // Bytes that may wait for the client: output-limit, or less while the daemon's memory is short.
 uint64_t hg_conn_output_limit(const struct hg_conn *conn);
 bool hg_conn_is_slow(const struct hg_conn *conn); // more wait

@@ -11,9 +11,9 @@ struct hg_listener {
     struct hg_source source;
     const struct hg_transport_class *transport; // of the connections that come in here
     bool tls;
-    uint16_t port;                              // of a tcp listener, as bound; 0 for unix
-    char *unix_path;                            // removed at the end; NULL for tcp and passed ones
-    char name[160];                             // for logs
+    uint16_t port;   // of a tcp listener, as bound; 0 for unix
+    char *unix_path; // removed at the end; NULL for tcp and passed ones
+    char name[160];  // for logs
 };
 
 // Checks the form of an address without touching the network. HG_E_INVAL.

@@ -35,7 +35,7 @@ struct hg_outq_reached {
 struct hg_outq {
     struct hg_outq_item *head, **tail;
     struct hg_outq_item *urgent; // newest of those that overtook others; NULL: none is left
-    size_t bytes;         // not yet taken by the transport
+    size_t bytes;                // not yet taken by the transport
     uint64_t progress_ns; // when the transport last took something, or the queue became non-empty
     // When the queue became non-empty, or was last judged; what was taken since then.
     uint64_t window_ns, window_bytes;
@@ -55,7 +55,7 @@ void hg_outq_hold(struct hg_outq *q, uint64_t position);
 // The same with reached->kept: what a session that comes back is to find. A disk that is full holds
 // nothing for its sake.
 void hg_outq_hold_kept(struct hg_outq *q, uint64_t position);
-bool hg_outq_may_send(const struct hg_outq *q);          // there is something that is not held
+bool hg_outq_may_send(const struct hg_outq *q); // there is something that is not held
 // Something is held by a log that is broken: for as long as that lasts nothing can be sent.
 bool hg_outq_is_stopped(const struct hg_outq *q);
 void hg_outq_excuse(struct hg_outq *q, uint64_t now_ns); // what is held is not the peer's fault

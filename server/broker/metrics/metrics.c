@@ -181,8 +181,8 @@ void hg_metrics_print_docs(FILE *file)
 {
     fputs(
         "# Metrics\n\nWhat `/metrics` of heliod says, in the text format of Prometheus. Made from "
-        "`server/broker/metrics/metrics.def` and\n`server/broker/metrics/counters.def` by `heliod --print-docs "
-        "metrics`.\n\n| metric | kind | meaning |\n|---|---|---|\n"
+        "`server/broker/metrics/metrics.def` and\n`server/broker/metrics/counters.def` by `heliod "
+        "--print-docs metrics`.\n\n| metric | kind | meaning |\n|---|---|---|\n"
         "| `heliod_build_info` | gauge | The version of the daemon, as a label. |\n",
         file);
 #define HG_METRIC(name, kind, value, help) fprintf(file, "| `%s` | %s | %s |\n", name, kind, help);

@@ -51,10 +51,10 @@ struct hg_shared_scene {
     uint32_t sessions;
     uint64_t ranges[HG_SCENE_RANGES / 64]; // bit: the range of ids belongs to a session, or objects
                                            // have ids of it
-    bool in_worker;  // replayed; sessions are attached
-    bool on_channel; // its replay channel is attached: the worker keeps it without sessions
-    uint32_t deaths; // of the worker while this scene was replayed
-    uint64_t logged; // position in the state log of its making
+    bool in_worker;                        // replayed; sessions are attached
+    bool on_channel;        // its replay channel is attached: the worker keeps it without sessions
+    uint32_t deaths;        // of the worker while this scene was replayed
+    uint64_t logged;        // position in the state log of its making
     uint64_t kept_until_ns; // the daemon holds it, as a session does, until then; 0 = it does not
     struct hg_scene_people people;
 };

@@ -8,7 +8,7 @@
 #include "server/broker/session/session_state.h"
 
 uint32_t hg_session_record_color(const struct hg_session *session); // 0xRRGGBB
-void hg_session_record(struct hg_session *session); // as it is now
+void hg_session_record(struct hg_session *session);                 // as it is now
 // What a record says of how others see it and of what it is told.
 void hg_session_record_take_share(
     struct hg_session *session, const struct hg_state_session *record);

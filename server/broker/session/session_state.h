@@ -64,11 +64,11 @@ struct hg_session_view {
     struct hg_packet *camera; // view_cameras, merged; NULL = none
     struct hg_session_looks looks;
     bool subscribed, resubscribe;
-    uint32_t credit;  // credit: frames that the client accepts
+    uint32_t credit;       // credit: frames that the client accepts
     uint32_t first_credit; // of the newest subscription
     bool unrecorded;       // its camera has changed since the state log was told
-    uint32_t granted; // of these, given to the worker
-    uint64_t frame_bytes; // as many as the newest frame had, before it as many as the size says
+    uint32_t granted;      // of these, given to the worker
+    uint64_t frame_bytes;  // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
     uint64_t shown_seq; // input of the newest subscribed frame
     uint64_t turn;      // of the newest credit; smaller = longer ago
@@ -211,8 +211,8 @@ struct hg_session_table {
     struct hg_session *buckets[HG_SESSION_BUCKETS]; // by number
     uint32_t count, last_number;
     uint64_t started_ns;
-    bool ended;    // one without a client may have nothing left to wait for
-    bool draining; // nothing new is begun
+    bool ended;       // one without a client may have nothing left to wait for
+    bool draining;    // nothing new is begun
     bool records_all; // the log is for an exec: sessions without a ticket belong into it, too
     struct hg_session_syncs syncs;
     struct hg_session_store_watch store_watch;

@@ -26,7 +26,7 @@ struct item {
     uint8_t *head;
     size_t head_size;
     uint8_t prefix[HG_STATE_PREFIX_BYTES];
-    int fd; // -1: a record
+    int fd;                     // -1: a record
     struct hg_state_sync *sync; // of the loop; NULL: only logged
     enum hg_status status;      // of the sync
     struct snapshot *snapshot;

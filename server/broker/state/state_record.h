@@ -107,9 +107,9 @@ struct hg_state_record {
     union {
         struct hg_state_scene scene; // SCENE_END: its number
         struct hg_state_edit edit;
-        struct hg_state_suspect suspect; // QUARANTINE_END: tenant and key
-        struct hg_state_session session; // SESSION_END: its number
-        struct hg_state_view view;       // VIEW_END: session and number
+        struct hg_state_suspect suspect;       // QUARANTINE_END: tenant and key
+        struct hg_state_session session;       // SESSION_END: its number
+        struct hg_state_view view;             // VIEW_END: session and number
         struct hg_state_annotation annotation; // ANNOTATION_END: scene and number
         struct hg_state_ticket ticket;         // TICKET_END: its number
         struct hg_state_block block;

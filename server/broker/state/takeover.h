@@ -14,9 +14,9 @@ struct hg_takeover {
     struct hg_handover all; // what is handed over
     struct hg_loop *loop;
     struct hg_audit *audit;
-    struct hg_launcher *launcher; // goes along
+    struct hg_launcher *launcher;  // goes along
     struct hg_cache_folder *cache; // likewise
-    struct hg_state_log **state;  // NULL: there is no log
+    struct hg_state_log **state;   // NULL: there is no log
     struct hg_source *state_news;
     int argc;
     char *const *argv;

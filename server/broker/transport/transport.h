@@ -20,12 +20,12 @@ struct hg_transport;
 
 // Who is at the other end, as the transport knows it.
 struct hg_peer {
-    char name[64];    // address without port, or uid: for logs
-    char source[64];  // what one host or user has: the address, the /64 of IPv6, the uid
-    char network[64]; // of its neighbours: the /24 of IPv4, the /48 of IPv6; "" on this machine
+    char name[64];     // address without port, or uid: for logs
+    char source[64];   // what one host or user has: the address, the /64 of IPv6, the uid
+    char network[64];  // of its neighbours: the /24 of IPv4, the /48 of IPv6; "" on this machine
     char subject[129]; // of its certificate, verified; "" = it has shown none
-    bool is_local;  // on this machine: it cannot vanish without a trace
-    bool same_user; // it runs as the user of this process
+    bool is_local;     // on this machine: it cannot vanish without a trace
+    bool same_user;    // it runs as the user of this process
 };
 
 struct hg_transport_class {
@@ -57,7 +57,7 @@ struct hg_transport_class {
 struct hg_transport {
     const struct hg_transport_class *class; // NULL: closed
     int fd;
-    void *state; // of the class
+    void *state;          // of the class
     struct hg_peer *peer; // who it is, once that is known
     const char *fault;    // with HG_E_FORMAT: which rule was broken
     // Changes when a request or an answer of the transport itself begins: time limits begin anew.

@@ -9,7 +9,7 @@
 
 static const uint64_t least_patience_ns = 250000000u, most_patience_ns = 3000000000u;
 static const uint64_t slow_patience_ns = 10000000000u; // of what takes that long to end the worker
-static const uint64_t left_ns = 120000000000u; // after its session a load may still run
+static const uint64_t left_ns = 120000000000u;         // after its session a load may still run
 
 static uint64_t now_of(const struct hg_session *s)
 {

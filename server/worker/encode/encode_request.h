@@ -27,8 +27,8 @@ struct encode_request {
     struct hgp_frame frame; // without data, hash and stages
     uint8_t quality;
     bool opaque;
-    bool is_legend; // a debug view
-    bool parts; // the data may go in parts
+    bool is_legend;   // a debug view
+    bool parts;       // the data may go in parts
     bool key_frame;   // may depend on none before it
     uint64_t due_ns;  // when the view's next frame is to follow; 0 = when there is time
     uint32_t bitrate; // bit/s that frames with loss may take, 0 = by quality alone

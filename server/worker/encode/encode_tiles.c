@@ -29,13 +29,13 @@ struct rect {
 };
 
 struct tiles {
-    uint32_t width, height;   // px
-    uint32_t columns, rows;   // of tiles
-    uint8_t *sent;            // pixels that the client's tiles were made from
-    bool is_sent;             // false: no frame was
-    bool *lossy;              // [rows][columns]: the client has it with loss
-    uint8_t *kinds;           // [rows][columns] enum tile, of the frame that is made
-    struct rect *rects;       // [rect_count], at most one a tile; those of JPEG first
+    uint32_t width, height; // px
+    uint32_t columns, rows; // of tiles
+    uint8_t *sent;          // pixels that the client's tiles were made from
+    bool is_sent;           // false: no frame was
+    bool *lossy;            // [rows][columns]: the client has it with loss
+    uint8_t *kinds;         // [rows][columns] enum tile, of the frame that is made
+    struct rect *rects;     // [rect_count], at most one a tile; those of JPEG first
     uint32_t rect_count, jpeg_count;
     uint32_t atlas_width, atlas_height; // px
 };

@@ -12,7 +12,7 @@
 #define SHARED_STEP_NS 16000000u
 #define MOVING_NS      500000000u // after its newest step a view counts as moving
 #define REFINE_NS      100000000u // and is refined: the next camera must not wait for that
-#define MESSAGES_NS    20000000u // of a session before its views have a turn
+#define MESSAGES_NS    20000000u  // of a session before its views have a turn
 
 // ---- steps --------------------------------------------------------------------------------------
 

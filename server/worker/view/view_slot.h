@@ -36,9 +36,9 @@ struct view_settings {
     uint64_t camera_node;     // 0: `camera` counts
     uint64_t camera_revision; // of the scene that it was taken from; UINT64_MAX: none yet
     struct view_input input;  // of its newest view_camera
-    bool changed; // since the newest step
-    bool has_exposure_mode; // a message said it
-    bool has_temporal;      // likewise
+    bool changed;             // since the newest step
+    bool has_exposure_mode;   // a message said it
+    bool has_temporal;        // likewise
 };
 
 // What the client can decode, the best first; see view_codec.h.
@@ -64,7 +64,7 @@ struct view_subscription {
     uint32_t credit; // frames that may still be sent
     uint64_t sent_ns, sent_number, sent_samples;
     float sent_ev; // exposure
-    bool fresh; // nothing of the newest step's state has been sent yet
+    bool fresh;    // nothing of the newest step's state has been sent yet
     // When the settled frame is sent without loss, of which one with loss has been sent already: it
     // would be long on the wire. 0 = none is due
     uint64_t still_due_ns;
@@ -75,15 +75,15 @@ struct view_progress {
     struct hg_frame_info info; // of the newest step
     uint64_t first_number;     // of the frames that show the same state
     bool stepped;
-    bool failed;                   // the newest step failed; rests until something changes
-    uint64_t failed_revision;      // of the scene then
-    uint32_t failed_textures_sent; // textures that could not be read, as far as the client knows
+    bool failed;                      // the newest step failed; rests until something changes
+    uint64_t failed_revision;         // of the scene then
+    uint32_t failed_textures_sent;    // textures that could not be read, as far as the client knows
     struct hg_untraced untraced_sent; // primitives that are left out of path-traced pictures, too
-    uint64_t sample_ns;            // of the newest step
-    uint64_t began_ns, stepped_ns; // when it began and ended
-    struct view_input input;       // of the camera that it shows
-    uint64_t moved_ns;             // when the newest step of a moving picture ended
-    uint64_t spent_ns;             // rendering, since the state was new
+    uint64_t sample_ns;               // of the newest step
+    uint64_t began_ns, stepped_ns;    // when it began and ended
+    struct view_input input;          // of the camera that it shows
+    uint64_t moved_ns;                // when the newest step of a moving picture ended
+    uint64_t spent_ns;                // rendering, since the state was new
 };
 
 // The frame key requested last: settled frames carry the key that they were rendered from.
