@@ -4,7 +4,7 @@
 #define HG_CLIENT_CLI_OPTIONS_H
 
 #include "base/status.h"
-#include "client/cli/frame_list.h"
+#include "client/cli/render/frame_list.h"
 #include "protocol/view_params.h"
 
 enum {

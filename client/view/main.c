@@ -5,7 +5,7 @@
 
 #include "base/alloc.h"
 #include "client/cli/cli.h"
-#include "client/cli/render.h"
+#include "client/cli/render/render.h"
 #include "client/view/viewer.h"
 
 // What is wrong on the command line is said before a window opens.

@@ -4,8 +4,8 @@
 
 #include <pthread.h>
 
-#include "client/cli/recording.h"
-#include "client/cli/render.h"
+#include "client/cli/run/recording.h"
+#include "client/cli/render/render.h"
 #include "client/view/session.h"
 
 enum {

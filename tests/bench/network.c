@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "client/cli/bench_common.h"
-#include "client/cli/bench_cpu.h"
+#include "client/cli/bench/bench_common.h"
+#include "client/cli/bench/bench_cpu.h"
 #include "client/cli/viewer.h"
 #include "tests/support/shaper.h"
 

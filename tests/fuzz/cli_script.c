@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "client/cli/script.h"
+#include "client/cli/run/script.h"
 #include "tests/fuzz/fuzz.h"
 
 static const char *variable(void *user, const char *file, const char *name, size_t length)

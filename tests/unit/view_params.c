@@ -12,8 +12,8 @@
 #include <string.h>
 
 #include "base/sha256.h"
-#include "client/cli/render.h"
-#include "client/cli/script.h"
+#include "client/cli/render/render.h"
+#include "client/cli/run/script.h"
 #include "server/worker/view/view_params.h"
 
 // Where the renderer has a parameter.

@@ -8,7 +8,7 @@
 
 #include <math.h>
 
-#include "client/cli/bench_share.h"
+#include "client/cli/bench/bench_share.h"
 
 enum { VIEWERS = 8, MOST = 4000 };
 #define WINDOW_NS 1000000000000u

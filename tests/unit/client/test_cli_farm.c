@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "client/cli/claim.h"
+#include "client/cli/render/claim.h"
 #include "tests/unit/client/cli_harness.h"
 
 // Frames that have taken the pixels of a second are asked for again when the daemon has more.

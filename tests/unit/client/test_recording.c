@@ -12,7 +12,7 @@
 
 #include "base/bytes.h"
 #include "base/file.h"
-#include "client/cli/recording.h"
+#include "client/cli/run/recording.h"
 
 static char path[64];
 

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "client/cli/report.h"
+#include "client/cli/run/report.h"
 
 // A small checker of the XML that reports use: one root, matched tags, quoted attributes with legal
 // characters and known entities. Returns the number of elements, or -1.

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "client/cli/script.h"
+#include "client/cli/run/script.h"
 
 static const char *variable(void *user, const char *file, const char *name, size_t length)
 {
