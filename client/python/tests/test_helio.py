@@ -9,9 +9,12 @@ import io
 import os
 import re
 import runpy
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
 from unittest import mock
 
@@ -124,6 +127,25 @@ class Unreachable(unittest.TestCase):
         with self.assertRaises(helio.HelioError) as caught:
             helio.connect("gopher:here")
         self.assertEqual(caught.exception.status, helio.Status.E_INVAL)
+
+
+class Interrupts(unittest.TestCase):
+    """Signals that come while C waits for a server that says nothing."""
+
+    def test_what_handlers_raise_ends_the_call(self):
+        def alarm(*_):
+            raise TimeoutError("the handler's own")
+        before = signal.signal(signal.SIGALRM, alarm)
+        self.addCleanup(signal.signal, signal.SIGALRM, before)
+        here, there = socket.socketpair()
+        with there, helio.connect("unix:mute", fd=here.detach(), wait=False) as session:
+            session.flush()
+            for number, raised in ((signal.SIGINT, KeyboardInterrupt), (signal.SIGALRM, TimeoutError)) * 2:
+                timer = threading.Timer(0.1, os.kill, (os.getpid(), number))
+                with self.assertRaises(raised):
+                    timer.start()
+                    session.wait(20)
+                timer.join()
 
 
 class Rendering(unittest.TestCase):
