@@ -218,6 +218,26 @@ class Rendering(unittest.TestCase):
         with self.assertRaises(ValueError):
             self.view.fit("underneath")
 
+    def test_wrong_cameras_are_refused(self):
+        node = list(self.scene.nodes())[0]["node"]
+        with self.scene.view(16, 16, **SMALL) as view:
+            for place in (lambda: view.camera(camera=2 ** 40), lambda: view.camera(camera=node)):
+                with self.assertRaises(helio.HelioError) as caught:
+                    place()
+                self.assertEqual(caught.exception.what, "camera")
+            with self.assertRaises(helio.HelioError):
+                for _ in view.frames(timeout=100):
+                    view.camera(camera=2 ** 40)
+        with self.assertRaises(helio.HelioError):
+            view.fit()
+
+    def test_cameras_leave_nothing_to_be_taken(self):
+        with self.scene.view(16, 16, **SMALL) as view:
+            for i in range(300):  # more than messages may wait
+                view.orbit(i, 60, 4)
+            self.assertEqual(view.frame().input_seq, 300)
+        self.assertIsNone(self.session.next())
+
     def test_edits_raise_the_revision(self):
         node = self.scene.new_id()
         first = self.scene.edit("node_set", node=node, translation=(1, 2, 3), name="made")
