@@ -21,6 +21,7 @@
 enum {
     HG_CLIENT_SEND_HIGH_BYTES = 8 * 1024 * 1024,
     HG_CLIENT_QUEUE_MESSAGES = 256,
+    HG_CLIENT_GIVEN_UP = 64,       // requests; more of them at a time, and the oldest is forgotten
     HG_CLIENT_PRIVATE_CHANNEL = 1, // the session's channel on the link to a private worker
     HG_CLIENT_PRIVATE_IDS = 1 << 20,
 };
@@ -46,6 +47,8 @@ struct hg_client_message {
 struct hg_client_queue {
     struct hg_client_message *first, *last;
     size_t count, bytes;
+    uint32_t given_up[HG_CLIENT_GIVEN_UP]; // requests whose answers are dropped when they come
+    uint32_t given_up_next;
 };
 
 // What the server said last about a limit.
@@ -125,5 +128,9 @@ void hg_client_queue_push(struct hg_client_queue *q, struct hg_client_message *m
 // Takes a message out of the queue; `before` is the one in front of it, NULL = it is the first.
 void hg_client_queue_take(
     struct hg_client_queue *q, struct hg_client_message *before, struct hg_client_message *message);
+// The answer of a request is not waited for any longer: drops what came for it, and what will.
+void hg_client_queue_give_up(struct hg_client_queue *q, uint32_t request);
+// True for a message of a request that was given up.
+bool hg_client_queue_drops(struct hg_client_queue *q, const struct hg_client_message *message);
 
 #endif

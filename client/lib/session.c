@@ -245,7 +245,7 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
     } else if (!handle_own(h, message, &status)) {
         if (h->state == HELIO_GREETING) {
             status = greeting(h, message);
-        } else {
+        } else if (!hg_client_queue_drops(&h->queue, message)) {
             h->draining |= message->pub.type == HGP_T_drain;
             if (h->tap.received)
                 h->tap.received(h->tap.user, &message->pub);

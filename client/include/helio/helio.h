@@ -210,7 +210,8 @@ HELIO_API enum hg_status helio_flush(struct helio *h, struct hg_error *err) HG_M
 
 // Sends and waits for the answer. An `error` answer becomes its status and *err. *answer (may be
 // NULL when it does not matter) is freed with helio_message_free. Messages that belong to other
-// requests stay for helio_next; progress and notices go to the handlers.
+// requests stay for helio_next; progress and notices go to the handlers. What comes for a call that
+// was interrupted, or had its deadline, is dropped: the server may still do what it was asked for.
 HELIO_API enum hg_status helio_call(struct helio *h, enum hgp_type type, const void *message,
     struct helio_message **answer, struct hg_error *err) HG_MUST_CHECK;
 

@@ -323,6 +323,25 @@ static void test_interrupt_and_timeout(void **state)
         HG_E_TIMEOUT);
 }
 
+// What comes for a call that is over already is for no one.
+static void test_late_answers(void **state)
+{
+    (void)state;
+    harness_serve(&h, "late=ping");
+    struct helio *c = connect_good(&(struct helio_options){.url = url});
+    struct helio_message *m;
+    struct hgp_scene_opened scene;
+    struct hg_error err = {0};
+    uint64_t rtt;
+    for (int i = 0; i < 3; i++) {
+        helio_interrupt(c);
+        assert_int_equal(helio_ping(c, &rtt, &err), HG_E_CANCELLED);
+        assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_OK);
+        assert_int_equal(helio_next(c, &m, &err), HG_E_AGAIN);
+    }
+    helio_destroy(c);
+}
+
 // ---- hostile peers -----------------------------------------------------------------------------
 
 // Talks to a peer that sends exactly these bytes and closes. Nothing may crash or hang.
@@ -507,6 +526,7 @@ int main(void)
         cmocka_unit_test(test_ticks),
         cmocka_unit_test(test_tokens),
         cmocka_unit_test(test_interrupt_and_timeout),
+        cmocka_unit_test(test_late_answers),
         cmocka_unit_test(test_every_prefix),
         cmocka_unit_test(test_mutations),
         cmocka_unit_test(test_corpus),
