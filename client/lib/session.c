@@ -176,6 +176,19 @@ static bool may_come_from_server(const struct helio *h, enum hgp_type type)
     return direction == HGP_S2C || direction == HGP_ANY || (h->embedded && direction == HGP_W2B);
 }
 
+// A private worker's error without a request is that of a message that wanted no answer. A daemon
+// tells it as a notice.
+static void error_to_notice(const struct helio *h, struct hg_client_message *message)
+{
+    if (!h->embedded || message->header.channel != HG_CLIENT_PRIVATE_CHANNEL ||
+        message->pub.type != HGP_T_error || message->pub.request)
+        return;
+    const struct hgp_error error = message->body.error;
+    message->pub.type = HGP_T_notice;
+    message->body.notice = (struct hgp_notice){
+        .code = error.code, .what = error.what, .where = error.where, .reason = error.reason};
+}
+
 // Messages that the library answers or keeps for itself. True when the message is used up.
 static bool handle_own(
     struct helio *h, const struct hg_client_message *message, enum hg_status *status)
@@ -239,6 +252,7 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
     enum hg_status status = HG_OK;
     h->heard_ns = hg_clock_now_ns();
     bool used = true;
+    error_to_notice(h, message);
     if (!may_come_from_server(h, message->pub.type)) {
         status = hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not a message that servers send",
             hgp_find((uint16_t)message->pub.type)->name);

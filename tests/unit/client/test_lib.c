@@ -342,6 +342,30 @@ static void test_late_answers(void **state)
     helio_destroy(c);
 }
 
+static void note(void *user, const struct hgp_notice *notice)
+{
+    *(int *)user = notice->code;
+}
+
+// A message that wants no answer and is refused: a worker's session goes on, as a daemon's does.
+static void test_refused_without_a_request(void **state)
+{
+    (void)state;
+    int code = 0;
+    uint64_t rtt;
+    struct hg_error err = {0};
+    struct hgp_view_camera camera = {.view = 1, .has_camera = true, .camera = 7};
+    setenv("FAKE", "fail=view_camera:8", 1);
+    struct helio *c = connect_good(&(struct helio_options){0});
+    helio_set_handlers(c, &(struct helio_handlers){.user = &code, .notice = note});
+    assert_int_equal(helio_send(c, HGP_T_view_camera, &camera, NULL, &err), HG_OK);
+    if (helio_ping(c, &rtt, &err))
+        fail_msg("%s: %s", err.what, err.reason);
+    assert_int_equal(code, HG_E_NOTFOUND);
+    helio_destroy(c);
+    unsetenv("FAKE");
+}
+
 // ---- hostile peers -----------------------------------------------------------------------------
 
 // Talks to a peer that sends exactly these bytes and closes. Nothing may crash or hang.
@@ -527,6 +551,7 @@ int main(void)
         cmocka_unit_test(test_tokens),
         cmocka_unit_test(test_interrupt_and_timeout),
         cmocka_unit_test(test_late_answers),
+        cmocka_unit_test(test_refused_without_a_request),
         cmocka_unit_test(test_every_prefix),
         cmocka_unit_test(test_mutations),
         cmocka_unit_test(test_corpus),
