@@ -5,6 +5,7 @@ import ctypes
 import functools
 import json
 import os
+import time
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Set, Tuple, Type, Union
@@ -259,13 +260,20 @@ class Session:
 
     def messages(self, timeout: Optional[float] = None) -> Iterator[Message]:
         """Messages as they come, until `timeout` seconds pass without one (None: for ever)."""
+        return self._arrivals(timeout, lambda _: True)
+
+    def _arrivals(self, timeout: Optional[float], counts: Callable[[Message], bool]) -> Iterator[Message]:
+        """Messages, until `timeout` seconds pass without one that counts. What the library answers itself, such
+        as signs of life, ends a wait as well."""
+        begun = time.monotonic()
         while True:
             message = self.next()
             if message is not None:
                 yield message
+                begun = time.monotonic() if counts(message) else begun
                 continue
             try:
-                self.wait(timeout)
+                self.wait(None if timeout is None else max(0, begun + timeout - time.monotonic()))
             except HelioError as wrong:
                 if wrong.status == Status.E_TIMEOUT:
                     return

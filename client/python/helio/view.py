@@ -151,7 +151,8 @@ class View:
         self.session._credited.add(self.number)
         self.session.call("subscribe", "ok", view=self.number, credit_frames=credit)
         try:
-            for message in self.session.messages(timeout):
+            for message in self.session._arrivals(
+                    timeout, lambda m: m.name == "frame" and m["view"] == self.number):
                 if message.name == "error":
                     raise _lib.HelioError(message["code"], message["what"], message["where"],
                                           message["reason"])

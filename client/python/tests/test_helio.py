@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import unittest
 from unittest import mock
 
@@ -146,6 +147,23 @@ class Interrupts(unittest.TestCase):
                     timer.start()
                     session.wait(20)
                 timer.join()
+
+
+class Waiting(unittest.TestCase):
+    def test_what_is_no_message_gives_no_more_time(self):
+        """A wait ends when bytes come, also such as the library uses up itself."""
+        left = []
+
+        def wait(seconds):
+            left.append(seconds)
+            time.sleep(0.002)
+            if len(left) == 3:
+                raise helio.HelioError(helio.Status.E_TIMEOUT)
+        here, there = socket.socketpair()
+        with there, helio.connect("unix:mute", fd=here.detach(), wait=False) as session:
+            with mock.patch.object(session, "wait", wait):
+                self.assertEqual(list(session.messages(5)), [])
+            self.assertTrue(left[2] < left[1] < left[0] <= 5, left)
 
 
 class Rendering(unittest.TestCase):
