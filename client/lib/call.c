@@ -319,7 +319,10 @@ enum hg_status helio_scene_open(
     if (h->embedded && *name)
         return hg_error_set(err, HG_E_UNSUPPORTED, name, NULL,
             "a private worker has no named scenes; connect to a daemon");
+    if (h->embedded && h->server.has_scene)
+        return hg_error_set(err, HG_E_STATE, "scene_open", NULL, "close the open scene first");
     if (h->embedded) { // session_attach has opened it
+        h->server.has_scene = !h->error.status;
         *out = (struct hgp_scene_opened){.first_id = 1, .id_count = HG_CLIENT_PRIVATE_IDS};
         return h->error.status ? hg_client_failed(h, err) : HG_OK;
     }

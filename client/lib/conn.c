@@ -173,7 +173,7 @@ enum hg_status hg_client_enqueue(struct helio *h, enum hgp_type type, uint32_t r
     const void *message, struct hg_error *err)
 {
     struct hgp_fault fault = {0};
-    uint32_t channel = h->embedded ? HG_CLIENT_PRIVATE_CHANNEL : 0;
+    uint32_t channel = h->embedded ? h->server.channel : 0;
     size_t before = h->out.size;
     const struct hgp_message_info *info = hgp_find((uint16_t)type);
     const char *name = info ? info->name : "message";

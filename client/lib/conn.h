@@ -21,8 +21,7 @@
 enum {
     HG_CLIENT_SEND_HIGH_BYTES = 8 * 1024 * 1024,
     HG_CLIENT_QUEUE_MESSAGES = 256,
-    HG_CLIENT_GIVEN_UP = 64,       // requests; more of them at a time, and the oldest is forgotten
-    HG_CLIENT_PRIVATE_CHANNEL = 1, // the session's channel on the link to a private worker
+    HG_CLIENT_GIVEN_UP = 64, // requests; more of them at a time, and the oldest is forgotten
     HG_CLIENT_PRIVATE_IDS = 1 << 20,
 };
 
@@ -67,6 +66,8 @@ struct hg_client_server {
     uint64_t session;
     uint32_t send_limit; // payload bytes that it takes
     char scene[129];     // of a join ticket; "" = none
+    uint32_t channel;    // of a private worker's link: one for each scene that is opened, from 1
+    bool has_scene;      // a private worker's scene is open
     struct hg_client_limited limited;
 };
 

@@ -368,7 +368,8 @@ class Session:
         return float(self.call("compare", "compared", metric=metric, a=a, b=b, want_diff=False)["value"])
 
     def scene(self, name: str = "") -> "Scene":
-        """Joins the shared scene of that name, or makes it; "" = one of this session's own."""
+        """Joins the shared scene of that name, or makes it; "" = one of this session's own, which is
+        empty. A session has one at a time: close() the one before."""
         from .scene import Scene
         opened, err = _lib.structs["scene_opened"](), _lib.Error()
         self._check(lib.helio_scene_open(self.handle, name.encode(), opened, err), err)

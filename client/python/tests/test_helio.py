@@ -312,6 +312,23 @@ class Rendering(unittest.TestCase):
         self.assertGreater(self.session.ping(), 0)
 
 
+class Scenes(unittest.TestCase):
+    def test_one_after_another(self):
+        """A worker is started once; each scene is empty, and numbers begin again."""
+        with helio.connect(asset_roots=[os.path.dirname(os.path.realpath(MODEL))], timeout=200,
+                           answer_timeout=300) as session:
+            with session.scene() as scene:
+                first = scene.load(MODEL)
+                scene.edit("node_set", node=scene.new_id(), name="made")
+                with self.assertRaises(helio.HelioError) as caught:
+                    session.scene()
+                self.assertEqual(caught.exception.status, helio.Status.E_STATE)
+            with session.scene() as scene:
+                self.assertEqual(list(scene.nodes()), [])
+                again = scene.load(MODEL)
+                self.assertEqual((again["asset"], again["nodes"]), (first["asset"], first["nodes"]))
+
+
 class Examples(unittest.TestCase):
     def test_usage(self):
         folder = os.path.join(SOURCE, "client", "python", "examples")
@@ -337,7 +354,7 @@ class Examples(unittest.TestCase):
                 mock.patch.object(Scene, "view", view), mock.patch.object(sys, "argv", [path, *args]), \
                 contextlib.redirect_stdout(out):
             runpy.run_path(path, run_name="__main__")
-        session.call("asset_unload", "ok", asset=session.scene().first_id)
+        session.call("scene_close", "ok")
         return out.getvalue()
 
     def test_looking(self):

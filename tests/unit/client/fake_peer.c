@@ -485,6 +485,9 @@ static void respond(const struct hgp_header *h, const union hgp_any *m)
         send_have(h, &m->upload_query);
         return;
     case HGP_T_session_attach:
+        if (h->request)
+            answer(h, HGP_T_ok, &(struct hgp_ok){0});
+        return;
     case HGP_T_view_camera:
     case HGP_T_pong:
         return;

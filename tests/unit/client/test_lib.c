@@ -227,6 +227,10 @@ static void test_worker(void **state)
     assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_OK);
     assert_int_equal(scene.first_id, 1);
     assert_int_equal(helio_scene_open(c, "shared", &scene, &err), HG_E_UNSUPPORTED);
+    assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_E_STATE);
+    const struct hgp_scene_close leave = {0};
+    assert_int_equal(helio_call_for(c, HGP_T_scene_close, &leave, HGP_T_ok, NULL, &err), HG_OK);
+    assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_OK);
     kill(info.worker_pid, SIGKILL);
     uint64_t rtt;
     assert_int_equal(helio_ping(c, &rtt, &err), HG_E_WORKER);
