@@ -89,10 +89,12 @@ def _enum(of: str, value: Any) -> int:
         if key not in ENUMS[of].__members__:
             raise ValueError("%r is none of %s" % (value, " ".join(n.lower() for n in ENUMS[of].__members__)))
         return int(ENUMS[of][key])
-    return int(value)
+    return operator.index(value)
 
 
 def _text(value: Any, keep: List[Any]) -> Str:
+    if isinstance(value, int):  # bytes() would make so many zeros of it
+        raise TypeError("%r is neither text nor bytes" % (value,))
     data = value.encode() if isinstance(value, str) else bytes(value)
     buffer = ctypes.create_string_buffer(data, len(data) + 1)
     keep.append(buffer)
@@ -115,8 +117,12 @@ def encode(name: str, values: Mapping[str, Any], keep: List[Any]) -> Any:
         _, kind, of, optional = rows[field]
         if optional:
             setattr(out, "has_" + field, True)
-        setattr(out, field, _integer(name, field, kind, value) if kind in _WHOLE else
-                _encode_value(kind, of, value, keep))
+        try:
+            setattr(out, field, _integer(name, field, kind, value) if kind in _WHOLE else
+                    _encode_value(kind, of, value, keep))
+        except (TypeError, ValueError) as wrong:
+            raised = TypeError if isinstance(wrong, TypeError) else ValueError
+            raise raised("%s: %s: %s" % (name, field, wrong)) from None
     missing = [field for field, row in rows.items() if not row[3] and values.get(field) is None]
     if missing:
         raise TypeError("%s needs %s" % (name, ", ".join(missing)))
@@ -142,6 +148,8 @@ def _encode_value(kind: str, of: str, value: Any, keep: List[Any]) -> Any:
         return _text(value, keep)
     if kind == "ENUM":
         return _enum(of, value)
+    if kind == "BOOL" and isinstance(value, (str, bytes)):  # "no" would be true
+        raise TypeError("%r is neither True nor False" % (value,))
     if kind in ("VEC2", "VEC3", "VEC4", "MAT4", "HASH"):
         array = _SCALARS[kind]
         items = list(value)

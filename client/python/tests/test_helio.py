@@ -75,6 +75,19 @@ class Tables(unittest.TestCase):
             _lib.encode("node_sett", {"node": 1}, [])
         self.assertIn("node_set", str(caught.exception))
 
+    def test_wrong_values_name_their_field(self):
+        for name, fields, kind, text in (
+                ("view_set", {"view": 1, "exposure_ev": "3"}, TypeError, "view_set: exposure_ev: "),
+                ("view_set", {"view": 1, "mode": "fast"}, ValueError, "view_set: mode: 'fast' is none of"),
+                ("view_set", {"view": 1, "mode": 0.7}, TypeError, "view_set: mode: "),
+                ("view_camera", {"view": 1, "input_seq": 1, "eye": (1, 2)}, ValueError, "view_camera: eye: 3 values"),
+                ("node_set", {"node": 1, "visible": "no"}, TypeError, "node_set: visible: 'no' is neither"),
+                ("node_set", {"node": 1, "name": 5}, TypeError, "node_set: name: 5 is neither text nor"),
+                ("view_clip", {"view": 1, "planes": [{"normal": "x"}]}, ValueError, "view_clip: planes: clip_plane: normal:")):
+            with self.assertRaises(kind, msg=fields) as caught:
+                _lib.encode(name, fields, [])
+            self.assertIn(text, str(caught.exception))
+
     def test_required_fields_are_never_made_up(self):
         for name, fields, text in (
                 ("object_remove", {"object": 5}, "object_remove needs kind"),
