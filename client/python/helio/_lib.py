@@ -8,6 +8,7 @@ import difflib
 import enum
 import operator
 import os
+import threading
 from ctypes import (POINTER, c_bool, c_char, c_char_p, c_double, c_float, c_int, c_int32, c_size_t,
                     c_uint8, c_uint16, c_uint32, c_uint64, c_void_p)
 from typing import Any, Dict, List, Mapping, Optional, Tuple
@@ -300,6 +301,45 @@ lib = _open()
 for _function, (_result, _arguments) in PROTOTYPES.items():
     getattr(lib, _function).restype = _result
     getattr(lib, _function).argtypes = _arguments
+
+
+# ---- one thread at a time ----------------------------------------------------------------------
+
+_locks: Dict[int, Any] = {}  # of handles
+
+
+def _one_at_a_time(function: Any) -> Any:
+    """Two threads in one connection would read and write the same memory: the second one is refused."""
+    def call(handle: c_void_p, *arguments: Any) -> Any:
+        lock = _locks.setdefault(handle.value or 0, threading.RLock())
+        if not lock.acquire(blocking=False):
+            raise HelioError(Status.E_STATE, "session", "", "another thread is using it")
+        try:
+            if not handle.value:
+                raise HelioError(Status.E_CLOSED, "session", "", "is closed")
+            return function(handle, *arguments)
+        finally:
+            lock.release()
+    return call
+
+
+def destroy(handle: c_void_p) -> None:
+    """Ends a connection, and before it the call of another thread that waits."""
+    lock = _locks.setdefault(handle.value or 0, threading.RLock())
+    if not lock.acquire(blocking=False):
+        lib.helio_interrupt(handle)
+        lock.acquire()
+    try:
+        lib.helio_destroy(handle)
+    finally:
+        _locks.pop(handle.value or 0, None)
+        handle.value = None
+        lock.release()
+
+
+for _function, (_, _arguments) in PROTOTYPES.items():
+    if _arguments[:1] == [_H] and _function not in ("helio_interrupt", "helio_destroy"):
+        setattr(lib, _function, _one_at_a_time(getattr(lib, _function)))
 
 
 def library_path() -> Optional[str]:

@@ -155,7 +155,7 @@ class Session:
         """Ends the session, and the private worker with it. May be called again."""
         handle, self._handle = getattr(self, "_handle", None), None
         if handle:
-            lib.helio_destroy(handle)
+            _lib.destroy(handle)
 
     @property
     def handle(self) -> ctypes.c_void_p:

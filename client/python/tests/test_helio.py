@@ -162,6 +162,30 @@ class Interrupts(unittest.TestCase):
                 timer.join()
 
 
+class Threads(unittest.TestCase):
+    def test_a_session_takes_one_at_a_time(self):
+        here, there = socket.socketpair()
+        ended = []
+
+        def wait():
+            try:
+                session.wait(30)
+            except helio.HelioError as wrong:
+                ended.append(wrong.status)
+        with there, helio.connect("unix:mute", fd=here.detach(), wait=False) as session:
+            session.flush()
+            thread = threading.Thread(target=wait)
+            thread.start()
+            with self.assertRaises(helio.HelioError) as caught:
+                while thread.is_alive():
+                    session.process()
+                    time.sleep(0.001)
+            self.assertEqual(caught.exception.status, helio.Status.E_STATE)
+            session.close()
+            thread.join()
+        self.assertEqual(ended, [helio.Status.E_CANCELLED])
+
+
 class Waiting(unittest.TestCase):
     def test_what_is_no_message_gives_no_more_time(self):
         """A wait ends when bytes come, also such as the library uses up itself."""
