@@ -198,12 +198,15 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
             return status;
         if (h->resume.losses != losses)
             return HG_E_AGAIN;
-        if (is_full(h))
-            return hg_error_set(err, HG_E_STATE, h->url, NULL,
-                "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES);
-        status = wait_until(h, deadline, err);
-        if (status && !h->error.status)
+        const bool is_stuck = is_full(h);
+        status = is_stuck
+                     ? hg_error_set(err, HG_E_STATE, h->url, NULL,
+                           "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES)
+                     : wait_until(h, deadline, err);
+        if (is_stuck || (status && !h->error.status)) {
+            hg_client_queue_give_up(&h->queue, request);
             return status;
+        }
     }
 }
 
@@ -316,7 +319,10 @@ enum hg_status helio_scene_open(
     if (h->embedded && *name)
         return hg_error_set(err, HG_E_UNSUPPORTED, name, NULL,
             "a private worker has no named scenes; connect to a daemon");
+    if (h->embedded && h->server.has_scene)
+        return hg_error_set(err, HG_E_STATE, "scene_open", NULL, "close the open scene first");
     if (h->embedded) { // session_attach has opened it
+        h->server.has_scene = !h->error.status;
         *out = (struct hgp_scene_opened){.first_id = 1, .id_count = HG_CLIENT_PRIVATE_IDS};
         return h->error.status ? hg_client_failed(h, err) : HG_OK;
     }

@@ -140,11 +140,40 @@ void hg_client_queue_take(
     q->bytes -= message->pub.size_bytes;
 }
 
+void hg_client_queue_give_up(struct hg_client_queue *q, uint32_t request)
+{
+    struct hg_client_message *before = NULL, *next;
+    for (struct hg_client_message *m = q->first; m; m = next) {
+        next = m->next;
+        if (m->pub.request == request) {
+            hg_client_queue_take(q, before, m);
+            hg_client_message_destroy(m);
+        } else {
+            before = m;
+        }
+    }
+    q->given_up[q->given_up_next++ % HG_CLIENT_GIVEN_UP] = request;
+}
+
+bool hg_client_queue_drops(struct hg_client_queue *q, const struct hg_client_message *message)
+{
+    const enum hgp_type type = message->pub.type;
+    const bool is_last = type != HGP_T_progress && type != HGP_T_notice && type != HGP_T_frame_part;
+    for (uint32_t i = 0; message->pub.request && i < HG_CLIENT_GIVEN_UP; i++) {
+        if (q->given_up[i] != message->pub.request)
+            continue;
+        if (is_last)
+            q->given_up[i] = 0;
+        return true;
+    }
+    return false;
+}
+
 enum hg_status hg_client_enqueue(struct helio *h, enum hgp_type type, uint32_t request,
     const void *message, struct hg_error *err)
 {
     struct hgp_fault fault = {0};
-    uint32_t channel = h->embedded ? HG_CLIENT_PRIVATE_CHANNEL : 0;
+    uint32_t channel = h->embedded ? h->server.channel : 0;
     size_t before = h->out.size;
     const struct hgp_message_info *info = hgp_find((uint16_t)type);
     const char *name = info ? info->name : "message";

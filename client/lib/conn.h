@@ -21,7 +21,7 @@
 enum {
     HG_CLIENT_SEND_HIGH_BYTES = 8 * 1024 * 1024,
     HG_CLIENT_QUEUE_MESSAGES = 256,
-    HG_CLIENT_PRIVATE_CHANNEL = 1, // the session's channel on the link to a private worker
+    HG_CLIENT_GIVEN_UP = 64, // requests; more of them at a time, and the oldest is forgotten
     HG_CLIENT_PRIVATE_IDS = 1 << 20,
 };
 
@@ -46,6 +46,8 @@ struct hg_client_message {
 struct hg_client_queue {
     struct hg_client_message *first, *last;
     size_t count, bytes;
+    uint32_t given_up[HG_CLIENT_GIVEN_UP]; // requests whose answers are dropped when they come
+    uint32_t given_up_next;
 };
 
 // What the server said last about a limit.
@@ -64,6 +66,8 @@ struct hg_client_server {
     uint64_t session;
     uint32_t send_limit; // payload bytes that it takes
     char scene[129];     // of a join ticket; "" = none
+    uint32_t channel;    // of a private worker's link: one for each scene that is opened, from 1
+    bool has_scene;      // a private worker's scene is open
     struct hg_client_limited limited;
 };
 
@@ -125,5 +129,9 @@ void hg_client_queue_push(struct hg_client_queue *q, struct hg_client_message *m
 // Takes a message out of the queue; `before` is the one in front of it, NULL = it is the first.
 void hg_client_queue_take(
     struct hg_client_queue *q, struct hg_client_message *before, struct hg_client_message *message);
+// The answer of a request is not waited for any longer: drops what came for it, and what will.
+void hg_client_queue_give_up(struct hg_client_queue *q, uint32_t request);
+// True for a message of a request that was given up.
+bool hg_client_queue_drops(struct hg_client_queue *q, const struct hg_client_message *message);
 
 #endif

@@ -206,8 +206,10 @@ enum hg_status helio_send(struct helio *h, enum hgp_type type, const void *messa
             "not a message that clients send");
     uint32_t id = request ? h->next_request : 0;
     const size_t before = h->out.size;
-    enum hg_status status = hg_client_enqueue(h, type, id, message, err);
-    if (!status && h->tap.sent)
+    const bool is_leaving = h->embedded && type == HGP_T_scene_close;
+    enum hg_status status = is_leaving ? hg_client_next_scene(h, id, err)
+                                       : hg_client_enqueue(h, type, id, message, err);
+    if (!status && h->tap.sent && !is_leaving)
         h->tap.sent(h->tap.user, h->out.data + before, h->out.size - before);
     if (!status && request) {
         *request = id;

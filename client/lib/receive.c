@@ -22,10 +22,11 @@ static enum hg_status deliver(struct helio *h, struct hg_client_message *message
         .body = &message->body,
         .begun_ns = message->begun_ns,
         .received_ns = hg_clock_now_ns()};
-    uint32_t expected = h->embedded ? HG_CLIENT_PRIVATE_CHANNEL : 0;
+    uint32_t expected = h->embedded ? h->server.channel : 0;
     struct hgp_fault fault = {0};
     enum hg_status status = HG_OK;
-    if (!hgp_find(header.type) && (header.flags & HGP_FLAG_OPTIONAL)) {
+    const bool is_past = header.channel && header.channel < expected; // of a scene that was closed
+    if (is_past || (!hgp_find(header.type) && (header.flags & HGP_FLAG_OPTIONAL))) {
         hg_client_message_destroy(message);
         return HG_OK;
     }

@@ -117,6 +117,29 @@ static enum hg_status on_welcome(struct helio *h, const struct hgp_welcome *welc
     return status ? hg_client_fail(h, HG_E_AUTH, "token", "%s", err.reason) : HG_OK;
 }
 
+enum hg_status hg_client_next_scene(struct helio *h, uint32_t request, struct hg_error *err)
+{
+    char name[32];
+    snprintf(name, sizeof name, "private %u", h->server.channel + 1);
+    const struct hgp_session_attach attach = {
+        .session = 1,
+        .role = HGP_role_ADMIN,
+        .scene = hgp_str_make(name),
+        .first_id = 1,
+        .id_count = HG_CLIENT_PRIVATE_IDS,
+        .max_pixels = UINT64_MAX,
+    };
+    enum hg_status status = HG_OK;
+    if (h->server.channel)
+        status =
+            hg_client_enqueue(h, HGP_T_session_detach, 0, &(struct hgp_session_detach){0}, err);
+    if (status)
+        return status;
+    h->server.channel++;
+    h->server.has_scene = false;
+    return hg_client_enqueue(h, HGP_T_session_attach, request, &attach, err);
+}
+
 static enum hg_status on_worker_ready(struct helio *h, const struct hgp_worker_ready *ready)
 {
     char *device = hg_strndup(ready->device.data ? ready->device.data : "", ready->device.size);
@@ -126,16 +149,8 @@ static enum hg_status on_worker_ready(struct helio *h, const struct hgp_worker_r
     h->server.device = device;
     snprintf(h->server.name, sizeof h->server.name, "helio-worker");
     h->server.role = HGP_role_ADMIN;
-    struct hgp_session_attach attach = {
-        .session = 1,
-        .role = HGP_role_ADMIN,
-        .scene = hgp_str_make("private"),
-        .first_id = 1,
-        .id_count = HG_CLIENT_PRIVATE_IDS,
-        .max_pixels = UINT64_MAX,
-    };
     struct hg_error err = {0};
-    enum hg_status status = hg_client_enqueue(h, HGP_T_session_attach, 0, &attach, &err);
+    enum hg_status status = hg_client_next_scene(h, 0, &err);
     if (status)
         return hg_client_fail(h, status, NULL, "cannot attach: %s", err.reason);
     h->state = HELIO_OPEN;
@@ -174,6 +189,19 @@ static bool may_come_from_server(const struct helio *h, enum hgp_type type)
 {
     enum hgp_direction direction = hgp_find((uint16_t)type)->direction;
     return direction == HGP_S2C || direction == HGP_ANY || (h->embedded && direction == HGP_W2B);
+}
+
+// A private worker's error without a request is that of a message that wanted no answer. A daemon
+// tells it as a notice.
+static void error_to_notice(const struct helio *h, struct hg_client_message *message)
+{
+    if (!h->embedded || message->header.channel != h->server.channel ||
+        message->pub.type != HGP_T_error || message->pub.request)
+        return;
+    const struct hgp_error error = message->body.error;
+    message->pub.type = HGP_T_notice;
+    message->body.notice = (struct hgp_notice){
+        .code = error.code, .what = error.what, .where = error.where, .reason = error.reason};
 }
 
 // Messages that the library answers or keeps for itself. True when the message is used up.
@@ -239,13 +267,14 @@ enum hg_status hg_client_dispatch(struct helio *h, struct hg_client_message *mes
     enum hg_status status = HG_OK;
     h->heard_ns = hg_clock_now_ns();
     bool used = true;
+    error_to_notice(h, message);
     if (!may_come_from_server(h, message->pub.type)) {
         status = hg_client_fail(h, HG_E_STATE, NULL, "'%s' is not a message that servers send",
             hgp_find((uint16_t)message->pub.type)->name);
     } else if (!handle_own(h, message, &status)) {
         if (h->state == HELIO_GREETING) {
             status = greeting(h, message);
-        } else {
+        } else if (!hg_client_queue_drops(&h->queue, message)) {
             h->draining |= message->pub.type == HGP_T_drain;
             if (h->tap.received)
                 h->tap.received(h->tap.user, &message->pub);

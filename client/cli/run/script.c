@@ -178,7 +178,11 @@ static enum hg_status parse_time(struct hg_words *w, struct hg_cli_step *s, stru
 static enum hg_status parse_frame(struct hg_words *w, struct hg_cli_step *s, struct hg_error *err)
 {
     s->kind = HG_CLI_STEP_FRAME;
+    struct hg_cli_format ignored;
+    struct hg_error inner = {0};
     enum hg_status status = hg_words_take(w, "file to write", &s->path, err);
+    if (!status && hg_cli_format_of(s->path, NULL, &ignored, &inner))
+        status = hg_words_rename_error(&inner, s->path, err);
     s->now = !status && hg_words_accept(w, "now");
     return status;
 }

@@ -160,6 +160,8 @@ enum hg_status hg_words_take_numbers(
                    : HG_OK;
     }
     for (uint32_t i = 0; i < count; i++) {
+        if (w->next >= w->count && i)
+            return hg_words_error(err, "%s: number %u of %u is missing", what, i + 1, count);
         enum hg_status status = hg_words_take_number(w, what, -1e30, 1e30, &out[i], err);
         if (status)
             return status;

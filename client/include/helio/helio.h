@@ -210,7 +210,8 @@ HELIO_API enum hg_status helio_flush(struct helio *h, struct hg_error *err) HG_M
 
 // Sends and waits for the answer. An `error` answer becomes its status and *err. *answer (may be
 // NULL when it does not matter) is freed with helio_message_free. Messages that belong to other
-// requests stay for helio_next; progress and notices go to the handlers.
+// requests stay for helio_next; progress and notices go to the handlers. What comes for a call that
+// was interrupted, or had its deadline, is dropped: the server may still do what it was asked for.
 HELIO_API enum hg_status helio_call(struct helio *h, enum hgp_type type, const void *message,
     struct helio_message **answer, struct hg_error *err) HG_MUST_CHECK;
 
@@ -222,7 +223,8 @@ HELIO_API enum hg_status helio_call_for(struct helio *h, enum hgp_type type, con
 HELIO_API enum hg_status helio_ping(
     struct helio *h, uint64_t *rtt_ns, struct hg_error *err) HG_MUST_CHECK;
 
-// Joins the scene `name`, or makes it; "" = a private one. A private worker has one private scene.
+// Joins the scene `name`, or makes it; "" = a private one. A private worker has private ones only.
+// HG_E_STATE: a scene is open; the message scene_close leaves it, and the next one is empty.
 HELIO_API enum hg_status helio_scene_open(struct helio *h, const char *name,
     struct hgp_scene_opened *out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -8,6 +8,7 @@ import difflib
 import enum
 import operator
 import os
+import threading
 from ctypes import (POINTER, c_bool, c_char, c_char_p, c_double, c_float, c_int, c_int32, c_size_t,
                     c_uint8, c_uint16, c_uint32, c_uint64, c_void_p)
 from typing import Any, Dict, List, Mapping, Optional, Tuple
@@ -89,10 +90,12 @@ def _enum(of: str, value: Any) -> int:
         if key not in ENUMS[of].__members__:
             raise ValueError("%r is none of %s" % (value, " ".join(n.lower() for n in ENUMS[of].__members__)))
         return int(ENUMS[of][key])
-    return int(value)
+    return operator.index(value)
 
 
 def _text(value: Any, keep: List[Any]) -> Str:
+    if isinstance(value, int):  # bytes() would make so many zeros of it
+        raise TypeError("%r is neither text nor bytes" % (value,))
     data = value.encode() if isinstance(value, str) else bytes(value)
     buffer = ctypes.create_string_buffer(data, len(data) + 1)
     keep.append(buffer)
@@ -115,8 +118,12 @@ def encode(name: str, values: Mapping[str, Any], keep: List[Any]) -> Any:
         _, kind, of, optional = rows[field]
         if optional:
             setattr(out, "has_" + field, True)
-        setattr(out, field, _integer(name, field, kind, value) if kind in _WHOLE else
-                _encode_value(kind, of, value, keep))
+        try:
+            setattr(out, field, _integer(name, field, kind, value) if kind in _WHOLE else
+                    _encode_value(kind, of, value, keep))
+        except (TypeError, ValueError) as wrong:
+            raised = TypeError if isinstance(wrong, TypeError) else ValueError
+            raise raised("%s: %s: %s" % (name, field, wrong)) from None
     missing = [field for field, row in rows.items() if not row[3] and values.get(field) is None]
     if missing:
         raise TypeError("%s needs %s" % (name, ", ".join(missing)))
@@ -142,6 +149,8 @@ def _encode_value(kind: str, of: str, value: Any, keep: List[Any]) -> Any:
         return _text(value, keep)
     if kind == "ENUM":
         return _enum(of, value)
+    if kind == "BOOL" and isinstance(value, (str, bytes)):  # "no" would be true
+        raise TypeError("%r is neither True nor False" % (value,))
     if kind in ("VEC2", "VEC3", "VEC4", "MAT4", "HASH"):
         array = _SCALARS[kind]
         items = list(value)
@@ -292,6 +301,45 @@ lib = _open()
 for _function, (_result, _arguments) in PROTOTYPES.items():
     getattr(lib, _function).restype = _result
     getattr(lib, _function).argtypes = _arguments
+
+
+# ---- one thread at a time ----------------------------------------------------------------------
+
+_locks: Dict[int, Any] = {}  # of handles
+
+
+def _one_at_a_time(function: Any) -> Any:
+    """Two threads in one connection would read and write the same memory: the second one is refused."""
+    def call(handle: c_void_p, *arguments: Any) -> Any:
+        lock = _locks.setdefault(handle.value or 0, threading.RLock())
+        if not lock.acquire(blocking=False):
+            raise HelioError(Status.E_STATE, "session", "", "another thread is using it")
+        try:
+            if not handle.value:
+                raise HelioError(Status.E_CLOSED, "session", "", "is closed")
+            return function(handle, *arguments)
+        finally:
+            lock.release()
+    return call
+
+
+def destroy(handle: c_void_p) -> None:
+    """Ends a connection, and before it the call of another thread that waits."""
+    lock = _locks.setdefault(handle.value or 0, threading.RLock())
+    if not lock.acquire(blocking=False):
+        lib.helio_interrupt(handle)
+        lock.acquire()
+    try:
+        lib.helio_destroy(handle)
+    finally:
+        _locks.pop(handle.value or 0, None)
+        handle.value = None
+        lock.release()
+
+
+for _function, (_, _arguments) in PROTOTYPES.items():
+    if _arguments[:1] == [_H] and _function not in ("helio_interrupt", "helio_destroy"):
+        setattr(lib, _function, _one_at_a_time(getattr(lib, _function)))
 
 
 def library_path() -> Optional[str]:

@@ -18,7 +18,7 @@ def object_id(asset: int, index: int) -> int:
 
 
 class Scene:
-    """The scene that a session has open."""
+    """The scene that a session has open. Left by close(), by `with`, or with its session."""
 
     def __init__(self, session: "Session", opened: Dict[str, Any]) -> None:
         self.session = session
@@ -28,6 +28,13 @@ class Scene:
         self._assets = 0
         self._objects = 0
         self._views = 0
+
+    def __enter__(self) -> "Scene":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self.session._handle:
+            self.close()
 
     def load(self, path: str, *, upload: bool = False, **fields: Any) -> Dict[str, Any]:
         """Loads a file into the scene and returns the fields of asset_loaded. `upload` sends a file of
@@ -96,5 +103,6 @@ class Scene:
             self.edit("animation_set", asset=self.first_id + i, animation=-1, time_s=time_s)
 
     def close(self) -> None:
-        """Leaves the scene."""
+        """Leaves the scene, whose views are closed; session.scene() may open the next one."""
         self.session.call("scene_close", "ok")
+        self.session._credited.clear()

@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import json
 import os
+import time
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Callable, Dict, Iterator, List, Optional, Sequence, Set, Tuple, Type, Union
@@ -131,8 +133,9 @@ class Session:
         self.on_progress: Optional[Callable[[str, int, int], None]] = None
         self.on_notice: Optional[Callable[[Dict[str, Any]], None]] = None
         # The C side calls these as long as the connection lives.
-        self._handlers = _lib.Handlers(None, _lib.TICK(self._on_tick), _lib.PROGRESS(self._on_progress),
-                                       _lib.NOTICE(self._on_notice))
+        self._handlers = _lib.Handlers(None, _lib.TICK(self._guarded(self._on_tick, 1)),
+                                       _lib.PROGRESS(self._guarded(self._on_progress, 2)),
+                                       _lib.NOTICE(self._guarded(self._on_notice, 2)))
         lib.helio_set_handlers(handle, self._handlers)
         lib.helio_set_timeout(handle, _ns(timeout))
 
@@ -152,7 +155,7 @@ class Session:
         """Ends the session, and the private worker with it. May be called again."""
         handle, self._handle = getattr(self, "_handle", None), None
         if handle:
-            lib.helio_destroy(handle)
+            _lib.destroy(handle)
 
     @property
     def handle(self) -> ctypes.c_void_p:
@@ -170,29 +173,41 @@ class Session:
 
     # ---- callbacks: an exception ends the call that waits --------------------------------------
 
-    def _guard(self, run: Callable[[], None]) -> None:
-        try:
-            run()
-        except BaseException as wrong:  # Ctrl-C as well: Python sees it in the first callback
-            self._raised = wrong
-            if self._handle:
-                lib.helio_interrupt(self._handle)
+    def _guarded(self, run: Callable[..., None], count: int) -> Callable[..., Any]:
+        """`run` for C, with `count` arguments. Python runs the handlers of signals first thing in a function
+        that it enters; what they raise there (Ctrl-C) would be printed and lost. So C enters a generator,
+        which goes on inside of its `try`: max() hands it one argument after another."""
+        def take() -> Iterator[Any]:
+            while True:
+                try:
+                    while True:
+                        arguments: List[Any] = []
+                        for _ in range(count):
+                            arguments.append((yield 0))
+                        run(*arguments)
+                except GeneratorExit:
+                    return
+                except BaseException as wrong:
+                    below = wrong.__traceback__.tb_next if wrong.__traceback__ else None
+                    self._raised = wrong.with_traceback(below)  # assertRaises clears the frames that it names
+                    if self._handle:
+                        lib.helio_interrupt(self._handle)
+
+        entered: Any = take()
+        next(entered)
+        return functools.partial(max, key=entered.send) if count > 1 else entered.send  # type: ignore
 
     def _on_tick(self, _: Any) -> None:
-        self._guard(lambda: None)
+        pass
 
     def _on_progress(self, _: Any, message: Any) -> None:
-        def run() -> None:
-            if self.on_progress:
-                fields = _lib.decode("progress", message.contents)
-                self.on_progress(fields["stage"], fields["done"], fields["total"])
-        self._guard(run)
+        if self.on_progress:
+            fields = _lib.decode("progress", message.contents)
+            self.on_progress(fields["stage"], fields["done"], fields["total"])
 
     def _on_notice(self, _: Any, message: Any) -> None:
-        def run() -> None:
-            if self.on_notice:
-                self.on_notice(_lib.decode("notice", message.contents))
-        self._guard(run)
+        if self.on_notice:
+            self.on_notice(_lib.decode("notice", message.contents))
 
     def _check(self, status: int, err: Any) -> None:
         raised, self._raised = self._raised, None
@@ -245,13 +260,20 @@ class Session:
 
     def messages(self, timeout: Optional[float] = None) -> Iterator[Message]:
         """Messages as they come, until `timeout` seconds pass without one (None: for ever)."""
+        return self._arrivals(timeout, lambda _: True)
+
+    def _arrivals(self, timeout: Optional[float], counts: Callable[[Message], bool]) -> Iterator[Message]:
+        """Messages, until `timeout` seconds pass without one that counts. What the library answers itself, such
+        as signs of life, ends a wait as well."""
+        begun = time.monotonic()
         while True:
             message = self.next()
             if message is not None:
                 yield message
+                begun = time.monotonic() if counts(message) else begun
                 continue
             try:
-                self.wait(timeout)
+                self.wait(None if timeout is None else max(0, begun + timeout - time.monotonic()))
             except HelioError as wrong:
                 if wrong.status == Status.E_TIMEOUT:
                     return
@@ -265,18 +287,16 @@ class Session:
             self._tap = None
             return
 
-        def nothing(_: Any) -> None:
-            pass
-
-        see_sent, see_received = sent or nothing, received or nothing
-
         def on_sent(_: Any, data: Any, size: int) -> None:
-            self._guard(lambda: see_sent(ctypes.string_at(data, size)))
+            if sent:
+                sent(ctypes.string_at(data, size))
 
         def on_received(_: Any, message: Any) -> None:
-            self._guard(lambda: see_received(self._decode(message.contents)))
+            if received:
+                received(self._decode(message.contents))
 
-        self._tap = _lib.Tap(None, _lib.SENT(on_sent), _lib.RECEIVED(on_received))
+        self._tap = _lib.Tap(None, _lib.SENT(self._guarded(on_sent, 3)),
+                             _lib.RECEIVED(self._guarded(on_received, 2)))
         lib.helio_set_tap(self.handle, self._tap)
 
     # ---- blocking ------------------------------------------------------------------------------
@@ -348,7 +368,8 @@ class Session:
         return float(self.call("compare", "compared", metric=metric, a=a, b=b, want_diff=False)["value"])
 
     def scene(self, name: str = "") -> "Scene":
-        """Joins the shared scene of that name, or makes it; "" = one of this session's own."""
+        """Joins the shared scene of that name, or makes it; "" = one of this session's own, which is
+        empty. A session has one at a time: close() the one before."""
         from .scene import Scene
         opened, err = _lib.structs["scene_opened"](), _lib.Error()
         self._check(lib.helio_scene_open(self.handle, name.encode(), opened, err), err)

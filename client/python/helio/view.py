@@ -100,11 +100,14 @@ class View:
     def camera(self, eye: Optional[Sequence[float]] = None, target: Optional[Sequence[float]] = None,
                **fields: Any) -> int:
         """Places the camera; further fields are those of view_camera, such as vfov_rad, or camera=, a
-        node of the scene that carries one. Returns the input_seq of the frames that show it. What is
-        wrong with it is raised by the next call."""
+        node of the scene that carries one. Returns the input_seq of the frames that show it. In a loop
+        over frames() it does not wait for the answer, and what is wrong with it is raised by the loop."""
         self.input_seq += 1
-        self.session.send("view_camera", view=self.number, input_seq=self.input_seq, eye=eye, target=target,
-                          **fields)
+        fields = dict(fields, view=self.number, input_seq=self.input_seq, eye=eye, target=target)
+        if self.number in self.session._credited:
+            self.session.send("view_camera", **fields)
+        else:
+            self.session.call("view_camera", "ok", **fields)
         return self.input_seq
 
     def orbit(self, theta_deg: float, phi_deg: float, radius: float,
@@ -148,7 +151,8 @@ class View:
         self.session._credited.add(self.number)
         self.session.call("subscribe", "ok", view=self.number, credit_frames=credit)
         try:
-            for message in self.session.messages(timeout):
+            for message in self.session._arrivals(
+                    timeout, lambda m: m.name == "frame" and m["view"] == self.number):
                 if message.name == "error":
                     raise _lib.HelioError(message["code"], message["what"], message["where"],
                                           message["reason"])

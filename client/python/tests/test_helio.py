@@ -9,9 +9,13 @@ import io
 import os
 import re
 import runpy
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 import unittest
 from unittest import mock
 
@@ -71,6 +75,19 @@ class Tables(unittest.TestCase):
             _lib.encode("node_sett", {"node": 1}, [])
         self.assertIn("node_set", str(caught.exception))
 
+    def test_wrong_values_name_their_field(self):
+        for name, fields, kind, text in (
+                ("view_set", {"view": 1, "exposure_ev": "3"}, TypeError, "view_set: exposure_ev: "),
+                ("view_set", {"view": 1, "mode": "fast"}, ValueError, "view_set: mode: 'fast' is none of"),
+                ("view_set", {"view": 1, "mode": 0.7}, TypeError, "view_set: mode: "),
+                ("view_camera", {"view": 1, "input_seq": 1, "eye": (1, 2)}, ValueError, "view_camera: eye: 3 values"),
+                ("node_set", {"node": 1, "visible": "no"}, TypeError, "node_set: visible: 'no' is neither"),
+                ("node_set", {"node": 1, "name": 5}, TypeError, "node_set: name: 5 is neither text nor"),
+                ("view_clip", {"view": 1, "planes": [{"normal": "x"}]}, ValueError, "view_clip: planes: clip_plane: normal:")):
+            with self.assertRaises(kind, msg=fields) as caught:
+                _lib.encode(name, fields, [])
+            self.assertIn(text, str(caught.exception))
+
     def test_required_fields_are_never_made_up(self):
         for name, fields, text in (
                 ("object_remove", {"object": 5}, "object_remove needs kind"),
@@ -124,6 +141,66 @@ class Unreachable(unittest.TestCase):
         with self.assertRaises(helio.HelioError) as caught:
             helio.connect("gopher:here")
         self.assertEqual(caught.exception.status, helio.Status.E_INVAL)
+
+
+class Interrupts(unittest.TestCase):
+    """Signals that come while C waits for a server that says nothing."""
+
+    def test_what_handlers_raise_ends_the_call(self):
+        def alarm(*_):
+            raise TimeoutError("the handler's own")
+        before = signal.signal(signal.SIGALRM, alarm)
+        self.addCleanup(signal.signal, signal.SIGALRM, before)
+        here, there = socket.socketpair()
+        with there, helio.connect("unix:mute", fd=here.detach(), wait=False) as session:
+            session.flush()
+            for number, raised in ((signal.SIGINT, KeyboardInterrupt), (signal.SIGALRM, TimeoutError)) * 2:
+                timer = threading.Timer(0.1, os.kill, (os.getpid(), number))
+                with self.assertRaises(raised):
+                    timer.start()
+                    session.wait(20)
+                timer.join()
+
+
+class Threads(unittest.TestCase):
+    def test_a_session_takes_one_at_a_time(self):
+        here, there = socket.socketpair()
+        ended = []
+
+        def wait():
+            try:
+                session.wait(30)
+            except helio.HelioError as wrong:
+                ended.append(wrong.status)
+        with there, helio.connect("unix:mute", fd=here.detach(), wait=False) as session:
+            session.flush()
+            thread = threading.Thread(target=wait)
+            thread.start()
+            with self.assertRaises(helio.HelioError) as caught:
+                while thread.is_alive():
+                    session.process()
+                    time.sleep(0.001)
+            self.assertEqual(caught.exception.status, helio.Status.E_STATE)
+            session.close()
+            thread.join()
+        self.assertEqual(ended, [helio.Status.E_CANCELLED])
+
+
+class Waiting(unittest.TestCase):
+    def test_what_is_no_message_gives_no_more_time(self):
+        """A wait ends when bytes come, also such as the library uses up itself."""
+        left = []
+
+        def wait(seconds):
+            left.append(seconds)
+            time.sleep(0.002)
+            if len(left) == 3:
+                raise helio.HelioError(helio.Status.E_TIMEOUT)
+        here, there = socket.socketpair()
+        with there, helio.connect("unix:mute", fd=here.detach(), wait=False) as session:
+            with mock.patch.object(session, "wait", wait):
+                self.assertEqual(list(session.messages(5)), [])
+            self.assertTrue(left[2] < left[1] < left[0] <= 5, left)
 
 
 class Rendering(unittest.TestCase):
@@ -196,6 +273,26 @@ class Rendering(unittest.TestCase):
         with self.assertRaises(ValueError):
             self.view.fit("underneath")
 
+    def test_wrong_cameras_are_refused(self):
+        node = list(self.scene.nodes())[0]["node"]
+        with self.scene.view(16, 16, **SMALL) as view:
+            for place in (lambda: view.camera(camera=2 ** 40), lambda: view.camera(camera=node)):
+                with self.assertRaises(helio.HelioError) as caught:
+                    place()
+                self.assertEqual(caught.exception.what, "camera")
+            with self.assertRaises(helio.HelioError):
+                for _ in view.frames(timeout=100):
+                    view.camera(camera=2 ** 40)
+        with self.assertRaises(helio.HelioError):
+            view.fit()
+
+    def test_cameras_leave_nothing_to_be_taken(self):
+        with self.scene.view(16, 16, **SMALL) as view:
+            for i in range(300):  # more than messages may wait
+                view.orbit(i, 60, 4)
+            self.assertEqual(view.frame().input_seq, 300)
+        self.assertIsNone(self.session.next())
+
     def test_edits_raise_the_revision(self):
         node = self.scene.new_id()
         first = self.scene.edit("node_set", node=node, translation=(1, 2, 3), name="made")
@@ -252,6 +349,23 @@ class Rendering(unittest.TestCase):
         self.assertGreater(self.session.ping(), 0)
 
 
+class Scenes(unittest.TestCase):
+    def test_one_after_another(self):
+        """A worker is started once; each scene is empty, and numbers begin again."""
+        with helio.connect(asset_roots=[os.path.dirname(os.path.realpath(MODEL))], timeout=200,
+                           answer_timeout=300) as session:
+            with session.scene() as scene:
+                first = scene.load(MODEL)
+                scene.edit("node_set", node=scene.new_id(), name="made")
+                with self.assertRaises(helio.HelioError) as caught:
+                    session.scene()
+                self.assertEqual(caught.exception.status, helio.Status.E_STATE)
+            with session.scene() as scene:
+                self.assertEqual(list(scene.nodes()), [])
+                again = scene.load(MODEL)
+                self.assertEqual((again["asset"], again["nodes"]), (first["asset"], first["nodes"]))
+
+
 class Examples(unittest.TestCase):
     def test_usage(self):
         folder = os.path.join(SOURCE, "client", "python", "examples")
@@ -277,7 +391,7 @@ class Examples(unittest.TestCase):
                 mock.patch.object(Scene, "view", view), mock.patch.object(sys, "argv", [path, *args]), \
                 contextlib.redirect_stdout(out):
             runpy.run_path(path, run_name="__main__")
-        session.call("asset_unload", "ok", asset=session.scene().first_id)
+        session.call("scene_close", "ok")
         return out.getvalue()
 
     def test_looking(self):

@@ -7,6 +7,7 @@
 //   die=MESSAGE         kill itself (worker) or close (daemon) when MESSAGE comes
 //   half=MESSAGE        send half of the answer, then as die
 //   silent=MESSAGE      never answer MESSAGE
+//   late=MESSAGE        answer MESSAGE when the next one comes, with progress before it
 //   token=T             ask for the token T
 //   version=N           choose protocol version N
 //   raw=HEX             send these bytes instead of the greeting
@@ -484,6 +485,9 @@ static void respond(const struct hgp_header *h, const union hgp_any *m)
         send_have(h, &m->upload_query);
         return;
     case HGP_T_session_attach:
+        if (h->request)
+            answer(h, HGP_T_ok, &(struct hgp_ok){0});
+        return;
     case HGP_T_view_camera:
     case HGP_T_pong:
         return;
@@ -491,6 +495,17 @@ static void respond(const struct hgp_header *h, const union hgp_any *m)
         if (h->request)
             answer_query(h, m);
     }
+}
+
+static struct hgp_header late; // what was not answered yet
+
+static void answer_late(void)
+{
+    if (!late.request)
+        return;
+    answer(&late, HGP_T_progress, &(struct hgp_progress){.stage = hgp_str_make("late")});
+    answer(&late, HGP_T_ok, &(struct hgp_ok){0});
+    late.request = 0;
 }
 
 // True when FAKE says something about this message instead of an answer.
@@ -502,6 +517,11 @@ static bool misbehave(const struct hgp_header *h, const char *name)
     value = word("silent");
     if (value && strcmp(value, name) == 0)
         return true;
+    value = word("late");
+    if (value && strcmp(value, name) == 0) {
+        late = *h;
+        return true;
+    }
     value = word("fail");
     size_t n = strlen(name);
     if (value && strncmp(value, name, n) == 0 && value[n] == ':') {
@@ -557,6 +577,7 @@ static bool serve_one(void)
         send_stray(h.channel);
     if (word("alive") && h.request)
         send_signs_of_life(h.channel, atoi(word("alive")));
+    answer_late();
     if (!misbehave(&h, name))
         respond(&h, &m);
     hg_arena_finish(&arena);

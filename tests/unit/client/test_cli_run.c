@@ -39,8 +39,8 @@ static void test_run(void **state)
     expect_run(
         2, "t.hs:1: the variable 'SCENE' is not defined", "", "$HELIO run t.hs --junit q.xml");
     expect_file("q.xml", "errors=\"1\"");
-    write_script("load s.gltf\nframe b.bmp\n");
-    expect_run(2, "t.hs:2: frame b.bmp", "", "$HELIO run t.hs");
+    write_script("load gone.gltf\nframe b.bmp\n"); // before the first line runs
+    expect_run(2, "t.hs:2: b.bmp: the name ends in none of", "", "$HELIO run t.hs");
     write_script("load gone.gltf\n");
     expect_run(3, "t.hs:1: load gone.gltf", "", "$HELIO run t.hs --junit p.xml");
     expect_file("p.xml", "<error message=");

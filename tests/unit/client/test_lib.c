@@ -227,6 +227,10 @@ static void test_worker(void **state)
     assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_OK);
     assert_int_equal(scene.first_id, 1);
     assert_int_equal(helio_scene_open(c, "shared", &scene, &err), HG_E_UNSUPPORTED);
+    assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_E_STATE);
+    const struct hgp_scene_close leave = {0};
+    assert_int_equal(helio_call_for(c, HGP_T_scene_close, &leave, HGP_T_ok, NULL, &err), HG_OK);
+    assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_OK);
     kill(info.worker_pid, SIGKILL);
     uint64_t rtt;
     assert_int_equal(helio_ping(c, &rtt, &err), HG_E_WORKER);
@@ -321,6 +325,49 @@ static void test_interrupt_and_timeout(void **state)
     assert_int_equal(
         helio_connect(&(struct helio_options){.url = url, .timeout_ns = SECOND / 20}, &c, &err),
         HG_E_TIMEOUT);
+}
+
+// What comes for a call that is over already is for no one.
+static void test_late_answers(void **state)
+{
+    (void)state;
+    harness_serve(&h, "late=ping");
+    struct helio *c = connect_good(&(struct helio_options){.url = url});
+    struct helio_message *m;
+    struct hgp_scene_opened scene;
+    struct hg_error err = {0};
+    uint64_t rtt;
+    for (int i = 0; i < 3; i++) {
+        helio_interrupt(c);
+        assert_int_equal(helio_ping(c, &rtt, &err), HG_E_CANCELLED);
+        assert_int_equal(helio_scene_open(c, "", &scene, &err), HG_OK);
+        assert_int_equal(helio_next(c, &m, &err), HG_E_AGAIN);
+    }
+    helio_destroy(c);
+}
+
+static void note(void *user, const struct hgp_notice *notice)
+{
+    *(int *)user = notice->code;
+}
+
+// A message that wants no answer and is refused: a worker's session goes on, as a daemon's does.
+static void test_refused_without_a_request(void **state)
+{
+    (void)state;
+    int code = 0;
+    uint64_t rtt;
+    struct hg_error err = {0};
+    struct hgp_view_camera camera = {.view = 1, .has_camera = true, .camera = 7};
+    setenv("FAKE", "fail=view_camera:8", 1);
+    struct helio *c = connect_good(&(struct helio_options){0});
+    helio_set_handlers(c, &(struct helio_handlers){.user = &code, .notice = note});
+    assert_int_equal(helio_send(c, HGP_T_view_camera, &camera, NULL, &err), HG_OK);
+    if (helio_ping(c, &rtt, &err))
+        fail_msg("%s: %s", err.what, err.reason);
+    assert_int_equal(code, HG_E_NOTFOUND);
+    helio_destroy(c);
+    unsetenv("FAKE");
 }
 
 // ---- hostile peers -----------------------------------------------------------------------------
@@ -507,6 +554,8 @@ int main(void)
         cmocka_unit_test(test_ticks),
         cmocka_unit_test(test_tokens),
         cmocka_unit_test(test_interrupt_and_timeout),
+        cmocka_unit_test(test_late_answers),
+        cmocka_unit_test(test_refused_without_a_request),
         cmocka_unit_test(test_every_prefix),
         cmocka_unit_test(test_mutations),
         cmocka_unit_test(test_corpus),
