@@ -129,9 +129,9 @@ struct hg_cli_format {
 enum hg_status hg_cli_format_of(const char *name, const struct hg_cli_options *options,
     struct hg_cli_format *out, struct hg_error *err) HG_MUST_CHECK;
 
-// Camera by name or number among the scene's camera nodes. HG_E_NOTFOUND.
-enum hg_status hg_cli_find_camera(
-    struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
+// Camera by name or number among the scene's camera nodes. option: for messages. HG_E_NOTFOUND.
+enum hg_status hg_cli_find_camera(struct hg_cli *cli, const char *option, const char *name,
+    uint64_t *node, struct hg_error *err) HG_MUST_CHECK;
 // Object "ASSET:INDEX", assets counted from 1; 0 when `name` is not of that form.
 uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name);
 // A node by name (exact), or else "ASSET:INDEX". HG_E_NOTFOUND.

@@ -306,8 +306,8 @@ static enum hg_status parse_choice(
     }
     struct hg_suggestion near = hg_suggest_begin(text, length);
     hg_suggest_offer_choices(&near, choices);
-    return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of %s%s%s%s", text, choices,
-        near.word[0] ? "; did you mean '" : "", near.word, near.word[0] ? "'?" : "");
+    return hg_error_set(err, HG_E_INVAL, what, NULL, "'%s' is none of %s%s", text, choices,
+        hg_suggest_text(&near).text);
 }
 
 static enum hg_status add_text(

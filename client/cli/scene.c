@@ -8,6 +8,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "client/cli/cli.h"
+#include "client/cli/suggest.h"
 
 enum { NODES_PER_QUERY = 4096 };
 
@@ -44,6 +45,7 @@ struct node_search {
     long seen;        // cameras so far
     uint64_t by_name, by_number;
     char known[160]; // names of cameras, for messages
+    struct hg_suggestion near;
 };
 
 static bool is_named(const struct hgp_node_entry *node, const char *name)
@@ -71,7 +73,7 @@ static bool visit_camera(void *user, const struct hgp_node_entry *node)
 }
 
 enum hg_status hg_cli_find_camera(
-    struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err)
+    struct hg_cli *cli, const char *option, const char *name, uint64_t *node, struct hg_error *err)
 {
     struct node_search search = {.name = name, .number = -1};
     *node = 0;
@@ -82,29 +84,35 @@ enum hg_status hg_cli_find_camera(
         return status;
     *node = search.by_name ? search.by_name : search.by_number;
     if (!*node)
-        return hg_error_set(err, HG_E_NOTFOUND, "--camera", NULL,
-            "no camera '%s'; the scene has %s", name, search.seen ? search.known : "none");
+        return hg_error_set(err, HG_E_NOTFOUND, option, NULL, "no camera '%s'; the scene has %s",
+            name, search.seen ? search.known : "none");
     return HG_OK;
 }
 
 static bool visit_node(void *user, const struct hgp_node_entry *node)
 {
     struct node_search *s = user;
+    char name[HG_SUGGEST_BYTES];
     if (is_named(node, s->name))
         s->by_name = node->node;
+    hg_cli_clean(name, sizeof name, node->name.data, node->name.size);
+    hg_suggest_offer(&s->near, name, strlen(name));
     return s->by_name != 0;
 }
 
 enum hg_status hg_cli_find_node(
     struct hg_cli *cli, const char *name, uint64_t *node, struct hg_error *err)
 {
-    struct node_search search = {.name = name, .number = -1};
+    struct node_search search = {
+        .name = name, .number = -1, .near = hg_suggest_begin(name, strlen(name))};
     *node = 0;
     enum hg_status status = walk_nodes(cli, visit_node, &search, err);
     if (status)
         return status;
     *node = search.by_name ? search.by_name : hg_cli_parse_object(cli, name);
-    return *node ? HG_OK : hg_error_set(err, HG_E_NOTFOUND, "node", name, "no node of that name");
+    return *node ? HG_OK
+                 : hg_error_set(err, HG_E_NOTFOUND, "node", name, "no node of that name%s",
+                       hg_suggest_text(&search.near).text);
 }
 
 uint64_t hg_cli_parse_object(const struct hg_cli *cli, const char *name)

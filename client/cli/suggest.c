@@ -75,3 +75,11 @@ void hg_suggest_offer_choices(struct hg_suggestion *s, const char *choices)
         choices += n + (choices[n] == '|');
     }
 }
+
+struct hg_suggestion_text hg_suggest_text(const struct hg_suggestion *s)
+{
+    struct hg_suggestion_text out = {""};
+    if (s->word[0])
+        snprintf(out.text, sizeof out.text, "; did you mean '%s'?", s->word);
+    return out;
+}

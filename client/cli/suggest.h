@@ -22,6 +22,11 @@ struct hg_suggestion hg_suggest_begin(const char *typed, size_t length);
 // distance of at most a third of their letters, and those that begin with what was typed (3 letters
 // or more). Upper and lower case are the same.
 void hg_suggest_offer(struct hg_suggestion *s, const char *word, size_t length);
+// What a message says of it: "; did you mean 'word'?", empty where none is near enough.
+struct hg_suggestion_text {
+    char text[HG_SUGGEST_BYTES + 32];
+};
+struct hg_suggestion_text hg_suggest_text(const struct hg_suggestion *s);
 // "a|b|c", each a word of its own.
 void hg_suggest_offer_choices(struct hg_suggestion *s, const char *choices);
 

@@ -1,6 +1,7 @@
 // run.c - the table of benchmarks, and numbers of their options.
 #include "renderer/bench/run.h"
 
+#include <stdio.h>
 #include <string.h>
 
 enum hg_status hg_bench_read_numbers(const json_t *options, const struct hg_bench_number *numbers,
@@ -76,5 +77,10 @@ enum hg_status hg_bench_run(const struct hg_bench_host *host, const char *name,
     for (size_t i = 0; i < sizeof benchmarks / sizeof *benchmarks; i++)
         if (strcmp(benchmarks[i].name, name) == 0)
             return benchmarks[i].run(host, options, text, err);
-    return hg_error_set(err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%s'", name);
+    char known[256] = "";
+    for (size_t i = 0, at = 0; i < sizeof benchmarks / sizeof *benchmarks; i++)
+        at += (size_t)snprintf(
+            known + at, sizeof known - at, "%s%s", i > 0 ? ", " : "", benchmarks[i].name);
+    return hg_error_set(
+        err, HG_E_UNSUPPORTED, "bench", "name", "no benchmark '%s'; there are %s", name, known);
 }

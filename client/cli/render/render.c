@@ -455,7 +455,8 @@ static enum hg_status find_place(
 {
     const struct hg_cli_options *o = r->o;
     if (o->has_camera && !is_fit(o)) {
-        enum hg_status named = hg_cli_find_camera(&r->cli, o->camera, &camera->camera, err);
+        enum hg_status named =
+            hg_cli_find_camera(&r->cli, "--camera", o->camera, &camera->camera, err);
         camera->has_camera = camera->camera != 0;
         return named;
     }

@@ -7,6 +7,7 @@
 #include "base/file.h"
 #include "client/cli/animations.h"
 #include "client/cli/run/run.h"
+#include "client/cli/suggest.h"
 
 enum { PROFILE_BYTES = 4194304 }; // of a photometric file, light_set.profile
 
@@ -102,18 +103,23 @@ static enum hg_status find_named(struct hg_cli_run *r, const struct named *of, c
         return status;
     json_t *info = json_loads(text, 0, &wrong), *asset, *entry;
     helio_text_free(text);
+    struct hg_suggestion near = hg_suggest_begin(name, strlen(name));
     size_t a, i;
     json_array_foreach(json_object_get(info, "assets"), a, asset)
     {
         json_array_foreach(json_object_get(asset, of->list), i, entry)
         {
             const char *known = json_string_value(json_object_get(entry, "name"));
+            if (known)
+                hg_suggest_offer(&near, known, strlen(known));
             if (known && strcmp(known, name) == 0 && !*id && a < r->scene.asset_count)
                 *id = helio_object_id(r->scene.assets[a], (uint32_t)i);
         }
     }
     json_decref(info);
-    return *id ? HG_OK : hg_error_set(err, HG_E_NOTFOUND, of->what, name, "%s", of->unknown);
+    return *id ? HG_OK
+               : hg_error_set(err, HG_E_NOTFOUND, of->what, name, "%s%s", of->unknown,
+                     hg_suggest_text(&near).text);
 }
 
 static enum hg_status do_camera(
@@ -127,7 +133,7 @@ static enum hg_status do_camera(
         fit.view = r->cli.view;
         status = helio_camera_fit(r->cli.h, &fit, &camera, err);
     } else if (s->kind == HG_CLI_STEP_CAMERA_NODE) {
-        status = hg_cli_find_camera(&r->cli, s->name, &camera.camera, err);
+        status = hg_cli_find_camera(&r->cli, "camera node", s->name, &camera.camera, err);
     }
     camera.has_camera = camera.camera != 0;
     hg_cli_run_now(r)->fitted = s->kind == HG_CLI_STEP_CAMERA_FIT && !camera.has_camera;
