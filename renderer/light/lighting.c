@@ -168,6 +168,7 @@ static enum hg_status sync_pages(
         return hg_error_set(err, HG_E_NOMEM, "shadow pages", NULL, "no memory for their table");
     if (!l->pages.table)
         return HG_OK;
+    l->pages.table->view = l;
     struct hg_shadow_pool *pool = plan->paged ? l->atlas.in->pool : NULL;
     if (pool)
         hg_shadow_pool_begin(pool, &plan->maps[plan->pool].gpu, &plan->maps[plan->pool + 1].gpu);

@@ -96,6 +96,18 @@ static void test_motion(void **state)
     close_views(views, VIEWS);
 }
 
+// A picture of a small movement; returns how many pages it draws.
+static uint32_t move(struct rig *rig, uint32_t step)
+{
+    struct hg_lighting_stats stats;
+    const struct hg_view_camera camera = {
+        .eye = {1e-4 * step, -4, 0.8}, .target = {1e-4 * step, 6, 0}, .vfov_rad = 1};
+    test_ok(hg_view_set_camera(rig->view, &camera, &rig->err), &rig->err);
+    rig_step(rig, 1);
+    hg_lighting_stats(rig->view->state.lighting, &stats);
+    return stats.pages.drawn;
+}
+
 // Pages that one view has drawn are there for all: five views from about the same place draw as
 // many as one, in one atlas.
 static void test_pages(void **state)
@@ -113,19 +125,21 @@ static void test_pages(void **state)
     struct hg_lighting_stats stats;
     for (uint32_t i = 0; i < VIEWS; i++)
         for (uint32_t step = 0; step < 12; step++) {
-            const struct hg_view_camera camera = {
-                .eye = {1e-4 * step, -4, 0.8}, .target = {1e-4 * step, 6, 0}, .vfov_rad = 1};
-            test_ok(hg_view_set_camera(views[i].view, &camera, &views[i].err), &views[i].err);
-            rig_step(&views[i], 1);
-            hg_lighting_stats(views[i].view->state.lighting, &stats);
-            drawn[i] += stats.pages.drawn;
+            drawn[i] += move(&views[i], step);
             assert_int_equal(atlases(&views[i]), 1);
         }
+    hg_lighting_stats(views[0].view->state.lighting, &stats);
     print_message("%u pages asked for, %u drawn by the first view\n", stats.pages.asked, drawn[0]);
     assert_true(stats.pages.asked > 2);
     assert_int_equal(stats.pages.hits, stats.pages.asked);
     for (uint32_t i = 1; i < VIEWS; i++)
         assert_int_equal(drawn[i], 0);
+    // One of them comes to rest, which takes another atlas: the others go on with their pages.
+    for (uint32_t step = 0; step < 8; step++) {
+        rig_step(&views[0], 1);
+        drawn[1] += move(&views[1], step);
+    }
+    assert_int_equal(drawn[1], 0);
     close_views(views, VIEWS);
 }
 

@@ -52,6 +52,7 @@ static int open_ground(void **state)
 {
     struct ground *g = calloc(1, sizeof *g);
     g->pages = calloc(1, sizeof *g->pages);
+    g->pages->view = g;
     g->held = calloc(1, sizeof *g->held);
     g->pool = (struct hg_gpu_shadow){.size_px = HG_SHADOW_POOL_SIDE_PX, .rect_px = {2048, 0}};
     // Light from straight above; 1 m a texel.

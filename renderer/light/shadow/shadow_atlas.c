@@ -281,6 +281,13 @@ static uint32_t lacking(const struct hg_shadow_atlas *a, const struct hg_shadow_
     return count;
 }
 
+// The pages of others would go if a view that refines kept it.
+static bool is_needed(const struct hg_shadow_atlas *a, const struct hg_shadow_user *u)
+{
+    return u->keeping != HG_SHADOW_SHARES && a->pool &&
+           hg_shadow_pool_serves_others(a->pool, u->lighting);
+}
+
 // The one with most of the maps, of those that no view keeps or, if it lacks none, of all.
 static struct hg_shadow_atlas *find_best(
     struct hg_shadow_atlases *s, const struct hg_shadow_user *u)
@@ -289,7 +296,7 @@ static struct hg_shadow_atlas *find_best(
     uint32_t least = 0;
     for (uint32_t i = 0; i < HG_SHADOW_ATLASES; i++) {
         struct hg_shadow_atlas *a = &s->items[i];
-        if (a->image.width == 0 || !fits(a, u))
+        if (a->image.width == 0 || !fits(a, u) || is_needed(a, u))
             continue;
         const uint32_t count = lacking(a, u);
         if (a->owner && (u->keeping == HG_SHADOW_KEEPS || a->busy || count > 0))

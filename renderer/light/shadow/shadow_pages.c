@@ -209,7 +209,7 @@ static uint32_t find_missing(struct hg_shadow_pages *p, struct missing list[HG_S
                 continue;
             }
             page->wanted = p->pool->picture;
-            page->by = p;
+            page->by = p->view;
         }
     return count;
 }
@@ -228,7 +228,7 @@ uint32_t hg_shadow_pages_plan(struct hg_shadow_pages *p, struct hg_shadow_map *m
     for (uint32_t i = 0; i < count; i++) {
         const struct missing *m = &list[i];
         const struct hg_shadow_page page = {
-            .x = m->request.x, .y = m->request.y, .level = m->level, .by = p};
+            .x = m->request.x, .y = m->request.y, .level = m->level, .by = p->view};
         if (!hg_shadow_pool_take(pool, &page, &maps[p->stats.drawn], &p->stats.evicted))
             break;
         p->stats.drawn++;

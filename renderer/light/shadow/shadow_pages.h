@@ -27,6 +27,7 @@ struct hg_shadow_page_request {
 
 // Zero-initialise.
 struct hg_shadow_pages {
+    const void *view;            // whose they are
     struct hg_shadow_pool *pool; // of the picture that was planned last, until the next plan of any
                                  // view; NULL: none
     struct hg_gpu_shadow whole;  // projection that the requests belong to

@@ -138,6 +138,15 @@ void hg_shadow_pool_touch(struct hg_shadow_pool *p, const struct hg_box *casters
     }
 }
 
+bool hg_shadow_pool_serves_others(const struct hg_shadow_pool *p, const void *view)
+{
+    for (uint32_t i = 0; i < HG_SHADOW_POOL_MOST_PAGES; i++)
+        if (p->pages[i].taken && p->pages[i].by != view &&
+            p->picture - p->pages[i].wanted <= RECENT)
+            return true;
+    return false;
+}
+
 // --- places --------------------------------------------------------------------------------------
 
 static uint32_t count_of(const struct hg_shadow_pool *p, const void *view)

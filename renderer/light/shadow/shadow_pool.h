@@ -59,6 +59,8 @@ void hg_shadow_pool_touch(struct hg_shadow_pool *pool, const struct hg_box *cast
 // What became of the maps that are due: stale ones are not held.
 void hg_shadow_pool_note(struct hg_shadow_pool *pool);
 
+// Another view than this one has wanted pages of late.
+bool hg_shadow_pool_serves_others(const struct hg_shadow_pool *pool, const void *view);
 // The page that is held; NULL: it is not.
 struct hg_shadow_page *hg_shadow_pool_find(
     struct hg_shadow_pool *pool, uint32_t level, int32_t x, int32_t y);
