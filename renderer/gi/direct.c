@@ -227,9 +227,7 @@ void hg_gi_direct_at(const struct hg_lighting_sources *sources, const struct hg_
     struct hg_gi_direct *out)
 {
     const uint32_t suns = sources->directional_count < 2 ? sources->directional_count : 2;
-    *out = (struct hg_gi_direct){0};
-    for (uint32_t i = 0; i < HG_GI_SHADOW_RAYS; i++)
-        out->rays[i].t_max = -1;
+    hg_gi_direct_clear(out);
     for (uint32_t i = 0; i < suns; i++)
         ask(sources, i, r, out, i);
     if (sources->count > suns)

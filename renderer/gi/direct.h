@@ -15,6 +15,16 @@ struct hg_gi_direct {
     float light[HG_GI_SHADOW_RAYS][3]; // irradiance over pi
 };
 
+// No light, and no rays.
+static inline void hg_gi_direct_clear(struct hg_gi_direct *out)
+{
+    static const struct hg_gpu_ray none = {.t_max = -1};
+    for (uint32_t i = 0; i < HG_GI_SHADOW_RAYS; i++) {
+        out->rays[i] = none;
+        out->light[i][0] = out->light[i][1] = out->light[i][2] = 0;
+    }
+}
+
 // lift: metres that rays begin off the surface. xi: a number in [0, 1).
 struct hg_gi_receiver {
     float position[3], normal[3], lift, xi;

@@ -38,7 +38,7 @@ static void texel_direction(uint32_t texel, uint32_t side, float out[3])
     hg_normalize3(out);
 }
 
-static uint32_t wrapped_texel(int x, int y, int side)
+static inline uint32_t wrapped_texel(int x, int y, int side)
 {
     if (x < 0 || x >= side) {
         x = x < 0 ? 0 : side - 1;
@@ -52,7 +52,7 @@ static uint32_t wrapped_texel(int x, int y, int side)
     return (uint32_t)(y * side + x);
 }
 
-static uint32_t texel_of(const float d[3], int side, float xi_x, float xi_y)
+static inline uint32_t texel_of(const float d[3], int side, float xi_x, float xi_y)
 {
     float e[2];
     hg_octahedral2(d, e);
@@ -238,12 +238,13 @@ static void add_distance(struct hg_gi_moments *to, const struct hg_gi_ray *ray, 
     for (int y = y0 - 1; y <= y0 + 1; y++)
         for (int x = x0 - 1; x <= x0 + 1; x++) {
             const uint32_t t = wrapped_texel(x, y, MOMENT_SIDE);
-            float w = fmaxf(hg_dot3(lobes->moments[t], ray->direction), 0);
+            struct hg_gi_moment *m = &to->texels[t];
+            float w = hg_maxf(hg_dot3(lobes->moments[t], ray->direction), 0);
             for (int power = 1; power < LOBE_POWER; power *= 2)
                 w *= w;
-            to->distance[t] += w * distance;
-            to->squared[t] += w * distance * distance;
-            to->weight[t] += w;
+            m->distance += w * distance;
+            m->squared += w * distance * distance;
+            m->weight += w;
         }
 }
 
@@ -300,29 +301,31 @@ void hg_gi_field_doubt_distances(struct hg_gi_field *field)
         if (field->updates[i] == 0)
             continue;
         for (uint32_t t = 0; t < HG_PROBE_MOMENT_TEXELS; t++) {
-            m->distance[t] *= DOUBT;
-            m->squared[t] *= DOUBT;
-            m->weight[t] *= DOUBT;
+            m->texels[t].distance *= DOUBT;
+            m->texels[t].squared *= DOUBT;
+            m->texels[t].weight *= DOUBT;
         }
     }
 }
 
-static void moments_at(const struct hg_gi_moments *m, uint32_t t, float *mean, float *variance)
+static void reach_of(const struct hg_gi_moment *m, float *mean, float *variance)
 {
-    const float w = m->weight[t];
-    *mean = w > 0 ? m->distance[t] / w : HG_GI_FARTHEST;
-    *variance = w > 0 ? fmaxf(m->squared[t] / w - *mean * *mean, 1e-4f) : 1;
+    const float w = m->weight;
+    *mean = w > 0 ? m->distance / w : HG_GI_FARTHEST;
+    *variance = w > 0 ? hg_maxf(m->squared / w - *mean * *mean, 1e-4f) : 1;
 }
 
 static void set_means(struct hg_gi_field *f, uint32_t probe)
 {
     struct hg_gi_means *to = &f->means[probe];
     const struct hg_gi_irradiance *from = &f->irradiance[probe];
-    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++)
+    for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         for (int c = 0; c < 3; c++)
             to->light[t][c] = from->weight[t] > 0 ? from->light[c][t] / from->weight[t] : 0;
+        to->light[t][3] = from->weight[t];
+    }
     for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
-        moments_at(&f->moments[probe], t, &to->reach[t][0], &to->reach[t][1]);
+        reach_of(&f->moments[probe].texels[t], &to->reach[t][0], &to->reach[t][1]);
     f->stale[probe] = true;
 }
 
@@ -403,7 +406,7 @@ struct corner {
     float at[3];        // the probe's position
     float from[3];      // from there to the point that is looked up, metres
     const float *reach; // mean and variance of distances that way, spacings
-    const float *light;
+    const float *light; // and its weight
 };
 
 static float visibility(
@@ -414,10 +417,10 @@ static float visibility(
     hg_normalize3(to);
     const float wrap = hg_dot3(to, p->normal) * 0.5f + 0.5f;
     const float distance = hg_length3(c->from) / f->spacing;
-    const float beyond = fmaxf(distance - c->reach[0], 0);
+    const float beyond = hg_maxf(distance - c->reach[0], 0);
     const bool hidden = !f->follows && hg_gi_wall_hides(&f->walls[c->probe], c->from, f->spacing);
     const float seen = hidden ? 0 : c->reach[1] / (c->reach[1] + beyond * beyond);
-    const float weight = fmaxf((wrap * wrap + 0.02f) * seen * seen * seen, 1e-6f);
+    const float weight = hg_maxf((wrap * wrap + 0.02f) * seen * seen * seen, 1e-6f);
     return weight < 0.2f ? weight * weight * weight * 25 : weight;
 }
 
@@ -453,7 +456,6 @@ static uint32_t find_corners(const struct hg_gi_field *f, const float lifted[3],
         c->light = means->light[texel];
         __builtin_prefetch(c->reach);
         __builtin_prefetch(c->light);
-        __builtin_prefetch(&f->irradiance[c->probe].weight[texel]);
         found++;
     }
     return found;
@@ -469,7 +471,7 @@ static float look(const struct hg_gi_field *f, const struct hg_gi_point *p, cons
     const uint32_t count = find_corners(f, lifted, at, texel, xi, corners);
     for (uint32_t i = 0; i < count; i++) {
         const struct corner *c = &corners[i];
-        if (f->irradiance[c->probe].weight[texel] <= 0)
+        if (c->light[3] <= 0)
             continue;
         const float weight = c->weight * visibility(f, c, p);
         for (int k = 0; k < 3; k++) {
@@ -553,6 +555,8 @@ void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
             point.normal[a] = point.view[a] = f->lobes.irradiance[a][t];
         if (hg_gi_field_irradiance(f->coarser, &point, middle, light) < 0.5f) {
             *to = (struct hg_gi_irradiance){0};
+            for (t = 0; t < IRRADIANCE_TEXELS; t++)
+                f->means[probe].light[t][3] = 0;
             f->stale[probe] = true;
             return;
         }

@@ -22,14 +22,16 @@ struct hg_gi_irradiance {
     float weight[HG_PROBE_IRRADIANCE_TEXELS];
 };
 
-struct hg_gi_moments { // weighted by a narrow lobe about the texel's direction; spacings
-    float distance[HG_PROBE_MOMENT_TEXELS], squared[HG_PROBE_MOMENT_TEXELS];
-    float weight[HG_PROBE_MOMENT_TEXELS];
+// Weighted by a narrow lobe about the texel's direction; spacings. A ray adds to few texels.
+struct hg_gi_moments {
+    struct hg_gi_moment {
+        float distance, squared, weight;
+    } texels[HG_PROBE_MOMENT_TEXELS];
 };
 
 // What lookups on the host read: the means of both.
 struct hg_gi_means {
-    float light[HG_PROBE_IRRADIANCE_TEXELS][3];
+    float light[HG_PROBE_IRRADIANCE_TEXELS][4]; // and the weight of its sums
     float reach[HG_PROBE_MOMENT_TEXELS][2]; // of distances, and their variance
 };
 

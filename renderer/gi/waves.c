@@ -157,6 +157,14 @@ void hg_gi_sphere_point(uint32_t i, uint32_t count, float out[3])
     out[2] = (float)z;
 }
 
+// Of all probes of a wave the same, which are turned for each.
+static void sync_around(struct hg_gi_waves *w, uint32_t count)
+{
+    for (uint32_t i = 0; i < count && w->around_count != count; i++)
+        hg_gi_sphere_point(i, count, w->around[i]);
+    w->around_count = count;
+}
+
 // --- stages of a wave ----------------------------------------------------------------------------
 
 // Rays to peaks of the environment: each in another part of what they bring.
@@ -217,8 +225,7 @@ static void cast_probe(void *user, size_t index)
     random_rotation(w->wave.field->salt + probe, w->wave.round, m);
     hg_gi_probe_position(w->wave.field, probe, at);
     for (uint32_t i = 0; i < w->wave.rays; i++) {
-        float p[3];
-        hg_gi_sphere_point(i, w->wave.rays, p);
+        const float *p = w->waves->around[i];
         rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
             .direction_ws = {hg_dot3(m, p), hg_dot3(m + 3, p), hg_dot3(m + 6, p)},
             .t_max = FLT_MAX,
@@ -273,9 +280,7 @@ static void shade_ray(const struct run *w, size_t i)
     struct hg_gi_ray *out = &w->waves->brought[i];
     *out = (struct hg_gi_ray){.distance = FLT_MAX,
         .direction = {ray->direction_ws.x, ray->direction_ws.y, ray->direction_ws.z}};
-    w->waves->direct[i] = (struct hg_gi_direct){0};
-    for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
-        w->waves->direct[i].rays[k].t_max = -1;
+    bool receives = false;
     if (hit->draw == HG_HIT_NONE) {
         hg_gi_environment_even(&w->waves->environment, w->wave.sources, out->direction, out->light);
     } else {
@@ -284,9 +289,12 @@ static void shade_ray(const struct run *w, size_t i)
         out->distance = hit->t;
         out->back = surface.back;
         hg_copy3(surface.normal, out->normal);
-        if (!w->wave.places && !surface.back)
+        receives = !w->wave.places && !surface.back;
+        if (receives)
             receive(w, i, &surface);
     }
+    if (!receives)
+        hg_gi_direct_clear(&w->waves->direct[i]);
     memcpy(shadows, w->waves->direct[i].rays, sizeof w->waves->direct[i].rays);
 }
 
@@ -365,6 +373,7 @@ enum hg_status hg_gi_waves_run(
     const bool has_emitters = !wave->places && wave->keep < 0 && waves->emissive.count > 0;
     w.peaks = has_peaks ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
     w.emitters = has_emitters ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
+    sync_around(waves, wave->rays);
     hg_jobs_for(jobs, wave->count, cast_probe, &w);
     struct hg_trace_wave batch = {
         .rays = &waves->probe_rays, .hits = &waves->probe_hits, .count = wave->count * wave->rays};

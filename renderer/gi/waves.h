@@ -24,6 +24,8 @@ struct hg_gi_waves {
     struct hg_gi_ray *brought; // [HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS]
     struct hg_gi_peak *peaks;  // of the environment, then emissive triangles
     struct hg_gi_direct *direct;
+    float around[HG_GI_MOST_RAYS][3]; // `around_count` directions that are spread evenly
+    uint32_t around_count;
     struct hg_gi_stats stats;
 };
 

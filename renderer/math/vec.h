@@ -63,10 +63,16 @@ static inline float hg_clampf(float x, float low, float high)
     return x < low ? low : x > high ? high : x;
 }
 
+// fmaxf where `low` is a number: one instruction.
+static inline float hg_maxf(float x, float low)
+{
+    return x > low ? x : low;
+}
+
 // Octahedral coordinates in -1..1, as hg_oct_encode of shaders/lib/octahedral.glsl.
 static inline void hg_octahedral2(const float v[3], float out[2])
 {
-    const float sum = fmaxf(fabsf(v[0]) + fabsf(v[1]) + fabsf(v[2]), 1e-30f);
+    const float sum = hg_maxf(fabsf(v[0]) + fabsf(v[1]) + fabsf(v[2]), 1e-30f);
     const float x = v[0] / sum, y = v[1] / sum;
     out[0] = v[2] >= 0 ? x : (1 - fabsf(y)) * (x >= 0 ? 1.0f : -1.0f);
     out[1] = v[2] >= 0 ? y : (1 - fabsf(x)) * (y >= 0 ? 1.0f : -1.0f);
