@@ -175,7 +175,9 @@ static void take_other(struct hg_view_session *s, const struct helio_message *m)
         hg_view_say(s, "%.*s", (int)m->body->notice.reason.size,
             m->body->notice.reason.data ? m->body->notice.reason.data : "");
     } else if (m->type == HGP_T_drain) {
-        hg_view_say(s, "the server stops in %u s", m->body->drain.deadline_ms / 1000);
+        hg_view_say(s, "this session ends in %u s: %.*s", m->body->drain.deadline_ms / 1000,
+            (int)m->body->drain.reason.size,
+            m->body->drain.reason.size ? m->body->drain.reason.data : "");
     } else if (m->type == HGP_T_json) {
         struct hg_view_flow flow;
         hg_view_read_flow(m->body->json.text.data, m->body->json.text.size, &flow);

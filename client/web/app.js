@@ -288,9 +288,9 @@ class App {
 
     onMessage({ name, body }) {
         if (name === "drain")
-            toast(`The server stops within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
+            toast(`Sessions end within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
         else if (name === "drain_cancelled")
-            toast("The server goes on.");
+            toast("Sessions go on.");
         else if (name === "message")
             toast(`${body.from}: ${body.text}`);
         else if (name === "idle_warning")

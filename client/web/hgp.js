@@ -243,7 +243,7 @@ export const messages = {
             { name: "nonce", kind: "u64", least: 0n, most: 18446744073709551615n, since: 1 },
         ],
     },
-    // the server stops soon; no new scenes or views
+    // sessions end soon: the server stops, or is closed to all but administrators (drain_set); no new scenes or views
     drain: {
         type: 0x0109, direction: "S2C", state: "OPEN", role: "NONE", since: 1,
         fields: [

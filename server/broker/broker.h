@@ -31,7 +31,7 @@
 //   worker_process confine                       its arguments; what its process may do
 //   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
-//   conn_share conn_time                         memory for output; what has to happen in time
+//   conn_admission conn_share conn_time          who may stay; memory for output; time limits
 //   worker_pool                                  which worker a scene goes to
 //   annotation block_list join_ticket pixel_rate  texts in scenes; who is let in; frames per second
 //   scene                                        scenes by name
@@ -59,7 +59,7 @@
 #ifndef HG_BROKER_BROKER_H
 #define HG_BROKER_BROKER_H
 
-#include "server/broker/connection/client_dispatch.h"
+#include "server/broker/client_dispatch.h"
 #include "server/broker/state/takeover.h"
 
 // What streams are made of.

@@ -119,7 +119,7 @@ test("messages cover no panel, and where there is no room beside them not their 
     }, what);
     await evaluate(async () => {
         const { toast } = await import("./dom.js");
-        toast("The server stops within 10 min: an administrator says so.", "error");
+        toast("Sessions end within 10 min: an administrator says so.", "error");
         toast("restart at noon", "error");
     });
     for (const [width, panels, what] of [[1280, ["scene", "stats", "view"], ".panel"], [1024, ["scene", "view"], ".panel"],

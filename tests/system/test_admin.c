@@ -151,6 +151,13 @@ static void ready_is(struct daemon *d, const char *begin, const char *end)
     fail_msg("not '%s', '%s': %s", begin, end, text);
 }
 
+static void drain_says(struct peer *p, const char *reason)
+{
+    await(p, HGP_T_drain);
+    assert_int_equal(p->m.drain.reason.size, strlen(reason));
+    assert_memory_equal(p->m.drain.reason.data, reason, strlen(reason));
+}
+
 static void drains_when_told(void **state)
 {
     (void)state;
@@ -163,8 +170,7 @@ static void drains_when_told(void **state)
     ready_is(&d, "HTTP/1.1 200", "");
     peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
     ready_is(&d, "HTTP/1.1 503", "draining");
-    await(&bert, HGP_T_drain);
-    assert_memory_equal(bert.m.drain.reason.data, "new disks", 9);
+    drain_says(&bert, "new disks (the daemon stops)");
     peer_refused(&bert, HGP_T_view_set, &(struct hgp_view_set){.view = 1}, HG_E_STATE);
     is_refused(&late, &d, "view-token-1", HG_E_STATE);
     assert_string_equal(late.limit, "drain");
@@ -175,10 +181,22 @@ static void drains_when_told(void **state)
     ready_is(&d, "HTTP/1.1 200", "");
     peer_view(&bert, 1, 16, 16);
     // Stays: others end, administrators go on.
+    m = (struct hgp_drain_set){.deadline_ms = 3600000, .has_stay = true, .stay = true};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    drain_says(&bert, "the daemon stays, for administrators alone");
+    char words[257];
+    memset(words, 'x', sizeof words);
+    memcpy(words + 210, "\xc3\xa4", 2); // over the end of the room there is
+    m.reason = (struct hgp_str){words, 256};
+    peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
+    words[210] = 0;
+    strcat(words, " (the daemon stays, for administrators alone)");
+    drain_says(&bert, words);
     m = (struct hgp_drain_set){.deadline_ms = 50, .has_stay = true, .stay = true};
     peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
     peer_end(&bert);
     peer_close(&bert);
+    ready_is(&d, "HTTP/1.1 503", "closed to all but administrators");
     is_refused(&late, &d, "view-token-1", HG_E_STATE);
     m = (struct hgp_drain_set){.has_cancel = true, .cancel = true};
     peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);

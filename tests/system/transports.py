@@ -197,6 +197,30 @@ def waiting_http_gives_way(d):
     assert session.next() == (10, b"still there")
 
 
+def refusals_are_in_the_language_of_the_client(d):
+    """More than one connection of an address is refused, and what it speaks shows only later: a browser gets 503, in one
+    piece or byte by byte; more silent ones than are told at a time do not keep it from that."""
+    session = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
+    assert [kind for kind, _ in session.hgp(2)] == [0x0102, 0x0104]
+    silent = [connect(d.ports[0]) for _ in range(100)]
+    for request in ("GET /healthz HTTP/1.1\r\nHost: a\r\n\r\n", "GET /hgp HTTP/1.1\r\nHost: a\r\nUpgrade: websocket\r\n\r\n"):
+        h = Http(d.ports[0])
+        for part in (request[:1], request[1:20], request[20:]):
+            h.send(part.encode())
+            time.sleep(0.02)
+        status, fields, body = h.answer()
+        assert (status, fields["retry-after"]) == (503, "5"), (status, fields)
+        assert b"max-per-address" in body, body
+        assert read_all(h.stream.s) == b""
+    s = connect(d.ports[0])
+    s.sendall(HELLO)
+    assert b"max-per-address" in read_all(s), "HGP is answered with HGP"
+    for s in silent:
+        assert read_all(s) == b"", "who said nothing is closed without a word"
+    session.send(frame(0x89, b"still there"))
+    assert session.next() == (10, b"still there")
+
+
 def log_says_whose(d):
     """Who was refused, and whose session ended: a line says it without others."""
     first = WebSocket(d.ports[0], early=frame(0x82, HELLO + auth("view-token-1")))
@@ -554,6 +578,12 @@ def main():
     try:
         waiting_http_gives_way(d)
         print("ok waiting_http_gives_way", flush=True)
+    finally:
+        d.stop()
+    d = Daemon(heliod, worker, *plain, "--max-per-address", "1")
+    try:
+        refusals_are_in_the_language_of_the_client(d)
+        print("ok refusals_are_in_the_language_of_the_client", flush=True)
     finally:
         d.stop()
     d = Daemon(heliod, worker, *plain, "--max-sessions-per-token", "1")

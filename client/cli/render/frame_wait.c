@@ -20,12 +20,12 @@ static void take_part(
         hg_error_set(err, HG_E_NOMEM, "frame", NULL, "no memory for its parts");
 }
 
-// A daemon that is about to stop.
+// A daemon that is about to end its sessions.
 static void note_drain(struct hg_cli_render *r, const struct hgp_drain *drain)
 {
     char reason[260];
     hg_cli_clean(reason, sizeof reason, drain->reason.data, drain->reason.size);
-    hg_cli_progress_say(&r->cli.progress, "the daemon stops in %.0f s%s%s",
+    hg_cli_progress_say(&r->cli.progress, "the session ends in %.0f s%s%s",
         (double)drain->deadline_ms / 1e3, reason[0] ? ": " : "", reason);
     r->daemon.closes_ns = hg_clock_now_ns() + (uint64_t)drain->deadline_ms * 1000000;
     r->daemon.has_said = true;

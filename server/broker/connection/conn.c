@@ -201,56 +201,9 @@ static void destroy(struct hg_conn *conn)
     hg_free(conn);
 }
 
-// ---- admission
-// ------------------------------------------------------------------------------------
-
-static void turn_away(struct hg_conn *conn, const struct hg_refusal *refusal)
-{
-    struct hg_conn_table *table = conn->table;
-    struct hg_error err = {0};
-    if (hg_transport_refuse(&conn->transport, refusal->reason)) {
-        hg_conn_close_transport(conn);
-        hg_conn_update(conn);
-    } else {
-        hg_error_set(&err, HG_E_LIMIT, "connection", NULL, "%s; try again later", refusal->reason);
-        hg_error_limit(&err, refusal->limit, refusal->retry_after_ms);
-        hg_conn_close(conn, &err, "too many connections");
-        if (conn->state != HG_CONN_DEAD && hg_outq_flush(&conn->out, &conn->transport) == HG_OK)
-            hg_conn_kill(conn, "too many connections");
-    }
-    if (conn->state != HG_CONN_DEAD &&
-        !hg_slots_refuse(&table->slots, &conn->slot, table->loop->now_ns))
-        hg_conn_kill(conn, "too many connections");
-}
-
 bool hg_conn_is_between(const struct hg_conn *conn)
 {
     return conn->state == HG_CONN_PREFACE && conn->transport.served && !(conn->transport.stage & 1);
-}
-
-// Browsers keep connections for requests that may never come: the one that waits longest gives way
-// to a newcomer for which there would be no slot.
-static void make_room(const struct hg_conn *conn)
-{
-    struct hg_conn *oldest;
-    do {
-        oldest = NULL;
-        for (struct hg_conn *it = conn->table->first; it; it = it->next)
-            if (hg_conn_is_between(it) && (!oldest || it->received_ns < oldest->received_ns) &&
-                hg_slots_would_gain(&conn->table->slots, &conn->slot, &it->slot))
-                oldest = it;
-        if (oldest)
-            hg_conn_kill(oldest, "gives way to a new one");
-    } while (oldest);
-}
-
-// May it stay, as far as its peer is known?
-static void admit(struct hg_conn *conn)
-{
-    make_room(conn);
-    const struct hg_refusal *refusal = hg_slots_refusal(&conn->table->slots, &conn->slot);
-    if (refusal)
-        turn_away(conn, refusal);
 }
 
 // ---- reading ------------------------------------------------------------------------------------
@@ -394,7 +347,7 @@ static void rename_peer(struct hg_conn *conn)
     if (hg_slots_take(&table->slots, &conn->peer, &conn->slot) || join_party(conn))
         hg_conn_kill(conn, "no memory for a connection");
     else
-        admit(conn);
+        conn->table->events->admit(conn);
 }
 
 static void receive(struct hg_conn *conn)
@@ -409,6 +362,10 @@ static void receive(struct hg_conn *conn)
     check_stage(conn);
     if (conn->transport.renamed)
         rename_peer(conn);
+    if (conn->slot.why && conn->state < HG_CONN_CLOSING) {
+        conn->table->events->refused(conn, status);
+        return;
+    }
     if (conn->state == HG_CONN_CLOSING) { // further input is discarded
         hgp_framer_finish(&conn->in);
         if (status == HG_E_CLOSED || status == HG_E_IO)
@@ -596,7 +553,7 @@ static void take_client(
                 : hg_entry_begin(&conn->transport, &entry))
         hg_conn_kill(conn, "no memory for a connection");
     else
-        admit(conn);
+        conn->table->events->admit(conn);
 }
 
 bool hg_conn_kind(const struct hg_conn *conn, unsigned *kind)

@@ -76,6 +76,10 @@ struct hg_conn {
 
 // What the layer above does.
 struct hg_conn_events {
+    // Its peer has become known: may it stay (conn_admission.h)?
+    void (*admit)(struct hg_conn *conn);
+    // One that may not, and has still to be told so (slot.why), has been read from.
+    void (*refused)(struct hg_conn *conn, enum hg_status status);
     // Does not take ownership of the packet.
     void (*message)(struct hg_conn *conn, struct hg_packet *packet);
     // Too many requests of the client are in flight: it is not read (back-pressure).

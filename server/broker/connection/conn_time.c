@@ -52,6 +52,10 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
             hg_conn_kill(conn, "did not take its last messages");
         return;
     }
+    if (conn->slot.why && now_ns > conn->deadline_ns) {
+        hg_conn_kill(conn, conn->slot.why->reason);
+        return;
+    }
     if (conn->state < HG_CONN_OPEN && now_ns > conn->deadline_ns) {
         struct hg_error err = {0};
         if (conn->state == HG_CONN_PREFACE && hg_transport_refuse(&conn->transport, NULL)) {

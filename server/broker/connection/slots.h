@@ -32,6 +32,7 @@ struct hg_slot {
     bool own;                               // of the daemon's own user on this machine
     bool opening;
     bool refused; // it has none any more
+    const struct hg_refusal *why; // of the owner: is still to be said; NULL: nothing is
 };
 
 // Counts a connection. HG_E_NOMEM; hg_slots_leave takes it back in any case.

@@ -170,6 +170,8 @@ const char *hg_metrics_unready(const struct hg_session_table *t)
         return "the daemon is shutting down\n";
     if (t->conns->quiet)
         return "a new program is taking over\n";
+    if (t->drain.over)
+        return "the daemon is closed to all but administrators (drain_set)\n";
     if (t->drain.due_ns)
         return "the daemon is draining: it takes no new sessions (drain_set)\n";
     return count_workers(t, true) ? NULL : "no worker is ready\n";

@@ -9,7 +9,7 @@
 #include "server/broker/session/session_end.h"
 #include "server/broker/session/session_list.h"
 
-enum { WAITING_BYTES = 64 << 10, LEAST_INTERVAL_MS = 100 };
+enum { WAITING_BYTES = 64 << 10, LEAST_INTERVAL_MS = 100, DRAIN_REASON_BYTES = 256 };
 
 static void answer(struct hg_session *s, uint32_t request, const struct hg_error *err)
 {
@@ -141,6 +141,23 @@ static void cancel(struct hg_session_table *table)
     table->drain = (struct hg_session_drain){0};
 }
 
+// What becomes of the daemon is said with the reason, which is cut to leave room for it.
+static void announce_drain(const struct hg_session_table *table, const struct hgp_drain_set *m)
+{
+    const char *fate =
+        table->drain.stay ? "the daemon stays, for administrators alone" : "the daemon stops";
+    const char *given = m->reason.size ? m->reason.data : "";
+    char reason[DRAIN_REASON_BYTES + 1];
+    size_t size = sizeof reason - sizeof " ()" - strlen(fate);
+    if (size > m->reason.size)
+        size = m->reason.size;
+    while (size && size < m->reason.size && (given[size] & 0xc0) == 0x80)
+        size--; // to the end of a character
+    snprintf(reason, sizeof reason, size ? "%.*s (%s)" : "%.*s%s", (int)size, given, fate);
+    tell_all(table, HGP_T_drain,
+        &(struct hgp_drain){.deadline_ms = m->deadline_ms, .reason = hgp_str_make(reason)});
+}
+
 void hg_session_admin_drain(struct hg_session *s, uint32_t request, const struct hgp_drain_set *m)
 {
     struct hg_session_table *table = s->table;
@@ -158,10 +175,9 @@ void hg_session_admin_drain(struct hg_session *s, uint32_t request, const struct
         table->drain = (struct hg_session_drain){
             .due_ns = table->loop->now_ns + m->deadline_ms * UINT64_C(1000000),
             .stay = m->has_stay && m->stay};
-        tell_all(table, HGP_T_drain,
-            &(struct hgp_drain){.deadline_ms = m->deadline_ms,
-                .reason = m->reason.size ? m->reason : hgp_str_make("an administrator says so")});
-        hg_info(MAIN, "draining, as %s said: at most %u ms", s->name, m->deadline_ms);
+        announce_drain(table, m);
+        hg_info(MAIN, "draining, as %s said: at most %u ms%s", s->name, m->deadline_ms,
+            table->drain.stay ? ", and stays for administrators" : "");
     }
     answer(s, request, &err);
 }

@@ -28,6 +28,8 @@ enum hg_status hg_session_allow_begin(const struct hg_session_table *table, enum
     if (!table->drain.due_ns || role == HGP_role_ADMIN)
         return HG_OK;
     const uint64_t left_ns = table->drain.due_ns > now_ns ? table->drain.due_ns - now_ns : 0;
-    hg_error_set(err, HG_E_STATE, what, NULL, "the daemon is draining; nothing new is begun");
+    hg_error_set(err, HG_E_STATE, what, NULL,
+        table->drain.over ? "the daemon is closed to all but administrators (drain_set)"
+                          : "the daemon is draining; nothing new is begun");
     return hg_error_limit(err, "drain", (uint32_t)(left_ns / 1000000) + AFTER_DRAIN_MS);
 }

@@ -1,7 +1,6 @@
 #include "server/broker/transport/detect.h"
 
 #include <string.h>
-#include <sys/socket.h>
 
 #include "base/alloc.h"
 #include "protocol/hgp.h"
@@ -14,6 +13,7 @@ struct detect {
     const struct hg_web *web;
     uint8_t first[ENOUGH];
     size_t size;
+    bool held; // see hg_detect_hold
 };
 
 static bool is_letter(uint8_t c)
@@ -67,7 +67,10 @@ static enum hg_status detect_read(struct hg_transport *t, void *dst, size_t size
         *got = ENOUGH;
         return HG_OK;
     }
+    const bool held = d->held;
     status = become_http(t);
+    if (held && !status)
+        return HG_E_AGAIN;
     return status ? status : t->class->read(t, dst, size, got);
 }
 
@@ -109,17 +112,6 @@ static bool detect_has_input(const struct hg_transport *t)
     return hg_transport_has_input(&d->below);
 }
 
-// A client of HTTP that has asked already is answered in its language.
-static bool detect_refuse(struct hg_transport *t, const char *reason)
-{
-    struct detect *d = t->state;
-    uint8_t first[ENOUGH];
-    if (d->below.state || d->size || recv(t->fd, first, ENOUGH, MSG_PEEK | MSG_DONTWAIT) < ENOUGH ||
-        !is_letter(first[0]) || memcmp(first, HGP_PREFACE, ENOUGH) == 0)
-        return false;
-    return become_http(t) == HG_OK && hg_transport_refuse(t, reason);
-}
-
 const struct hg_transport_class hg_transport_detect = {
     .read = detect_read,
     .write = detect_write,
@@ -128,7 +120,6 @@ const struct hg_transport_class hg_transport_detect = {
     .close = detect_close,
     .flush = detect_flush,
     .has_input = detect_has_input,
-    .refuse = detect_refuse,
 };
 
 enum hg_status hg_detect_begin(struct hg_transport *t, const struct hg_web *web)
@@ -140,4 +131,12 @@ enum hg_status hg_detect_begin(struct hg_transport *t, const struct hg_web *web)
     d->web = web;
     hg_transport_become(t, &hg_transport_detect, d);
     return HG_OK;
+}
+
+bool hg_detect_hold(struct hg_transport *t)
+{
+    if (t->class != &hg_transport_detect)
+        return false;
+    ((struct detect *)t->state)->held = true;
+    return true;
 }

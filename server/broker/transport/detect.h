@@ -11,5 +11,8 @@ extern const struct hg_transport_class hg_transport_detect;
 // `t`, a transport of sockets, becomes one that looks at the first bytes. HG_E_NOMEM: nothing has
 // changed.
 enum hg_status hg_detect_begin(struct hg_transport *t, const struct hg_web *web) HG_MUST_CHECK;
+// The owner has an answer whatever comes: of HTTP no request is taken, so that it can be refused.
+// False: `t` is not (any more) one that looks at first bytes.
+bool hg_detect_hold(struct hg_transport *t);
 
 #endif

@@ -35,7 +35,7 @@ static void test_drain_over_frames(void **state)
     (void)state;
     expect_run(7, "no answer", "drain=4000",
         "$HELIO render s.gltf -o dr-#.png --frames 1-2 --mode path --timeout 4");
-    assert_non_null(strstr(h.output, "helio: the daemon stops in 4 s: new disks\n"));
+    assert_non_null(strstr(h.output, "helio: the session ends in 4 s: new disks\n"));
     assert_non_null(strstr(h.output, "helio: the administrator ann says: at noon\n"));
     expect_file("dr-1.png", "frame");
     expect_file("dr-2.png.checkpoint", "HGCK");

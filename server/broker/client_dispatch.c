@@ -1,4 +1,4 @@
-#include "server/broker/connection/client_dispatch.h"
+#include "server/broker/client_dispatch.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -6,6 +6,7 @@
 
 #include "base/clock.h"
 #include "base/sha256.h"
+#include "server/broker/connection/conn_admission.h"
 #include "server/broker/metrics/counters.h"
 #include "server/broker/session/resume.h"
 #include "server/broker/session/session.h"
@@ -564,6 +565,8 @@ static void end_session(struct hg_conn *conn)
 }
 
 const struct hg_conn_events hg_client_dispatch_events = {
+    .admit = hg_conn_admit,
+    .refused = hg_conn_tell_refusal,
     .message = take_message,
     .must_wait = must_wait,
     .due = judge_token,
