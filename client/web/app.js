@@ -2,7 +2,7 @@
 import { blend, cameraToText, distance, halfHeight, makeCamera } from "./camera.js";
 import { Connection, RequestError, describeError, waitText } from "./connection.js";
 import { Controls } from "./controls.js";
-import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
+import { announce, ask, dismiss, h, iconButton, progressToast, toast } from "./dom.js";
 import { Inspector } from "./inspect.js";
 import { keepAccess, keepCamera, keepResume, takeAccess, takeCamera, takeResume } from "./link.js";
 import { Looks } from "./looks.js";
@@ -22,6 +22,8 @@ const FLIGHT_MS = 350;
 const LATER_MS = 60;
 const EXPLAIN_MS = 5000; // between two explanations of the same
 const LONG_TICK_S = 0.1;
+// What is said of a session, and of how it is shared, ends with it.
+const OF_SESSION = ["drain", "idle", "frame", "follow", "camera", "asks"];
 const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
 
 const $ = (id) => document.getElementById(id);
@@ -46,7 +48,7 @@ class App {
         this.view.camera = camera ?? this.view.camera;
         this.view.sent = camera;
         this.looks = new Looks(this.connection, this.view, this.scene,
-            (error) => toast(describeError(error), "error"));
+            (error) => this.showError(error));
         this.overlay = new Overlay($("overlay"), this.canvas);
         this.status = new Status($("status"));
         this.curtain = new Curtain($("curtain"));
@@ -153,9 +155,10 @@ class App {
         connection.addEventListener("opened", (e) => this.onOpened(e.detail.resumed));
         connection.addEventListener("auth", (e) => this.signIn(e.detail));
         connection.addEventListener("message", (e) => this.onMessage(e.detail));
+        connection.addEventListener("active", () => dismiss("idle"));
         view.addEventListener("shown", (e) => this.onShown(e.detail));
         view.addEventListener("verified", (e) => this.onVerified(e.detail));
-        view.addEventListener("trouble", (e) => toast(describeError(e.detail), "error"));
+        view.addEventListener("trouble", (e) => this.showError(e.detail));
         view.addEventListener("params", () => this.updateView());
         scene.addEventListener("changed", () => this.onScene());
         scene.addEventListener("assets", () => this.refreshScene());
@@ -189,6 +192,7 @@ class App {
     onState(state) {
         document.body.dataset.state = state;
         clearInterval(this.waitTimer);
+        dismiss(...state === "open" ? ["closed"] : OF_SESSION);
         if (state === "open") {
             this.openButton.hidden = !this.connection.canEdit;
             this.curtain.hide();
@@ -288,18 +292,18 @@ class App {
 
     onMessage({ name, body }) {
         if (name === "drain")
-            toast(`Sessions end within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
+            toast(`Sessions end within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`, "info", null, "drain");
         else if (name === "drain_cancelled")
-            toast("Sessions go on.");
+            toast("Sessions go on.", "info", null, "drain");
         else if (name === "message")
             toast(`${body.from}: ${body.text}`);
         else if (name === "idle_warning")
             toast(`This session ends in ${waitText(body.remaining_ms)}.`, "info",
-                ["Stay", () => this.view.subscribe()]);
+                ["Stay", () => this.view.subscribe()], "idle");
         else if (name === "edited")
             this.scene.noteEdit(body);
         else if (name === "notice" && body.what === "worker")
-            toast("The renderer was restarted; the scene is being restored.");
+            this.toastUntilFrame("The renderer was restarted; the scene is being restored.");
         else if (name === "notice" && body.limit)
             this.explainLimit(new RequestError(body));
         else if (name === "notice" && body.reason)
@@ -309,14 +313,28 @@ class App {
     // A limit that refuses nothing, but lets pictures wait.
     explainLimit(error) {
         const text = describeError(error, false);
-        toast(text);
+        this.toastUntilFrame(text);
         this.status.set("refining", "Waiting", text);
+    }
+
+    // Why no pictures come: true until the next one that is sent.
+    toastUntilFrame(text) {
+        this.waitsSince_ms = performance.now();
+        toast(text, "info", null, "frame");
+    }
+
+    showError(error) {
+        toast(describeError(error), "error", null, error.status === "closed" ? "closed" : "");
     }
 
     // ---- frames --------------------------------------------------------------------------------
 
     onShown(detail) {
         const { frame } = detail;
+        if (frame.times?.begun_ms > this.waitsSince_ms) {
+            this.waitsSince_ms = undefined;
+            dismiss("frame");
+        }
         this.stats.add(detail);
         this.overlay.draw(this.view.isReprojected ? this.view.camera : this.view.shown);
         this.scene.noteRevision(frame.scene_revision);
@@ -390,7 +408,7 @@ class App {
         const { holder } = this.people.shared;
         const of = holder ? ` of ${this.people.nameOf(holder)}` : "";
         toast(`This view follows the shared camera${of}.`, "info",
-            ["Leave it", () => this.attempt(() => this.people.setFollow(false))]);
+            ["Leave it", () => this.attempt(() => this.people.setFollow(false))], "follow");
     }
 
     fly(to) {
@@ -510,7 +528,7 @@ class App {
         try {
             return await action();
         } catch (error) {
-            toast(describeError(error), "error");
+            this.showError(error);
             return undefined;
         }
     }

@@ -6,7 +6,7 @@ import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, models, openBrowser, openPage, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
 
 const MODEL = "morph.glb"; // it has an animation, so its bar is there
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -135,6 +135,54 @@ test("messages cover no panel, and where there is no room beside them not their 
     }
     await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
     await evaluate(() => ["scene", "stats", "view"].forEach((n) => window.helio.panels.set(n, false)));
+});
+
+test("messages end with what they tell of", async () => {
+    const texts = () => evaluate(() => [...document.querySelectorAll(".toast > span")].map((t) => t.textContent));
+    const tell = (name, body) => evaluate((n, b) => window.helio.connection.tell(n, b), name, body);
+    const gone = (text) => until(async () => !(await texts()).some((t) => t.includes(text)), `no longer said: ${text}`);
+    const said = async (text) => assert.ok((await texts()).some((t) => t.includes(text)), `${await texts()}`);
+    const self = await evaluate(() => Number(window.helio.connection.session));
+    // Toasts expire as well, so that this would pass too late: each ends while one that is left to expire is there.
+    await evaluate(() => { window.setTimeout = ((set) => (f, ms, ...a) => set(f, ms >= 6000 ? 1e8 : ms, ...a))(window.setTimeout); });
+    await tell("drain", { deadline_ms: 60000, reason: "new disks" });
+    await said("Sessions end within 60 s: new disks");
+    await tell("drain_cancelled", {});
+    await gone("Sessions end");
+    await said("Sessions go on");
+    await tell("idle_warning", { remaining_ms: 60000 });
+    await said("This session ends");
+    await evaluate(() => window.helio.setParams({ samples: 2 }));
+    await gone("This session ends");
+    await tell("notice", { what: "worker", reason: "" });
+    await said("restarted");
+    await evaluate(() => window.helio.setParams({ samples: 1 }));
+    await gone("restarted");
+    const camera = (waiting, holder) => evaluate((w, h) => window.helio.connection.tell("camera_state", { holder: BigInt(h),
+        waiting: w.map((s) => ({ session: BigInt(s) })), locked: false, change: "NONE" }), waiting, holder);
+    await camera([], self);
+    await camera([99], self);
+    await said("session 99 asks");
+    await camera([], self);
+    await gone("session 99 asks");
+    await camera([], 0);
+    await evaluate(async () => {
+        await window.helio.people.setFollow(true);
+        window.helio.people.shared.holder = 98n;
+        window.helio.explainFollowing();
+    });
+    await said("follows the shared camera of session 98");
+    await evaluate(() => window.helio.people.setFollow(false));
+    await gone("follows the shared camera");
+    await tell("drain", { deadline_ms: 60000, reason: "" });
+    await evaluate(() => {
+        window.helio.connection.connect();
+        return window.helio.attempt(() => window.helio.connection.call("info_query", {})); // there is no connection
+    });
+    await gone("Sessions end");
+    await waitFor(page, () => window.helio.connection.isOpen);
+    await gone("No connection");
+    await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
 });
 
 test("what a curtain offers can be pressed, whatever is open", async () => {
