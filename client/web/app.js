@@ -337,7 +337,7 @@ class App {
         }
         this.stats.add(detail);
         this.overlay.draw(this.view.isReprojected ? this.view.camera : this.view.shown);
-        this.scene.noteRevision(frame.scene_revision);
+        this.scene.noteFrame(frame.scene_revision);
         if (this.view.isEmpty)
             this.status.set("settled", "Ready");
         else if (frame.settled)

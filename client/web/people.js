@@ -40,6 +40,7 @@ export class People {
     async watch() {
         this.isThere = await this.app.connection.call("scene_watch",
             { participants: true, camera: true, annotations: true, edits: true }).then(() => true, () => false);
+        this.app.scene.setTold(this.isThere);
         this.opener.hidden = !this.isThere;
         if (this.isThere && this.isFollowing)
             await this.setFollow(true);

@@ -185,6 +185,35 @@ test("messages end with what they tell of", async () => {
     await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
 });
 
+test("nodes are not listed again for an animation, and are for what is shown of them", async () => {
+    await page.setViewport({ width: 360, height: 300 });
+    await evaluate(() => {
+        const { connection } = window.helio;
+        window.asked = { nodes_query: 0, animation_set: 0 };
+        const { call } = connection;
+        connection.call = (name, ...rest) => {
+            window.asked[name] = (window.asked[name] ?? 0) + 1;
+            return call.call(connection, name, ...rest);
+        };
+    });
+    await waitFor(page, () => window.helio.scene.due_ms === Infinity);
+    const before = await evaluate(() => { window.helio.timeline.toggle(); return { at: performance.now(), ...window.asked }; });
+    await waitFor(page, (from) => performance.now() > from + 3500 && window.asked.animation_set > 3, before.at);
+    await evaluate(() => window.helio.timeline.pause());
+    assert.equal(await evaluate(() => window.asked.nodes_query), before.nodes_query, "lists while it plays");
+    // Edits of another session (animation_set, node_set): poses change nothing that is listed; names do, and so may an edit that was not told.
+    for (const [message, missing, lists] of [[0x0211, 0, 0], [0x020d, 0, 1], [0x0211, 1, 1]]) {
+        const count = await evaluate(() => window.asked.nodes_query);
+        await evaluate((number, gap) => {
+            const { scene, connection } = window.helio;
+            connection.tell("edited", { message: number, session: 98n, revision: scene.revision + 1n, number: (scene.edits ?? 0n) + 1n + BigInt(gap) });
+        }, message, missing);
+        assert.equal(await evaluate(() => window.helio.scene.due_ms < Infinity), lists > 0, `${message}, ${missing} missing`);
+        await waitFor(page, (n) => window.asked.nodes_query === n, count + lists);
+        await waitFor(page, () => window.helio.scene.due_ms === Infinity);
+    }
+});
+
 test("what a curtain offers can be pressed, whatever is open", async () => {
     const reached = () => evaluate(() => {
         const box = document.querySelector("#curtain button").getBoundingClientRect();
