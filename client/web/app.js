@@ -163,8 +163,7 @@ class App {
         scene.addEventListener("changed", () => this.onScene());
         scene.addEventListener("assets", () => this.refreshScene());
         new ResizeObserver(() => view.resize()).observe(canvas);
-        matchMedia(`(resolution: ${devicePixelRatio}dppx)`)
-            .addEventListener("change", () => view.resize());
+        this.watchPixelRatio();
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         addEventListener("pagehide", () => this.leave());
         // A page that the browser kept, and shows again as it was left.
@@ -174,6 +173,14 @@ class App {
         });
         addEventListener("hashchange", () => location.reload());
         this.updateView();
+    }
+
+    // Of the screen that the window is on, and of the browser's zoom. A query is of one ratio: the next one needs its own.
+    watchPixelRatio() {
+        matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => {
+            this.view.resize();
+            this.watchPixelRatio();
+        }, { once: true });
     }
 
     // A session that came in by a join ticket goes on when the page is loaded again: the ticket

@@ -185,6 +185,21 @@ test("messages end with what they tell of", async () => {
     await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
 });
 
+test("the picture has the pixels of the screen that it is on", async () => {
+    const devtools = await page.createCDPSession();
+    // Its size in the page is kept, so that the ratio alone says it; headless Chromium tells of it with a new width only.
+    const stage = (width) => evaluate((w) => { document.querySelector("#stage").style.width = w; }, width);
+    await page.setViewport({ width: 400, height: 300 });
+    await stage("320px");
+    const height = await evaluate(() => document.querySelector("#picture").clientHeight);
+    for (const ratio of [2, 1.5, 3, 1]) { // each change is seen, not the first alone
+        await devtools.send("Emulation.setDeviceMetricsOverride", { width: 400 + 2 * ratio, height: 300, deviceScaleFactor: ratio, mobile: false });
+        await waitPicture(page, (d) => d.width === Math.round(320 * ratio) && d.height === Math.round(height * ratio));
+    }
+    await devtools.detach();
+    await stage("");
+});
+
 test("nodes are not listed again for an animation, and are for what is shown of them", async () => {
     await page.setViewport({ width: 360, height: 300 });
     await evaluate(() => {
