@@ -64,6 +64,7 @@ class App {
     build() {
         this.panels = new Panels($("shell"), $("tools"),
             (name, isOpen) => this.onPanel(name, isOpen));
+        this.view.free = () => this.panels.free(this.canvas);
         const close = (name) => () => this.panels.set(name, false);
         this.viewPanel = new ViewPanel($("panel-view"), {
             set: (changes) => this.setParams(changes),
@@ -446,9 +447,8 @@ class App {
             const d = eye.map((v, i) => v - target[i]);
             const [azimuth, elevation] = angles ?? [Math.atan2(d[0], d[2]),
                 Math.asin(d[1] / Math.max(1e-9, Math.hypot(...d)))];
-            const fit = await this.view.fitted({ node, kind, vfov_rad, azimuth_rad: azimuth,
-                elevation_rad: Math.max(-Math.PI / 2, Math.min(Math.PI / 2, elevation)) });
-            this.fly(makeCamera(fit));
+            this.fly(await this.view.fittedFree({ node, kind, vfov_rad, azimuth_rad: azimuth,
+                elevation_rad: Math.max(-Math.PI / 2, Math.min(Math.PI / 2, elevation)) }));
         });
     }
 
@@ -456,7 +456,7 @@ class App {
         if (Array.isArray(at))
             return this.fit(0n, at.map(radians));
         return this.attempt(async () =>
-            this.fly(makeCamera(await this.view.fitted({ cameras: false }))));
+            this.fly(await this.view.fittedFree()));
     }
 
     follow(id) {

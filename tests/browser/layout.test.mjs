@@ -185,6 +185,46 @@ test("messages end with what they tell of", async () => {
     await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
 });
 
+test("what is fitted is covered by nothing", async () => {
+    const one = await openPage(browser, `${daemon.origin}/#load=${join(models, "panes.glb")}&ticket=${daemon.tokens.edit}&gi=NONE&samples=1`);
+    await waitPicture(one, (d) => d.frame);
+    await waitFor(one, () => window.helio.scene.nodes.size);
+    const shown = (node) => one.evaluate(async (id) => {
+        const { camera: at, canvas, connection } = { ...window.helio, camera: window.helio.view.camera };
+        const { min, max } = await connection.call("bounds_query", { node: BigInt(id) });
+        const { project } = await import("./camera.js");
+        const box = canvas.getBoundingClientRect();
+        const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => project(at, min.map((v, k) => i >> k & 1 ? max[k] : v), box.width, box.height));
+        const least = (f) => Math.min(...corners.map(f)), most = (f) => Math.max(...corners.map(f));
+        const dock = [...document.querySelectorAll("#dock > *, .panel")].filter((e) => e.checkVisibility({ visibilityProperty: true }))
+            .map((e) => e.getBoundingClientRect());
+        const edges = { left: least((p) => p.x) + box.left, right: most((p) => p.x) + box.left, top: least((p) => p.y) + box.top,
+            bottom: most((p) => p.y) + box.top };
+        return { edges, box: { ...box.toJSON() }, covered: dock.filter((d) => edges.left < d.right && edges.right > d.left
+            && edges.top < d.bottom && edges.bottom > d.top).length };
+    }, String(node));
+    const node = await one.evaluate(() => String([...window.helio.scene.nodes.values()].find((n) => n.mesh).node));
+    for (const [width, height, panels] of [[360, 640, []], [360, 420, []], [1280, 600, []], [1280, 600, ["scene", "view"]], [360, 640, ["view"]]])
+        for (const selected of [false, true]) {
+            await one.setViewport({ width, height });
+            await one.evaluate((open) => ["scene", "stats", "people", "view"].forEach((name) =>
+                window.helio.panels.set(name, open.includes(name))), panels);
+            await one.evaluate((id) => id ? window.helio.inspector.select(BigInt(id)) : window.helio.inspector.clear(), selected ? node : "");
+            await waitFor(one, (w, h) => window.innerWidth === w && window.innerHeight === h && [window.helio.view.width, window.helio.view.height]
+                .join() === [window.helio.canvas.clientWidth, window.helio.canvas.clientHeight].join(), width, height);
+            await one.evaluate((id) => window.helio.fit(BigInt(id)), selected ? node : "0");
+            await waitFor(one, () => !window.helio.flight && !window.helio.isAwake);
+            const { edges, box, covered } = await shown(selected ? node : 0);
+            const what = `${width}x${height} ${panels} ${selected} ${JSON.stringify(edges)}`;
+            assert.equal(covered, 0, what);
+            assert.ok(edges.left >= box.left && edges.right <= box.right && edges.top >= box.top, what);
+            assert.ok(edges.right - edges.left > box.width / 6 || edges.bottom - edges.top > box.height / 6, `too small: ${what}`);
+        }
+    assert.deepEqual(one.complaints, []);
+    await one.close();
+    await page.bringToFront();
+});
+
 test("the picture has the pixels of the screen that it is on", async () => {
     const devtools = await page.createCDPSession();
     // Its size in the page is kept, so that the ratio alone says it; headless Chromium tells of it with a new width only.
