@@ -2,7 +2,7 @@
 import { blend, cameraToText, distance, halfHeight, makeCamera } from "./camera.js";
 import { Connection, RequestError, describeError, waitText } from "./connection.js";
 import { Controls } from "./controls.js";
-import { announce, ask, h, iconButton, progressToast, toast } from "./dom.js";
+import { announce, ask, dismiss, h, iconButton, progressToast, toast } from "./dom.js";
 import { Inspector } from "./inspect.js";
 import { keepAccess, keepCamera, keepResume, takeAccess, takeCamera, takeResume } from "./link.js";
 import { Looks } from "./looks.js";
@@ -22,6 +22,8 @@ const FLIGHT_MS = 350;
 const LATER_MS = 60;
 const EXPLAIN_MS = 5000; // between two explanations of the same
 const LONG_TICK_S = 0.1;
+// What is said of a session, and of how it is shared, ends with it.
+const OF_SESSION = ["drain", "idle", "frame", "follow", "camera", "asks"];
 const MODES = { orbit: "Orbit", fly: "Fly", walk: "Walk" };
 
 const $ = (id) => document.getElementById(id);
@@ -46,7 +48,7 @@ class App {
         this.view.camera = camera ?? this.view.camera;
         this.view.sent = camera;
         this.looks = new Looks(this.connection, this.view, this.scene,
-            (error) => toast(describeError(error), "error"));
+            (error) => this.showError(error));
         this.overlay = new Overlay($("overlay"), this.canvas);
         this.status = new Status($("status"));
         this.curtain = new Curtain($("curtain"));
@@ -62,6 +64,7 @@ class App {
     build() {
         this.panels = new Panels($("shell"), $("tools"),
             (name, isOpen) => this.onPanel(name, isOpen));
+        this.view.free = () => this.panels.free(this.canvas);
         const close = (name) => () => this.panels.set(name, false);
         this.viewPanel = new ViewPanel($("panel-view"), {
             set: (changes) => this.setParams(changes),
@@ -153,15 +156,15 @@ class App {
         connection.addEventListener("opened", (e) => this.onOpened(e.detail.resumed));
         connection.addEventListener("auth", (e) => this.signIn(e.detail));
         connection.addEventListener("message", (e) => this.onMessage(e.detail));
+        connection.addEventListener("active", () => dismiss("idle"));
         view.addEventListener("shown", (e) => this.onShown(e.detail));
         view.addEventListener("verified", (e) => this.onVerified(e.detail));
-        view.addEventListener("trouble", (e) => toast(describeError(e.detail), "error"));
+        view.addEventListener("trouble", (e) => this.showError(e.detail));
         view.addEventListener("params", () => this.updateView());
         scene.addEventListener("changed", () => this.onScene());
         scene.addEventListener("assets", () => this.refreshScene());
         new ResizeObserver(() => view.resize()).observe(canvas);
-        matchMedia(`(resolution: ${devicePixelRatio}dppx)`)
-            .addEventListener("change", () => view.resize());
+        this.watchPixelRatio();
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         addEventListener("pagehide", () => this.leave());
         // A page that the browser kept, and shows again as it was left.
@@ -171,6 +174,14 @@ class App {
         });
         addEventListener("hashchange", () => location.reload());
         this.updateView();
+    }
+
+    // Of the screen that the window is on, and of the browser's zoom. A query is of one ratio: the next one needs its own.
+    watchPixelRatio() {
+        matchMedia(`(resolution: ${devicePixelRatio}dppx)`).addEventListener("change", () => {
+            this.view.resize();
+            this.watchPixelRatio();
+        }, { once: true });
     }
 
     // A session that came in by a join ticket goes on when the page is loaded again: the ticket
@@ -189,6 +200,7 @@ class App {
     onState(state) {
         document.body.dataset.state = state;
         clearInterval(this.waitTimer);
+        dismiss(...state === "open" ? ["closed"] : OF_SESSION);
         if (state === "open") {
             this.openButton.hidden = !this.connection.canEdit;
             this.curtain.hide();
@@ -288,18 +300,18 @@ class App {
 
     onMessage({ name, body }) {
         if (name === "drain")
-            toast(`Sessions end within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`);
+            toast(`Sessions end within ${waitText(body.deadline_ms)}${body.reason ? `: ${body.reason}` : ""}.`, "info", null, "drain");
         else if (name === "drain_cancelled")
-            toast("Sessions go on.");
+            toast("Sessions go on.", "info", null, "drain");
         else if (name === "message")
             toast(`${body.from}: ${body.text}`);
         else if (name === "idle_warning")
             toast(`This session ends in ${waitText(body.remaining_ms)}.`, "info",
-                ["Stay", () => this.view.subscribe()]);
+                ["Stay", () => this.view.subscribe()], "idle");
         else if (name === "edited")
             this.scene.noteEdit(body);
         else if (name === "notice" && body.what === "worker")
-            toast("The renderer was restarted; the scene is being restored.");
+            this.toastUntilFrame("The renderer was restarted; the scene is being restored.");
         else if (name === "notice" && body.limit)
             this.explainLimit(new RequestError(body));
         else if (name === "notice" && body.reason)
@@ -309,17 +321,31 @@ class App {
     // A limit that refuses nothing, but lets pictures wait.
     explainLimit(error) {
         const text = describeError(error, false);
-        toast(text);
+        this.toastUntilFrame(text);
         this.status.set("refining", "Waiting", text);
+    }
+
+    // Why no pictures come: true until the next one that is sent.
+    toastUntilFrame(text) {
+        this.waitsSince_ms = performance.now();
+        toast(text, "info", null, "frame");
+    }
+
+    showError(error) {
+        toast(describeError(error), "error", null, error.status === "closed" ? "closed" : "");
     }
 
     // ---- frames --------------------------------------------------------------------------------
 
     onShown(detail) {
         const { frame } = detail;
+        if (frame.times?.begun_ms > this.waitsSince_ms) {
+            this.waitsSince_ms = undefined;
+            dismiss("frame");
+        }
         this.stats.add(detail);
         this.overlay.draw(this.view.isReprojected ? this.view.camera : this.view.shown);
-        this.scene.noteRevision(frame.scene_revision);
+        this.scene.noteFrame(frame.scene_revision);
         if (this.view.isEmpty)
             this.status.set("settled", "Ready");
         else if (frame.settled)
@@ -390,7 +416,7 @@ class App {
         const { holder } = this.people.shared;
         const of = holder ? ` of ${this.people.nameOf(holder)}` : "";
         toast(`This view follows the shared camera${of}.`, "info",
-            ["Leave it", () => this.attempt(() => this.people.setFollow(false))]);
+            ["Leave it", () => this.attempt(() => this.people.setFollow(false))], "follow");
     }
 
     fly(to) {
@@ -421,9 +447,8 @@ class App {
             const d = eye.map((v, i) => v - target[i]);
             const [azimuth, elevation] = angles ?? [Math.atan2(d[0], d[2]),
                 Math.asin(d[1] / Math.max(1e-9, Math.hypot(...d)))];
-            const fit = await this.view.fitted({ node, kind, vfov_rad, azimuth_rad: azimuth,
-                elevation_rad: Math.max(-Math.PI / 2, Math.min(Math.PI / 2, elevation)) });
-            this.fly(makeCamera(fit));
+            this.fly(await this.view.fittedFree({ node, kind, vfov_rad, azimuth_rad: azimuth,
+                elevation_rad: Math.max(-Math.PI / 2, Math.min(Math.PI / 2, elevation)) }));
         });
     }
 
@@ -431,7 +456,7 @@ class App {
         if (Array.isArray(at))
             return this.fit(0n, at.map(radians));
         return this.attempt(async () =>
-            this.fly(makeCamera(await this.view.fitted({ cameras: false }))));
+            this.fly(await this.view.fittedFree()));
     }
 
     follow(id) {
@@ -510,7 +535,7 @@ class App {
         try {
             return await action();
         } catch (error) {
-            toast(describeError(error), "error");
+            this.showError(error);
             return undefined;
         }
     }

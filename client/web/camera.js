@@ -121,6 +121,36 @@ export function project(camera, point, width_px, height_px) {
     };
 }
 
+// ---- a part of the picture that is free --------------------------------------------------------
+
+const size = ([from, to]) => to - from;
+
+// The same lens for a picture that shows `share` of it.
+export const narrowed = (vfov_rad, share) => 2 * Math.atan(Math.tan(vfov_rad / 2) * share);
+
+// A camera that was fitted for `share` of the picture (narrowed), as one of the whole picture that shows the same in the
+// middle of what is free ({ x, y }: shares from the left and the top).
+export function intoFree(fitted, share, free, aspect) {
+    const camera = makeCamera({ ...fitted, vfov_rad: narrowed(fitted.vfov_rad, 1 / share),
+        half_height: fitted.half_height / share });
+    const away = ([from, to]) => (from + to - 1) / 2;
+    pan(camera, away(free.x) * aspect, away(free.y), 1);
+    return camera;
+}
+
+// Whether a box of the world lies in what is free.
+export function isFree(camera, box, free, aspect) {
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+        project(camera, [0, 1, 2].map((k) => (i >> k & 1 ? box.max : box.min)[k]), aspect, 1));
+    const within = (v, [from, to]) => v >= from && v <= to;
+    return corners.every((p) => p && within(p.x / aspect, free.x) && within(p.y, free.y));
+}
+
+// The shares of the picture to fit for, the best first: all that is free of its width or height, then of both.
+export function sharesOf(free) {
+    return [...new Set([Math.max(size(free.x), size(free.y)), Math.min(size(free.x), size(free.y))])];
+}
+
 // Between two cameras, 0..1; around the target, so that a turn keeps its distance.
 export function blend(a, b, t) {
     const mix = (x, y) => x + (y - x) * t;

@@ -4,7 +4,7 @@
 // Events: "frame" (detail: { frame, begun_ms, received_ms }), "message" (detail: { name, body } of
 // any other message that answers no request), "state" (detail: the new state; "ended" = by the server, for
 // good), "opened" (detail: { resumed }),
-// "auth" (a token is needed; detail: RequestError or null).
+// "active" (something is sent that keeps the session), "auth" (a token is needed; detail: RequestError or null).
 import {
     PREFACE, HEADER_BYTES, decode, decodeHeader, encode, findMessage, status as statusCodes,
 } from "./hgp.js";
@@ -15,6 +15,7 @@ const FRAME_LIMIT = 560 * 1024 * 1024;
 const PING_MS = 2000;
 const SILENCE_MS = 15000;
 const KEPT_PINGS = 10;
+const SILENT = ["pong", "taken", "credit", "clock_query"]; // do not keep an idle session
 const ENDING = ["not-allowed", "timeout"]; // of a session: by an administrator, or idle for too long
 const RETRY_MS = [250, 500, 1000, 2000, 4000, 8000];
 const LONGEST_RETRY_MS = 3600000;
@@ -284,6 +285,8 @@ export class Connection extends EventTarget {
     send(name, message, request = 0) {
         if (this.socket?.readyState !== WebSocket.OPEN)
             return false;
+        if (!SILENT.includes(name))
+            this.dispatchEvent(new Event("active"));
         const bytes = encode(VERSION, name, message, { request });
         this.bytesOut += bytes.length;
         this.socket.send(bytes);

@@ -121,18 +121,20 @@ export function section(title, isOpen, ...rows) {
 // ---- messages ----------------------------------------------------------------------------------
 
 const LASTING_MS = 6000;
+const LEAST_MS = 1200;
 
-// Shows a text for a while and tells it to screen readers. kind: "info" or "error".
-export function toast(text, kind = "info", action = null) {
+// Shows a text for a while and tells it to screen readers. kind: "info" or "error". about: the state that it tells of,
+// which has one text at a time, until it is over (dismiss).
+export function toast(text, kind = "info", action = null, about = "") {
     const list = document.getElementById("toasts");
-    const node = h("div", { class: `toast ${kind}` }, h("span", { text }));
-    const end = () => node.remove();
+    const node = h("div", { class: `toast ${kind}`, data: { about, since: performance.now() } }, h("span", { text }));
+    const end = () => removeToast(node);
     if (action)
         node.append(button(action[0], () => { end(); action[1](); }));
     node.append(iconButton("close", "Dismiss", end));
     for (const old of list.querySelectorAll(".toast > span"))
-        if (old.textContent === text)
-            old.parentNode.remove();
+        if (old.textContent === text || (about && old.parentNode.dataset.about === about))
+            removeToast(old.parentNode);
     list.append(node);
     while (list.childElementCount > 3)
         list.firstElementChild.remove();
@@ -141,6 +143,21 @@ export function toast(text, kind = "info", action = null) {
     const expire = () => node.matches(":hover, :focus-within") ? setTimeout(expire, wait_ms) : end();
     setTimeout(expire, wait_ms);
     announce(text);
+}
+
+// The focus goes back to the picture, not to the top of the page.
+function removeToast(node) {
+    const hasFocus = node.contains(document.activeElement);
+    node.remove();
+    if (hasFocus)
+        document.getElementById("picture").focus({ preventScroll: true });
+}
+
+// These states are over: what was said of them holds no longer. Each text is there for long enough to be read as one.
+export function dismiss(...abouts) {
+    for (const node of document.querySelectorAll("#toasts > .toast"))
+        if (abouts.some((about) => about === node.dataset.about || about === node.dataset.about?.split(" ")[0]))
+            setTimeout(() => removeToast(node), Math.max(0, Number(node.dataset.since) + LEAST_MS - performance.now()));
 }
 
 // Says a text to screen readers only.

@@ -1,7 +1,7 @@
 // people.js - who else is in the scene: the list of them, the camera that they share, the notes
 // that they pin. A server without these messages leaves the page without them.
 import { makeCamera } from "./camera.js";
-import { button, h, icon, iconButton, toast, toggleRow } from "./dom.js";
+import { button, dismiss, h, icon, iconButton, toast, toggleRow } from "./dom.js";
 import { panelHeader } from "./panels.js";
 
 const VIEW = 1;
@@ -40,6 +40,7 @@ export class People {
     async watch() {
         this.isThere = await this.app.connection.call("scene_watch",
             { participants: true, camera: true, annotations: true, edits: true }).then(() => true, () => false);
+        this.app.scene.setTold(this.isThere);
         this.opener.hidden = !this.isThere;
         if (this.isThere && this.isFollowing)
             await this.setFollow(true);
@@ -85,6 +86,8 @@ export class People {
             this.onMoved(this.moved);
         if (!is)
             this.app.view.sendCamera(true);
+        if (this.canMove)
+            dismiss("follow");
         this.draw();
     }
 
@@ -95,17 +98,22 @@ export class People {
         if (state.holder !== before && state.change !== "NONE"
             && (this.isFollowing || this.isHolder))
             toast(state.holder ? `The shared camera is with ${this.nameOf(state.holder)}.`
-                : "The shared camera is free.");
+                : "The shared camera is free.", "info", null, "camera");
+        if (this.canMove)
+            dismiss("follow");
         this.tellAsked(waiting, state.waiting);
         this.draw();
     }
 
-    // The holder is notified of new requests.
+    // The holder is notified of new requests, for as long as it can answer them.
     tellAsked(before, now) {
+        for (const { session } of before)
+            if (!this.isHolder || !now.some((w) => w.session === session))
+                dismiss(`asks ${session}`);
         for (const { session } of this.isHolder ? now : [])
             if (!before.some((w) => w.session === session))
                 toast(`${this.nameOf(session)} asks for the shared camera.`, "info",
-                    ["Give it", () => this.ask("camera_give", { session })]);
+                    ["Give it", () => this.ask("camera_give", { session })], `asks ${session}`);
     }
 
     onMoved(moved) {

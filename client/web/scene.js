@@ -9,6 +9,8 @@ const PAGE_NODES = 4096;
 const MOST_NODES = 200000;
 const REFRESH_MS = 1500;
 const ASSET_MS = 100; // sooner, as this is what people wait for
+// Edits that change nothing of what is listed: names, places in the tree, what is visible, assets, variants.
+const UNLISTED = ["animation_set", "environment_set", "material_set", "texture_set", "light_set"];
 
 export class Scene extends EventTarget {
     constructor(connection) {
@@ -26,6 +28,7 @@ export class Scene extends EventTarget {
         this.revision = 0n;
         this.listed = -1n;
         this.isWanted = false;
+        this.setTold(false);
         this.loader = 0n; // session that loaded an asset last; 0 = not known
     }
 
@@ -89,7 +92,21 @@ export class Scene extends EventTarget {
 
     // ---- what is in it -------------------------------------------------------------------------
 
-    // A frame showed this revision: what is listed on the page follows after a moment.
+    // Whether edits are told (scene_watch): frames need not tell of them then.
+    setTold(isTold) {
+        this.isTold = isTold;
+        this.edits = null; // number of the newest one
+    }
+
+    // A frame showed this revision.
+    noteFrame(revision) {
+        if (!this.isTold)
+            this.noteRevision(revision);
+        else if (revision > this.revision)
+            this.revision = revision;
+    }
+
+    // Something that is listed has changed: the list on the page follows after a moment.
     noteRevision(revision, wait_ms = REFRESH_MS) {
         if (revision > this.revision)
             this.revision = revision;
@@ -104,12 +121,16 @@ export class Scene extends EventTarget {
     }
 
     // Somebody's edit took effect, of which there may be no frame: none come of an empty scene.
-    noteEdit({ message, session, revision }) {
+    noteEdit({ message, session, revision, number }) {
+        const isMissing = this.edits !== null && number !== this.edits + 1n; // one was not told
+        this.edits = number;
         const name = findMessage(message)?.name;
         const isAsset = name === "asset_load" || name === "asset_unload";
+        if (UNLISTED.includes(name) && !isMissing)
+            return;
         if (name === "asset_load")
             this.loader = session;
-        if (isAsset || session !== this.connection.session) // what this page did itself needs no new list
+        if (isAsset || isMissing || session !== this.connection.session) // what this page did itself needs no new list
             this.noteRevision(revision, isAsset ? ASSET_MS : REFRESH_MS);
     }
 

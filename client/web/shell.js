@@ -45,6 +45,7 @@ export async function askToken(reason) {
 const isNarrow = () => matchMedia("(max-width: 719px)").matches;
 
 const GAP_PX = 10; // --gap of style.css
+const FREE_LEAST = 0.3;
 const MESSAGE_PX = 240; // as wide as messages are at least
 
 // Panels stand beside each other as long as there is room; then those opened first give way.
@@ -112,6 +113,33 @@ export class Panels {
                 : [...shown].reduce((sum, panel) => sum + panel.offsetWidth + GAP_PX, 0);
             style.setProperty(`--taken-${side}`, `${taken_px}px`);
         }
+    }
+
+    // The part of the picture that nothing covers, as shares of its width and height; of each at least FREE_LEAST is
+    // taken to be free, beginning where most is.
+    free(canvas) {
+        const box = canvas.getBoundingClientRect();
+        const edge = { left: box.left, right: box.right, top: box.top, bottom: box.bottom };
+        const isShown = (e) => e.checkVisibility({ visibilityProperty: true });
+        for (const panel of [...this.shell.querySelectorAll(".panel")].filter(isShown)) {
+            const { left, right, top } = panel.getBoundingClientRect();
+            if (isNarrow())
+                edge.bottom = Math.min(edge.bottom, top);
+            else if (panel.parentNode.matches(".left"))
+                edge.left = Math.max(edge.left, right);
+            else
+                edge.right = Math.min(edge.right, left);
+        }
+        for (const part of [...this.shell.querySelectorAll("#dock > *")].filter(isShown))
+            edge.bottom = Math.min(edge.bottom, part.getBoundingClientRect().top);
+        const span = (from, to, first, size) => {
+            if (!size)
+                return [0, 1];
+            const begin = Math.max(0, (from - first) / size), end = Math.min(1, (to - first) / size);
+            return end - begin >= FREE_LEAST ? [begin, end]
+                : begin > 1 - end ? [1 - FREE_LEAST, 1] : [0, FREE_LEAST];
+        };
+        return { x: span(edge.left, edge.right, box.left, box.width), y: span(edge.top, edge.bottom, box.top, box.height) };
     }
 
     toggle(name) {

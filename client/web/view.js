@@ -3,7 +3,7 @@
 // Events: "shown" (detail: { frame, latency_ms, decode_ms, split }), "verified" (boolean: the
 // settled pixels on the canvas have the hash that the server states), "trouble" (detail: an
 // error), "params" (settings changed), "started" (the server has the view, maybe anew).
-import { isSame, makeCamera } from "./camera.js";
+import { intoFree, isFree, isSame, makeCamera, narrowed, sharesOf } from "./camera.js";
 import { FramePainter, hexOf } from "./decode.js";
 import { enums } from "./hgp.js";
 import { Warp } from "./warp.js";
@@ -15,6 +15,7 @@ const LEAST_SIDE_PX = 16;
 const GREATEST_SIDE_PX = 16384;
 const REMEMBERED_INPUTS = 256;
 const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to be sent
+const DEFAULT_VFOV_RAD = Math.PI / 4; // of view_fit
 const FAILURES = 3; // key frames of one encoding before the next of the list takes its place
 
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
@@ -45,6 +46,7 @@ export class View extends EventTarget {
         this.isFollowing = false; // another session moves its camera
         this.warp = over ? new Warp(over) : null;
         this.isReprojected = false;
+        this.free = () => ({ x: [0, 1], y: [0, 1] }); // the part of the picture that nothing covers
         this.painter = new FramePainter(canvas, (f, t) => this.onShown(f, t),
             (f, e) => this.onFailed(f, e));
         connection.addEventListener("frame", (e) => this.onFrame(e.detail));
@@ -202,13 +204,29 @@ export class View extends EventTarget {
         return this.connection.call("view_fit", { view: VIEW, ...options });
     }
 
+    // The same, in the part of the picture that is free: nearer where it fits there in its height alone, or its width.
+    async fittedFree(options = {}) {
+        const free = this.free();
+        const aspect = this.width / this.height;
+        const box = await this.connection.call("bounds_query", { node: options.node ?? 0n }).catch(() => null);
+        let camera = null;
+        for (const share of sharesOf(free)) {
+            const { vfov_rad = DEFAULT_VFOV_RAD } = options;
+            const fit = await this.fitted({ ...options, vfov_rad: narrowed(vfov_rad, share) });
+            camera = intoFree(fit, share, free, aspect);
+            if (box && !box.empty && isFree(camera, box, free, aspect))
+                break;
+        }
+        return camera;
+    }
+
     async fitFirst() {
-        const fit = await this.fitted({ cameras: true });
-        if (fit.camera) {
-            await this.follow(fit.camera);
+        const { camera } = await this.fitted({ cameras: true });
+        if (camera) {
+            await this.follow(camera);
         } else {
             this.node = 0n;
-            this.camera = makeCamera(fit);
+            this.camera = await this.fittedFree();
             this.sendCamera(true);
         }
     }

@@ -6,7 +6,7 @@ import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, models, openBrowser, openPage, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
 
 const MODEL = "morph.glb"; // it has an animation, so its bar is there
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -135,6 +135,138 @@ test("messages cover no panel, and where there is no room beside them not their 
     }
     await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
     await evaluate(() => ["scene", "stats", "view"].forEach((n) => window.helio.panels.set(n, false)));
+});
+
+test("messages end with what they tell of", async () => {
+    const texts = () => evaluate(() => [...document.querySelectorAll(".toast > span")].map((t) => t.textContent));
+    const tell = (name, body) => evaluate((n, b) => window.helio.connection.tell(n, b), name, body);
+    const gone = (text) => until(async () => !(await texts()).some((t) => t.includes(text)), `no longer said: ${text}`);
+    const said = async (text) => assert.ok((await texts()).some((t) => t.includes(text)), `${await texts()}`);
+    const self = await evaluate(() => Number(window.helio.connection.session));
+    // Toasts expire as well, so that this would pass too late: each ends while one that is left to expire is there.
+    await evaluate(() => { window.setTimeout = ((set) => (f, ms, ...a) => set(f, ms >= 6000 ? 1e8 : ms, ...a))(window.setTimeout); });
+    await tell("drain", { deadline_ms: 60000, reason: "new disks" });
+    await said("Sessions end within 60 s: new disks");
+    await tell("drain_cancelled", {});
+    await gone("Sessions end");
+    await said("Sessions go on");
+    await tell("idle_warning", { remaining_ms: 60000 });
+    await said("This session ends");
+    await evaluate(() => window.helio.setParams({ samples: 2 }));
+    await gone("This session ends");
+    await tell("notice", { what: "worker", reason: "" });
+    await said("restarted");
+    await evaluate(() => window.helio.setParams({ samples: 1 }));
+    await gone("restarted");
+    const camera = (waiting, holder) => evaluate((w, h) => window.helio.connection.tell("camera_state", { holder: BigInt(h),
+        waiting: w.map((s) => ({ session: BigInt(s) })), locked: false, change: "NONE" }), waiting, holder);
+    await camera([], self);
+    await camera([99], self);
+    await said("session 99 asks");
+    await camera([], self);
+    await gone("session 99 asks");
+    await camera([], 0);
+    await evaluate(async () => {
+        await window.helio.people.setFollow(true);
+        window.helio.people.shared.holder = 98n;
+        window.helio.explainFollowing();
+    });
+    await said("follows the shared camera of session 98");
+    await evaluate(() => window.helio.people.setFollow(false));
+    await gone("follows the shared camera");
+    await tell("drain", { deadline_ms: 60000, reason: "" });
+    await evaluate(() => {
+        window.helio.connection.connect();
+        return window.helio.attempt(() => window.helio.connection.call("info_query", {})); // there is no connection
+    });
+    await gone("Sessions end");
+    await waitFor(page, () => window.helio.connection.isOpen);
+    await gone("No connection");
+    await evaluate(() => document.querySelectorAll(".toast").forEach((t) => t.remove()));
+});
+
+test("what is fitted is covered by nothing", async () => {
+    const one = await openPage(browser, `${daemon.origin}/#load=${join(models, "panes.glb")}&ticket=${daemon.tokens.edit}&gi=NONE&samples=1`);
+    await waitPicture(one, (d) => d.frame);
+    await waitFor(one, () => window.helio.scene.nodes.size);
+    const shown = (node) => one.evaluate(async (id) => {
+        const { camera: at, canvas, connection } = { ...window.helio, camera: window.helio.view.camera };
+        const { min, max } = await connection.call("bounds_query", { node: BigInt(id) });
+        const { project } = await import("./camera.js");
+        const box = canvas.getBoundingClientRect();
+        const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => project(at, min.map((v, k) => i >> k & 1 ? max[k] : v), box.width, box.height));
+        const least = (f) => Math.min(...corners.map(f)), most = (f) => Math.max(...corners.map(f));
+        const dock = [...document.querySelectorAll("#dock > *, .panel")].filter((e) => e.checkVisibility({ visibilityProperty: true }))
+            .map((e) => e.getBoundingClientRect());
+        const edges = { left: least((p) => p.x) + box.left, right: most((p) => p.x) + box.left, top: least((p) => p.y) + box.top,
+            bottom: most((p) => p.y) + box.top };
+        return { edges, box: { ...box.toJSON() }, covered: dock.filter((d) => edges.left < d.right && edges.right > d.left
+            && edges.top < d.bottom && edges.bottom > d.top).length };
+    }, String(node));
+    const node = await one.evaluate(() => String([...window.helio.scene.nodes.values()].find((n) => n.mesh).node));
+    for (const [width, height, panels] of [[360, 640, []], [360, 420, []], [1280, 600, []], [1280, 600, ["scene", "view"]], [360, 640, ["view"]]])
+        for (const selected of [false, true]) {
+            await one.setViewport({ width, height });
+            await one.evaluate((open) => ["scene", "stats", "people", "view"].forEach((name) =>
+                window.helio.panels.set(name, open.includes(name))), panels);
+            await one.evaluate((id) => id ? window.helio.inspector.select(BigInt(id)) : window.helio.inspector.clear(), selected ? node : "");
+            await waitFor(one, (w, h) => window.innerWidth === w && window.innerHeight === h && [window.helio.view.width, window.helio.view.height]
+                .join() === [window.helio.canvas.clientWidth, window.helio.canvas.clientHeight].join(), width, height);
+            await one.evaluate((id) => window.helio.fit(BigInt(id)), selected ? node : "0");
+            await waitFor(one, () => !window.helio.flight && !window.helio.isAwake);
+            const { edges, box, covered } = await shown(selected ? node : 0);
+            const what = `${width}x${height} ${panels} ${selected} ${JSON.stringify(edges)}`;
+            assert.equal(covered, 0, what);
+            assert.ok(edges.left >= box.left && edges.right <= box.right && edges.top >= box.top, what);
+            assert.ok(edges.right - edges.left > box.width / 6 || edges.bottom - edges.top > box.height / 6, `too small: ${what}`);
+        }
+    assert.deepEqual(one.complaints, []);
+    await one.close();
+    await page.bringToFront();
+});
+
+test("the picture has the pixels of the screen that it is on", async () => {
+    const devtools = await page.createCDPSession();
+    // Its size in the page is kept, so that the ratio alone says it; headless Chromium tells of it with a new width only.
+    const stage = (width) => evaluate((w) => { document.querySelector("#stage").style.width = w; }, width);
+    await page.setViewport({ width: 400, height: 300 });
+    await stage("320px");
+    const height = await evaluate(() => document.querySelector("#picture").clientHeight);
+    for (const ratio of [2, 1.5, 3, 1]) { // each change is seen, not the first alone
+        await devtools.send("Emulation.setDeviceMetricsOverride", { width: 400 + 2 * ratio, height: 300, deviceScaleFactor: ratio, mobile: false });
+        await waitPicture(page, (d) => d.width === Math.round(320 * ratio) && d.height === Math.round(height * ratio));
+    }
+    await devtools.detach();
+    await stage("");
+});
+
+test("nodes are not listed again for an animation, and are for what is shown of them", async () => {
+    await page.setViewport({ width: 360, height: 300 });
+    await evaluate(() => {
+        const { connection } = window.helio;
+        window.asked = { nodes_query: 0, animation_set: 0 };
+        const { call } = connection;
+        connection.call = (name, ...rest) => {
+            window.asked[name] = (window.asked[name] ?? 0) + 1;
+            return call.call(connection, name, ...rest);
+        };
+    });
+    await waitFor(page, () => window.helio.scene.due_ms === Infinity);
+    const before = await evaluate(() => { window.helio.timeline.toggle(); return { at: performance.now(), ...window.asked }; });
+    await waitFor(page, (from) => performance.now() > from + 3500 && window.asked.animation_set > 3, before.at);
+    await evaluate(() => window.helio.timeline.pause());
+    assert.equal(await evaluate(() => window.asked.nodes_query), before.nodes_query, "lists while it plays");
+    // Edits of another session (animation_set, node_set): poses change nothing that is listed; names do, and so may an edit that was not told.
+    for (const [message, missing, lists] of [[0x0211, 0, 0], [0x020d, 0, 1], [0x0211, 1, 1]]) {
+        const count = await evaluate(() => window.asked.nodes_query);
+        await evaluate((number, gap) => {
+            const { scene, connection } = window.helio;
+            connection.tell("edited", { message: number, session: 98n, revision: scene.revision + 1n, number: (scene.edits ?? 0n) + 1n + BigInt(gap) });
+        }, message, missing);
+        assert.equal(await evaluate(() => window.helio.scene.due_ms < Infinity), lists > 0, `${message}, ${missing} missing`);
+        await waitFor(page, (n) => window.asked.nodes_query === n, count + lists);
+        await waitFor(page, () => window.helio.scene.due_ms === Infinity);
+    }
 });
 
 test("what a curtain offers can be pressed, whatever is open", async () => {

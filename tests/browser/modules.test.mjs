@@ -209,6 +209,23 @@ test("errors say which limit it was and when to try again", () => {
     assert.ok(!describeError(session, false).includes("Try again"));
 });
 
+test("what is fitted for a part of the picture is shown in the middle of what is free", () => {
+    const box = { min: [-1, -1, -1], max: [1, 1, 1] }, aspect = 0.6;
+    for (const kind of ["PERSPECTIVE", "ORTHOGRAPHIC"])
+        for (const free of [{ x: [0, 1], y: [0, 0.6] }, { x: [0.4, 1], y: [0, 1] }, { x: [0, 0.5], y: [0.2, 0.9] }]) {
+            const [nearer, share] = [Math.max, Math.min].map((of) => of(free.x[1] - free.x[0], free.y[1] - free.y[0]));
+            assert.deepEqual(camera.sharesOf(free), [nearer, share]);
+            const fitted = camera.makeCamera({ eye: [0, 0, 18], kind, vfov_rad: camera.narrowed(0.5, share), half_height: 2 });
+            const made = camera.intoFree(fitted, share, free, aspect);
+            assert.ok(Math.abs(made.vfov_rad - 0.5) < 1e-12);
+            const centre = camera.project(made, [0, 0, 0], aspect, 1);
+            assert.ok(Math.abs(centre.x / aspect - (free.x[0] + free.x[1]) / 2) < 1e-9, `${centre.x}`);
+            assert.ok(Math.abs(centre.y - (free.y[0] + free.y[1]) / 2) < 1e-9, `${centre.y}`);
+            assert.equal(camera.isFree(made, box, free, aspect), true);
+            assert.equal(camera.isFree(made, { min: [-1, -9, -1], max: [1, 1, 1] }, free, aspect), false);
+        }
+});
+
 test("lengths have a unit that fits, and no sign without a digit", async () => {
     const { metresText } = await load("dom.js");
     assert.deepEqual([-2.7e-8, 0, 0.0123, -2, 1500].map(metresText),
