@@ -228,7 +228,7 @@ enum hg_status hg_cli_stats(struct hg_cli *cli, json_t **out, struct hg_error *e
         return status;
     *out = json_loads(text, 0, &wrong);
     helio_text_free(text);
-    if (*out && json_is_object(*out))
+    if (json_is_object(*out))
         return HG_OK;
     json_decref(*out);
     *out = NULL;
