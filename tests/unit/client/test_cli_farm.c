@@ -41,6 +41,16 @@ static void test_drain_over_frames(void **state)
     expect_file("dr-2.png.checkpoint", "HGCK");
 }
 
+// All that are named, as with -F of Nuke and -f of Blender.
+static void test_frames_given_twice(void **state)
+{
+    (void)state;
+    expect_run(0, "helio: wrote 3 frames, ", NULL,
+        "$HELIO render s.gltf -o tw-#.png --frames 1-2 --frames 5,2");
+    expect_file("tw-1.png", "frame");
+    expect_file("tw-5.png", "frame");
+}
+
 // ---- shared frames -----------------------------------------------------------------------------
 
 // A command that holds the claim of frame 1 of "NAME-#.png" and gets no frame; its process is $p.
@@ -189,6 +199,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_paced_frames),
         cmocka_unit_test(test_drain_over_frames),
+        cmocka_unit_test(test_frames_given_twice),
         cmocka_unit_test(test_shared_frames),
         cmocka_unit_test(test_claim_of_dead_process),
         cmocka_unit_test(test_claim_of_living_process),
