@@ -29,6 +29,7 @@ export class Scene extends EventTarget {
         this.listed = -1n;
         this.isWanted = false;
         this.setTold(false);
+        this.loads = 0; // edits that loaded or removed assets
         this.loader = 0n; // session that loaded an asset last; 0 = not known
     }
 
@@ -128,6 +129,7 @@ export class Scene extends EventTarget {
         const isAsset = name === "asset_load" || name === "asset_unload";
         if (UNLISTED.includes(name) && !isMissing)
             return;
+        this.loads += isAsset;
         if (name === "asset_load")
             this.loader = session;
         if (isAsset || isMissing || session !== this.connection.session) // what this page did itself needs no new list
@@ -136,9 +138,12 @@ export class Scene extends EventTarget {
 
     async refresh() {
         this.isWanted = true;
-        const { text } = await this.connection.call("info_query", {});
-        const info = JSON.parse(text);
-        const nodes = await this.listNodes();
+        let info, nodes, loads;
+        do { // an asset that came or went between the answers: they do not belong together
+            loads = this.loads;
+            info = JSON.parse((await this.connection.call("info_query", {})).text);
+            nodes = await this.listNodes();
+        } while (this.loads !== loads);
         this.listed = this.revision;
         this.assets = info.assets.map((asset, i) => ({ ...asset,
             number: asset.asset ?? this.guessNumber(nodes, i) }));

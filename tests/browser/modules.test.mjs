@@ -226,6 +226,22 @@ test("what is fitted for a part of the picture is shown in the middle of what is
         }
 });
 
+test("a list of nodes goes with the list of assets, whatever is loaded or removed meanwhile", async () => {
+    const { Scene } = await load("scene.js");
+    const node = (id) => ({ node: BigInt(id) << 32n, parent: 0n, name: "" });
+    const answers = [ // another session replaces asset 1 by asset 2: between the answers 1 goes
+        { text: JSON.stringify({ assets: [{ file: "one" }, { file: "two" }] }) }, { nodes: [node(2)], total: 1 },
+        { text: JSON.stringify({ assets: [{ file: "two" }] }) }, { nodes: [node(2)], total: 1 }];
+    const scene = new Scene({ session: 1n, call: async () => {
+        if (answers.length === 3)
+            scene.noteEdit({ message: 0x0209, session: 2n, revision: 5n, number: 1n }); // asset_unload
+        return answers.shift();
+    } });
+    await scene.refresh();
+    clearTimeout(scene.timer);
+    assert.deepEqual(scene.assets.map((a) => [a.number, a.file]), [[2, "two"]]);
+});
+
 test("lengths have a unit that fits, and no sign without a digit", async () => {
     const { metresText } = await load("dom.js");
     assert.deepEqual([-2.7e-8, 0, 0.0123, -2, 1500].map(metresText),

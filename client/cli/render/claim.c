@@ -145,8 +145,8 @@ static bool is_ours(const struct hg_cli_claims *c)
     return ours;
 }
 
-// The lease of a claim that is not renewed ends; by this machine's clock, as those of others
-// differ.
+// The lease of a claim that is not renewed ends, soon where no name was ever written; by this
+// machine's clock, as those of others differ.
 static bool has_expired(int fd, struct hg_cli_claim_seen *seen)
 {
     struct stat st;
@@ -156,7 +156,8 @@ static bool has_expired(int fd, struct hg_cli_claim_seen *seen)
     const uint64_t now_ns = hg_clock_now_ns();
     if (!seen->since_ns || seen->renewed_ns != renewed_ns)
         *seen = (struct hg_cli_claim_seen){renewed_ns, now_ns};
-    return now_ns - seen->since_ns >= HG_CLI_CLAIM_LEASE_S * SECOND_NS;
+    const uint64_t lease_s = st.st_size ? HG_CLI_CLAIM_LEASE_S : HG_CLI_CLAIM_EMPTY_S;
+    return now_ns - seen->since_ns >= lease_s * SECOND_NS;
 }
 
 // Two machines that see no locks of each other may take a dead one's claim at once: the one that
@@ -198,13 +199,21 @@ static enum hg_status take_over(struct hg_cli_claims *c, int fd, struct hg_cli_c
     return status;
 }
 
+static bool is_empty(int fd)
+{
+    struct stat st;
+    return fstat(fd, &st) == 0 && st.st_size == 0;
+}
+
 // A file that was not there. Its lock is there before its text is, so an unlocked one with a text
-// is a dead process's.
-static enum hg_status begin_claim(struct hg_cli_claims *c, int fd, struct hg_error *err)
+// is a dead process's. Not held: this process was so slow that another one has taken it over.
+static enum hg_status begin_claim(struct hg_cli_claims *c, int fd, bool *held, struct hg_error *err)
 {
     while (flock(fd, LOCK_EX) != 0 && errno == EINTR)
         ; // where there are no locks, the lease alone counts
-    if (!write_self(c, fd)) {
+    *held = is_empty(fd) && is_at(c->path, fd);
+    if (*held && !write_self(c, fd)) {
+        *held = false;
         enum hg_status status = hg_status_from_errno(errno);
         hg_error_set(err, status, c->path, NULL, "cannot write: %s", strerror(errno));
         unlink(c->path);
@@ -222,13 +231,14 @@ enum hg_status hg_cli_claim_take(struct hg_cli_claims *c, const char *output,
     for (int i = 0; i < TRIES; i++) { // its owner may remove it at any time
         int fd = open(c->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         if (fd >= 0) {
-            enum hg_status status = begin_claim(c, fd, err);
-            *held = !status;
-            if (status)
-                close(fd);
-            else
+            enum hg_status status = begin_claim(c, fd, held, err);
+            if (*held)
                 hold(c, fd);
-            return status;
+            else
+                close(fd);
+            if (status || *held)
+                return status;
+            continue;
         }
         if (errno == EEXIST)
             fd = open(c->path, O_RDWR | O_CLOEXEC | O_NONBLOCK);

@@ -3,7 +3,9 @@
 //
 // A claim is a file with its owner's name, locked (flock) and renewed every few seconds. Of this
 // machine's processes the lock tells which are dead; of other machines', whose locks may not be
-// seen here, that nothing was renewed for HG_CLI_CLAIM_LEASE_S of this machine's clock.
+// seen here, that nothing was renewed for HG_CLI_CLAIM_LEASE_S of this machine's clock. An empty
+// claim is of a process that died before it wrote its name, unless it gets it within
+// HG_CLI_CLAIM_EMPTY_S.
 #ifndef HG_CLIENT_CLI_RENDER_CLAIM_H
 #define HG_CLIENT_CLI_RENDER_CLAIM_H
 
@@ -14,6 +16,7 @@
 enum {
     HG_CLI_CLAIM_RENEW_S = 5,
     HG_CLI_CLAIM_LEASE_S = 60,
+    HG_CLI_CLAIM_EMPTY_S = 5,
     HG_CLI_CLAIM_NAME_BYTES = 4200, // of OUT.claim
     HG_CLI_CLAIM_OWNER_BYTES = 160, // "HOST PID NONCE BOOT\n"
 };

@@ -88,7 +88,8 @@ enum hg_status hg_frame_ranges_parse(
     struct parser p = {what, text, text, err};
     enum hg_status status = HG_OK;
     uint64_t frames = 0;
-    out->count = 0;
+    for (uint32_t i = 0; i < out->count; i++)
+        frames += count_of(&out->items[i]);
     for (bool more = true; !status && more;) {
         struct hg_frame_range range;
         const char *const begin = p.at;

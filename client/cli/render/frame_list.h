@@ -29,6 +29,7 @@ struct hg_frame_ranges {
     uint32_t count;
 };
 
+// Adds the ranges of a list to those that *out has; zeroed: none. On error it has none.
 // HG_E_INVAL: err->reason names the character (from 1) that does not fit.
 enum hg_status hg_frame_ranges_parse(const char *what, const char *text,
     struct hg_frame_ranges *out, struct hg_error *err) HG_MUST_CHECK;

@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -39,6 +40,16 @@ static void test_drain_over_frames(void **state)
     assert_non_null(strstr(h.output, "helio: the administrator ann says: at noon\n"));
     expect_file("dr-1.png", "frame");
     expect_file("dr-2.png.checkpoint", "HGCK");
+}
+
+// All that are named, as with -F of Nuke and -f of Blender.
+static void test_frames_given_twice(void **state)
+{
+    (void)state;
+    expect_run(0, "helio: wrote 3 frames, ", NULL,
+        "$HELIO render s.gltf -o tw-#.png --frames 1-2 --frames 5,2");
+    expect_file("tw-1.png", "frame");
+    expect_file("tw-5.png", "frame");
 }
 
 // ---- shared frames -----------------------------------------------------------------------------
@@ -145,6 +156,36 @@ static void test_lease(void **state)
     hg_cli_claims_finish(&c);
 }
 
+// An empty claim is of a process that died before it wrote its name: its lock is free, and it stays
+// so.
+static void test_empty_claim(void **state)
+{
+    (void)state;
+    char output[256], path[300], owner[HG_CLI_CLAIM_OWNER_BYTES];
+    struct hg_cli_claims c;
+    struct hg_cli_claim_seen seen = {0};
+    struct hg_error err = {0};
+    bool held;
+    snprintf(output, sizeof output, "%s/empty.png", h.folder);
+    snprintf(path, sizeof path, "%s.claim", output);
+    harness_write(&h, "empty.png.claim", "", 0);
+    assert_int_equal(hg_cli_claims_init(&c, &err), HG_OK);
+    assert_int_equal(hg_cli_claim_take(&c, output, &seen, &held, owner, &err), HG_OK);
+    assert_false(held); // it may be about to be written
+    const uint64_t later_ns = (HG_CLI_CLAIM_EMPTY_S + 1) * UINT64_C(1000000000);
+    const int writer = open(path, O_RDWR | O_CLOEXEC);
+    assert_int_equal(flock(writer, LOCK_EX), 0);
+    seen.since_ns -= later_ns;
+    assert_int_equal(hg_cli_claim_take(&c, output, &seen, &held, owner, &err), HG_OK);
+    assert_false(held); // its process lives
+    close(writer);
+    assert_int_equal(hg_cli_claim_take(&c, output, &seen, &held, owner, &err), HG_OK);
+    assert_true(held);
+    expect_file("empty.png.claim", c.self);
+    hg_cli_claims_finish(&c);
+    expect_no_file("empty.png.claim");
+}
+
 // Of this machine's processes the lock counts, not the time: it is held as long as they live.
 static void test_own_lock(void **state)
 {
@@ -189,6 +230,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_paced_frames),
         cmocka_unit_test(test_drain_over_frames),
+        cmocka_unit_test(test_frames_given_twice),
         cmocka_unit_test(test_shared_frames),
         cmocka_unit_test(test_claim_of_dead_process),
         cmocka_unit_test(test_claim_of_living_process),
@@ -196,6 +238,7 @@ int main(void)
         cmocka_unit_test(test_claim_usage),
         cmocka_unit_test(test_bake_without_room),
         cmocka_unit_test(test_lease),
+        cmocka_unit_test(test_empty_claim),
         cmocka_unit_test(test_own_lock),
     };
     return cmocka_run_group_tests(tests, cli_setup, cli_teardown);

@@ -197,6 +197,7 @@ static void test_groups(void **state)
 static void expect_frames(const char *text, const char *list)
 {
     static struct hg_frame_ranges ranges;
+    ranges.count = 0;
     char seen[256];
     int32_t *numbers;
     uint32_t count;
@@ -231,12 +232,20 @@ static void test_frame_lists(void **state)
         {"1,123456789", "character 3: the number has more than 8 digits"},
         {"0-999999,7-8", "character 10: this makes more than 1000000 frames"}};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        struct hg_frame_ranges ranges;
+        struct hg_frame_ranges ranges = {0};
         struct hg_error err = {0};
         assert_int_equal(hg_frame_ranges_parse("--frames", bad[i].text, &ranges, &err), HG_E_INVAL);
         if (!strstr(err.reason, bad[i].reason))
             fail_msg("'%s' is not in: %s", bad[i].reason, err.reason);
     }
+    static struct hg_frame_ranges both; // of an option that is given twice
+    struct hg_error err = {0};
+    assert_int_equal(hg_frame_ranges_parse("--frames", "1-2", &both, &err), HG_OK);
+    assert_int_equal(hg_frame_ranges_parse("--frames", "5", &both, &err), HG_OK);
+    assert_int_equal(both.count, 2);
+    assert_int_equal(both.items[0].last, 2);
+    assert_int_equal(both.items[1].first, 5);
+    assert_int_equal(hg_frame_ranges_parse("--frames", "0-999998", &both, &err), HG_E_INVAL);
     static const int32_t rest[] = {3, 5, 7, 9, 20, 21, 22, 30, 12, -2, -1, 0};
     char text[64];
     hg_frame_list_text(rest, 12, text, sizeof text);
