@@ -170,9 +170,11 @@ export function blend(a, b, t) {
     };
 }
 
+// As messages carry them, in single precision: the server draws nothing for a camera that it has.
 export function isSame(a, b) {
-    return a.kind === b.kind && a.vfov_rad === b.vfov_rad && a.half_height === b.half_height
-        && ["eye", "target", "up"].every((k) => a[k].every((v, i) => v === b[k][i]));
+    const same = (v, w) => Math.fround(v) === Math.fround(w);
+    return a.kind === b.kind && same(a.vfov_rad, b.vfov_rad) && same(a.half_height, b.half_height)
+        && ["eye", "target", "up"].every((k) => a[k].every((v, i) => same(v, b[k][i])));
 }
 
 // ---- as text, for links ------------------------------------------------------------------------

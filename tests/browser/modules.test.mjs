@@ -82,6 +82,14 @@ test("walking stays level, flying goes where it looks", () => {
     assert.ok(f.eye[1] < 2);
 });
 
+test("cameras that are the same in a message are the same", () => {
+    const a = make(), b = make();
+    b.eye[0] += 1e-12;
+    assert.equal(camera.isSame(a, b), true);
+    b.eye[0] += 1e-6;
+    assert.equal(camera.isSame(a, b), false);
+});
+
 test("a flight begins and ends where it says", () => {
     const a = make(), b = camera.makeCamera({ eye: [-4, 0, 1], target: [0, 0, 0] });
     assert.ok(close(camera.blend(a, b, 0).eye, a.eye, 1e-6));
