@@ -40,6 +40,7 @@ void set_up_library()
 {
     static std::once_flag once;
     std::call_once(once, [] {
+        OIIO::attribute("debug", 0); // it prints nothing
         OIIO::attribute("threads", 1);
         OIIO::attribute("exr_threads", -1);
         OIIO::attribute("limits:imagesize_MB", image_limit_mb);
@@ -318,7 +319,10 @@ void add_exr_defaults(ImageSpec &spec)
     static const float rec709[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
     spec.attribute("compression", "zip");
     spec.attribute("chromaticities", TypeDesc(TypeDesc::FLOAT, 8), rec709);
-    spec.attribute("DateTime", ""); // else the writer puts the present time into the file
+    // Else the writer puts the present time into the file (capDate), and the same picture would give
+    // other bytes. It leaves out what it has no type for; an empty text it would write.
+    static const unsigned long long none = 0;
+    spec.attribute("DateTime", TypeDesc::UINT64, &none);
 }
 
 ImageSpec make_spec(const hg_oiio_encode &e)
