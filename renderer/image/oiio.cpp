@@ -308,6 +308,11 @@ void add_attribute(ImageSpec &spec, const hg_image_attribute &a)
     case hg_image_attribute::HG_ATTR_FLOAT:
         spec.attribute(a.name, a.floats[0]);
         break;
+    case hg_image_attribute::HG_ATTR_RATIO: {
+        const int ratio[2] = {a.integer, int(a.count)};
+        spec.attribute(a.name, OIIO::TypeRational, ratio);
+        break;
+    }
     case hg_image_attribute::HG_ATTR_MAT4:
         spec.attribute(a.name, OIIO::TypeMatrix44, a.floats);
         break;
