@@ -931,6 +931,8 @@ export const messages = {
             { name: "encoding", kind: "enum", values: "encoding", since: 1, optional: true },
             { name: "quality", kind: "u8", least: 1, most: 100, since: 1, optional: true },
             { name: "parts", kind: "bool", since: 1, optional: true },
+            { name: "rate_numerator", kind: "u32", least: 1, most: 4294967295, since: 1, optional: true },
+            { name: "rate_denominator", kind: "u32", least: 1, most: 4294967295, since: 1, optional: true },
         ],
     },
     // frames whenever the view changes or improves, while credit lasts

@@ -21,6 +21,8 @@ static void write_attribute_text(const struct hg_image_attribute *a, char *text,
     size_t at = 0, count = a->type == HG_ATTR_MAT4 ? 16 : 1;
     if (a->type == HG_ATTR_INT)
         snprintf(text, size, "%d", a->integer);
+    else if (a->type == HG_ATTR_RATIO)
+        snprintf(text, size, "%d/%u", a->integer, (unsigned)a->count);
     else if (a->type == HG_ATTR_COUNT)
         snprintf(text, size, "%u", (unsigned)a->count);
     else

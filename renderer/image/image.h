@@ -106,10 +106,17 @@ enum hg_image_file {
 
 struct hg_image_attribute {
     const char *name; // "heliograph:samples"
-    enum { HG_ATTR_STRING, HG_ATTR_INT, HG_ATTR_COUNT, HG_ATTR_FLOAT, HG_ATTR_MAT4 } type;
+    enum {
+        HG_ATTR_STRING,
+        HG_ATTR_INT,
+        HG_ATTR_COUNT,
+        HG_ATTR_FLOAT,
+        HG_ATTR_MAT4,
+        HG_ATTR_RATIO
+    } type;
     const char *string;
-    int integer;
-    uint32_t count;      // an EXR file's integers have a sign: a double there
+    int integer;    // of a ratio: its numerator
+    uint32_t count; // an EXR file's integers have a sign: a double there. Or a ratio's denominator
     const float *floats; // 1 or 16
 };
 

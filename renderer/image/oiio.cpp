@@ -40,6 +40,7 @@ void set_up_library()
 {
     static std::once_flag once;
     std::call_once(once, [] {
+        OIIO::attribute("debug", 0); // it prints nothing
         OIIO::attribute("threads", 1);
         OIIO::attribute("exr_threads", -1);
         OIIO::attribute("limits:imagesize_MB", image_limit_mb);
@@ -307,6 +308,11 @@ void add_attribute(ImageSpec &spec, const hg_image_attribute &a)
     case hg_image_attribute::HG_ATTR_FLOAT:
         spec.attribute(a.name, a.floats[0]);
         break;
+    case hg_image_attribute::HG_ATTR_RATIO: {
+        const int ratio[2] = {a.integer, int(a.count)};
+        spec.attribute(a.name, OIIO::TypeRational, ratio);
+        break;
+    }
     case hg_image_attribute::HG_ATTR_MAT4:
         spec.attribute(a.name, OIIO::TypeMatrix44, a.floats);
         break;

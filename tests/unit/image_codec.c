@@ -156,9 +156,10 @@ static void check_exr(enum hg_image_file file, double tolerance)
         {.name = "heliograph:samples", .type = HG_ATTR_INT, .integer = 32},
         {.name = "heliograph:scene", .type = HG_ATTR_STRING, .string = "a scene"},
         {.name = "worldToCamera", .type = HG_ATTR_MAT4, .floats = matrix},
+        {.name = "framesPerSecond", .type = HG_ATTR_RATIO, .integer = 24000, .count = 1001},
     };
     struct hg_image a = make_image(HG_PIXEL_RGBA32F);
-    struct hg_image_encode params = {.file = file, .attributes = attributes, .attribute_count = 3};
+    struct hg_image_encode params = {.file = file, .attributes = attributes, .attribute_count = 4};
     struct hg_writer w = encode(&a, &params), again = encode(&a, &params);
     assert_int_equal(w.size, again.size);
     assert_memory_equal(w.data, again.data, w.size);
@@ -168,6 +169,8 @@ static void check_exr(enum hg_image_file file, double tolerance)
     assert_true(contains(&w, "heliograph:samples", 18));
     assert_true(contains(&w, "a scene", 7));
     assert_true(contains(&w, "worldToCamera", 13));
+    static const char rate[] = "framesPerSecond\0rational\0\10\0\0\0\xc0\x5d\0\0\xe9\3\0";
+    assert_true(contains(&w, rate, sizeof rate));
     struct hg_image b = decode(&w, HG_PIXEL_RGBA32F);
     const float *want = a.pixels, *got = b.pixels;
     for (size_t i = 0; i < a.size_bytes / 4; i++) {

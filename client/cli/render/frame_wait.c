@@ -217,12 +217,25 @@ static enum hg_status wait_on(struct waiting *w, struct hg_error *err)
     return status;
 }
 
+// The frames per second of a series as a ratio: whole numbers, those of NTSC (24000/1001), or
+// thousandths.
+static void add_rate(const struct hg_cli_render *r, struct hgp_frame_request *m)
+{
+    const double fps = hg_cli_fps(r->o), ntsc = round(fps * 1.001);
+    const bool is_ntsc = fabs(ntsc / 1.001 - fps) < 0.005 && fabs(fps - round(fps)) > 1e-6;
+    const bool is_whole = fabs(fps - round(fps)) <= 1e-6;
+    m->has_rate_numerator = r->list.count > 0;
+    m->rate_numerator = (uint32_t)(is_whole ? round(fps) : round((is_ntsc ? ntsc : fps) * 1000));
+    m->has_rate_denominator = m->has_rate_numerator;
+    m->rate_denominator = is_whole ? 1 : is_ntsc ? 1001 : 1000;
+}
+
 // The settled frame, or NULL: its request was lost with the connection. On the way there the film
 // is written to OUT.checkpoint in intervals.
 static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, const uint8_t job[32],
     struct helio_message **frame, struct hg_error *err)
 {
-    const struct hgp_frame_request request = {
+    struct hgp_frame_request request = {
         .view = HG_CLI_VIEW,
         .settled = true,
         .has_encoding = true,
@@ -232,6 +245,8 @@ static enum hg_status wait_frame(struct hg_cli_render *r, const char *name, cons
         .has_parts = true,
         .parts = true,
     };
+    if (request.encoding == HGP_encoding_EXR_HALF || request.encoding == HGP_encoding_EXR_FLOAT)
+        add_rate(r, &request);
     uint32_t id;
     *frame = NULL;
     hg_writer_finish(&r->parts);

@@ -351,7 +351,8 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     ]),
     "frame_request": (0x0304, "C2S", [
         ("view", "U32", "", False), ("settled", "BOOL", "", False), ("encoding", "ENUM", "encoding", True),
-        ("quality", "U8", "", True), ("parts", "BOOL", "", True),
+        ("quality", "U8", "", True), ("parts", "BOOL", "", True), ("rate_numerator", "U32", "", True),
+        ("rate_denominator", "U32", "", True),
     ]),
     "subscribe": (0x0305, "C2S", [
         ("view", "U32", "", False), ("credit_frames", "U32", "", False),
@@ -660,7 +661,8 @@ RANGES: Dict[str, Dict[str, Tuple[int, int]]] = {
         "view": (1, 4294967295),
     },
     "frame_request": {
-        "view": (1, 4294967295), "quality": (1, 100),
+        "view": (1, 4294967295), "quality": (1, 100), "rate_numerator": (1, 4294967295),
+        "rate_denominator": (1, 4294967295),
     },
     "subscribe": {
         "view": (1, 4294967295), "credit_frames": (0, 1024),

@@ -9,7 +9,7 @@
 #include "server/worker/view/view_params.h"
 
 enum {
-    ATTRIBUTES = 16 + HGP_VIEW_PARAM_COUNT,
+    ATTRIBUTES = 17 + HGP_VIEW_PARAM_COUNT,
     MATTE_ATTRIBUTES = 4,
     MATTE_LAYERS = HG_MATTE_RANKS / 2, // parts of a matte
     MOST_PARTS = 1 + ENCODE_MAX_PLANES + ENCODE_MATTES * MATTE_LAYERS,
@@ -119,6 +119,12 @@ static uint32_t list_attributes(struct file *f, const float *time_s)
     add_number(f, &n, "heliograph:time", time_s);
     if (frame->has_noise)
         add_number(f, &n, "heliograph:noise", &frame->noise);
+    // Standard attribute of OpenEXR; its numbers have a sign.
+    if (metadata->rate[0] && metadata->rate[0] <= INT32_MAX && metadata->rate[1] <= INT32_MAX)
+        f->attributes[n++] = (struct hg_image_attribute){.name = "framesPerSecond",
+            .type = HG_ATTR_RATIO,
+            .integer = (int)metadata->rate[0],
+            .count = metadata->rate[1]};
     add_params(f, &n);
     add_lens(f, &n);
     // Standard attributes of OpenEXR; its vectors are rows, so that our columns are its rows.

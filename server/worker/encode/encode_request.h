@@ -13,6 +13,7 @@ struct frame_metadata {
     char device[128];
     struct hg_view_params params;
     double time_s;                     // the scene's pose
+    uint32_t rate[2];                  // frames per second as a ratio; 0 = not said
     float lens_radius, focus_distance; // metres; radius 0 = all is sharp
     float world_to_camera[16], world_to_ndc[16];
     char frame_key[65];  // hexadecimal, or empty

@@ -247,6 +247,8 @@ void hg_handle_frame_request(const struct request *r)
                      : m->settled    ? view->subscription.still_encoding
                                      : view->subscription.motion;
     wait->quality = m->has_quality ? m->quality : view->subscription.quality;
+    wait->rate[0] = m->has_rate_numerator ? m->rate_numerator : 0;
+    wait->rate[1] = m->has_rate_denominator ? m->rate_denominator : 1;
 }
 
 void hg_handle_exposure_query(const struct request *r)

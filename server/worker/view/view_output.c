@@ -1,6 +1,7 @@
 #include "server/worker/view/view_output.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "base/alloc.h"
 #include "base/clock.h"
@@ -126,6 +127,7 @@ static enum hg_status queue_frame(struct render_state *s, struct session *sessio
     request->to = reply_to(s, session, what->request);
     request->quality = what->quality;
     request->parts = what->parts;
+    memcpy(request->metadata.rate, what->rate, sizeof request->metadata.rate);
     request->bitrate = view->control.now.bitrate && !what->request ? view->control.now.bitrate
                                                                    : view->subscription.bitrate;
     request->key_frame = !what->request && view->subscription.key_frame;

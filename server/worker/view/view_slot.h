@@ -16,6 +16,7 @@ struct frame_wait {
     bool exposure; // for the exposure alone, which is answered once it is metered; settled, too
     enum hgp_encoding encoding;
     uint8_t quality;
+    uint32_t rate[2]; // frames per second as a ratio; 0 = not said
     uint64_t progress_sent_ns;
     uint32_t most_missing; // pages and clusters, since the request
     uint32_t most_baking;  // mesh parts

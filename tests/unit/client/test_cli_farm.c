@@ -52,6 +52,24 @@ static void test_frames_given_twice(void **state)
     expect_file("tw-5.png", "frame");
 }
 
+// Files that can say how fast their series is are told it.
+static void test_frame_rates(void **state)
+{
+    (void)state;
+    static const char *const rates[][2] = {{"", " rate=24/1"}, {"--fps 23.976", " rate=24000/1001"},
+        {"--fps 29.97", " rate=30000/1001"}, {"--fps 12.5", " rate=12500/1000"}};
+    char command[200];
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+        snprintf(command, sizeof command,
+            "rm -f logr; $HELIO render s.gltf -o ra-#.exr --frames 1 %s; grep frame_request logr",
+            rates[i][0]);
+        expect_run(0, rates[i][1], "log=logr", command);
+    }
+    expect_run(1, NULL, "log=logr",
+        "rm -f logr; $HELIO render s.gltf -o ra.exr; $HELIO render s.gltf -o ra-#.png --frames 1; "
+        "grep rate= logr");
+}
+
 // ---- shared frames -----------------------------------------------------------------------------
 
 // A command that holds the claim of frame 1 of "NAME-#.png" and gets no frame; its process is $p.
@@ -231,6 +249,7 @@ int main(void)
         cmocka_unit_test(test_paced_frames),
         cmocka_unit_test(test_drain_over_frames),
         cmocka_unit_test(test_frames_given_twice),
+        cmocka_unit_test(test_frame_rates),
         cmocka_unit_test(test_shared_frames),
         cmocka_unit_test(test_claim_of_dead_process),
         cmocka_unit_test(test_claim_of_living_process),
