@@ -324,8 +324,8 @@ void add_exr_defaults(ImageSpec &spec)
     static const float rec709[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
     spec.attribute("compression", "zip");
     spec.attribute("chromaticities", TypeDesc(TypeDesc::FLOAT, 8), rec709);
-    // Else the writer puts the present time into the file (capDate), and the same picture would give
-    // other bytes. It leaves out what it has no type for; an empty text it would write.
+    // Else the writer puts the present time into the file (capDate), and the same picture would
+    // give other bytes. It leaves out what it has no type for; an empty text it would write.
     static const unsigned long long none = 0;
     spec.attribute("DateTime", TypeDesc::UINT64, &none);
 }

@@ -512,7 +512,7 @@ static void test_pixels_are_lent(void **state)
             first = lent[0]->data;
             memcpy(before, first, lent[0]->size);
         }
-        if (i == 1) { // nobody reads the first one any more
+        if (i == 1) { // the first one has no reader any more
             assert_ptr_not_equal(lent[1]->data, first);
             assert_memory_equal(before, first, lent[0]->size);
             assert_memory_not_equal(before, lent[1]->data, lent[1]->size);

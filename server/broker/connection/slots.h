@@ -31,7 +31,7 @@ struct hg_slot {
     struct hg_peer_entry *source, *network; // NULL: not counted
     bool own;                               // of the daemon's own user on this machine
     bool opening;
-    bool refused; // it has none any more
+    bool refused;                 // it has none any more
     const struct hg_refusal *why; // of the owner: is still to be said; NULL: nothing is
 };
 
