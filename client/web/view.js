@@ -209,11 +209,11 @@ export class View extends EventTarget {
         const free = this.free();
         const aspect = this.width / this.height;
         const box = await this.connection.call("bounds_query", { node: options.node ?? 0n }).catch(() => null);
+        const { vfov_rad = DEFAULT_VFOV_RAD } = options;
         let camera = null;
         for (const share of sharesOf(free)) {
-            const { vfov_rad = DEFAULT_VFOV_RAD } = options;
             const fit = await this.fitted({ ...options, vfov_rad: narrowed(vfov_rad, share) });
-            camera = intoFree(fit, share, free, aspect);
+            camera = { ...intoFree(fit, share, free, aspect), vfov_rad }; // not as the server rounded it
             if (box && !box.empty && isFree(camera, box, free, aspect))
                 break;
         }

@@ -130,8 +130,9 @@ const caughtPixels = () => evaluate(() => {
     return { base64: btoa(text), width, height };
 }).then(({ base64, ...size }) => ({ pixels: Buffer.from(base64, "base64"), ...size }));
 
-// How far keys have turned the camera depends on time: the whole scene again, from where it is seen well.
+// How far keys have turned the camera depends on time: the scene again, from where it is seen well, in the whole picture.
 async function fitView() {
+    await evaluate(() => { window.helio.view.free = () => ({ x: [0, 1], y: [0, 1] }); });
     await evaluate(() => window.helio.fit(0n, [0.5, 0.45]));
     await waitFor(page, () => !window.helio.flight && !window.helio.isAwake);
     await waitExact(page);
