@@ -18,20 +18,28 @@ static bool reclaim(struct hg_refbuf **bytes)
     return true;
 }
 
+// Takes it out of its list.
+static void drop(struct hg_gpu *gpu, struct hg_gpu_lent **link)
+{
+    struct hg_gpu_lent *it = *link;
+    *link = it->next;
+    hg_refbuf_unref(it->bytes);
+    hg_gpu_buffer_destroy(gpu, &it->buffer);
+    hg_free(it);
+}
+
 // Keeps one idle buffer of those that were lent; NULL: there is none.
 static struct hg_gpu_lent *find_idle(struct hg_gpu *gpu, struct hg_gpu_lent **list)
 {
     struct hg_gpu_lent *found = NULL;
     for (struct hg_gpu_lent **link = list; *link != NULL;) {
         struct hg_gpu_lent *it = *link;
-        if (!reclaim(&it->bytes) || found == NULL) {
-            found = it->bytes == NULL ? it : found;
-            link = &it->next;
+        if (reclaim(&it->bytes) && found != NULL) {
+            drop(gpu, link);
             continue;
         }
-        *link = it->next;
-        hg_gpu_buffer_destroy(gpu, &it->buffer);
-        hg_free(it);
+        found = it->bytes == NULL ? it : found;
+        link = &it->next;
     }
     return found;
 }
@@ -83,15 +91,10 @@ uint64_t hg_gpu_readback_bytes(const struct hg_gpu_readback *r)
 void hg_gpu_lent_sweep(struct hg_gpu *gpu, struct hg_gpu_lent **list, bool all)
 {
     for (struct hg_gpu_lent **link = list; *link != NULL;) {
-        struct hg_gpu_lent *it = *link;
-        if (!reclaim(&it->bytes) && !all) {
-            link = &it->next;
-            continue;
-        }
-        *link = it->next;
-        hg_refbuf_unref(it->bytes);
-        hg_gpu_buffer_destroy(gpu, &it->buffer);
-        hg_free(it);
+        if (reclaim(&(*link)->bytes) || all)
+            drop(gpu, link);
+        else
+            link = &(*link)->next;
     }
 }
 

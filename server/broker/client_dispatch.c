@@ -566,7 +566,7 @@ static void end_session(struct hg_conn *conn)
 
 const struct hg_conn_events hg_client_dispatch_events = {
     .admit = hg_conn_admit,
-    .refused = hg_conn_tell_refusal,
+    .refused = hg_conn_answer_refusal,
     .message = take_message,
     .must_wait = must_wait,
     .due = judge_token,

@@ -176,18 +176,18 @@ static bool is_far(const struct hg_shadow_pages *p, const struct hg_shadow_page 
 // one that any view wanted last.
 static void fill_table(struct hg_shadow_pages *p)
 {
-    const struct hg_shadow_page *at[HG_SHADOW_PAGE_LEVELS * SIDE * SIDE] = {NULL};
+    const struct hg_shadow_page *pages = p->pool->pages;
     memset(p->table, 0, sizeof p->table);
     for (uint32_t i = 0; i < p->pool->side * p->pool->side; i++) {
-        const struct hg_shadow_page *page = &p->pool->pages[i];
+        const struct hg_shadow_page *page = &pages[i];
         const uint32_t place = page->level * SIDE * SIDE + place_of(page->x, page->y);
+        const uint32_t other = p->table[place] & HG_SHADOW_PAGE_SLOT_MASK;
         if (!page->taken)
             continue;
         p->stats.held++;
-        if ((at[place] != NULL && at[place]->wanted > page->wanted) ||
+        if ((other > 0 && pages[other - 1].wanted > page->wanted) ||
             (page->wanted != p->pool->picture && is_far(p, page)))
             continue;
-        at[place] = page;
         p->table[place] = tag_of(page->x, page->y) | (i + 1);
     }
 }

@@ -30,8 +30,8 @@ static struct hg_conn *find_silent(const struct hg_conn_table *table)
     return oldest;
 }
 
-// A place among those that are being told. Where there is none, the one that has been silent for
-// longest gives its own. False: all are being answered.
+// A place among the refused that are still to be answered. Where there is none, the one that has
+// been silent for longest gives its own. False: all are being answered.
 static bool take_place(struct hg_conn *conn)
 {
     struct hg_conn_table *table = conn->table;
@@ -83,7 +83,7 @@ void hg_conn_admit(struct hg_conn *conn)
         turn_away(conn, refusal);
 }
 
-void hg_conn_tell_refusal(struct hg_conn *conn, enum hg_status status)
+void hg_conn_answer_refusal(struct hg_conn *conn, enum hg_status status)
 {
     if (status && status != HG_E_AGAIN)
         hg_conn_kill(conn, conn->slot.why->reason);

@@ -16,7 +16,7 @@ struct hg_slots {
     struct hg_peer_table peers;
     uint32_t count;
     uint32_t opening; // of these, those that hg_slots_set_opening is true of
-    uint32_t refused; // besides, those that are still being told so
+    uint32_t refused; // besides, those that are still to be answered
     uint64_t random;  // state of the early drop
     uint32_t files;   // connections that the limit of open files has room for; 0 = not measured
 };
@@ -51,8 +51,8 @@ bool hg_slots_would_gain(
     const struct hg_slots *slots, const struct hg_slot *slot, const struct hg_slot *other);
 // Whether its session is still to be opened: at first it is.
 void hg_slots_set_opening(struct hg_slots *slots, struct hg_slot *slot, bool opening);
-// It is told that it may not stay: for as long as that takes it keeps no slot of others, and raises
-// no probability of an early drop. False: so many are told at this moment that it is not.
+// It is refused and still to be answered: for as long as that takes it keeps no slot of others, and
+// raises no probability of an early drop. False: too many are being answered.
 bool hg_slots_refuse(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns);
 void hg_slots_leave(struct hg_slots *slots, struct hg_slot *slot, uint64_t now_ns);
 // Of `most` slots so many are kept for the privileged: at most a quarter.

@@ -52,7 +52,7 @@ static void test_frames_given_twice(void **state)
     expect_file("tw-5.png", "frame");
 }
 
-// Files that can say how fast their series is are told it.
+// Requests for formats with a frame rate carry that of the series.
 static void test_frame_rates(void **state)
 {
     (void)state;
