@@ -357,6 +357,9 @@ enum hg_status hg_tls_open(const struct hg_options *o, struct hg_tls *out, struc
 {
     *out = (struct hg_tls){0};
     ERR_clear_error();
+    if (!o->tls_client_ca && strcmp(o->tls_client_auth, "require") == 0)
+        return hg_error_set(err, HG_E_INVAL, "--tls-client-auth", NULL,
+            "require needs --tls-client-ca: without it no certificate is asked for");
     if (!o->tls_cert)
         return o->tls_client_ca || o->tls_key
                    ? hg_error_set(err, HG_E_INVAL, "--tls-cert", NULL, "name the certificate, too")
