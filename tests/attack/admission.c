@@ -415,6 +415,7 @@ static void everything_is_audited(void **state)
         &(struct hgp_asset_load){.asset = p.first_id + 1, .path = hgp_str_make("fail")},
         HG_E_FORMAT);
     peer_close(&p);
+    daemon_wait_log(&d, "(bert) of 127.0.0.1 closed");
     peer_open(&p, &d);
     peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
     assert_int_equal(count_lines(&d, "audit", "\"login\"", "\"result\":\"auth\""), 5);
@@ -423,6 +424,10 @@ static void everything_is_audited(void **state)
     assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"ok\""), 1);
     assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"format\""), 1);
     assert_int_equal(count_lines(&d, "audit", "\"sessions_query\"", "\"ADMIN\""), 1);
+    // Who went by closing the connection has ended a session, too, and is named with the address.
+    assert_int_equal(
+        count_lines(&d, "audit", "\"logout\",\"session\"", "\"peer\":\"127.0.0.1\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"logout\"", "\"name\":\"bert\""), 1);
     peer_close(&p);
     daemon_finish(&d);
 }

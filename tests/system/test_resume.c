@@ -345,8 +345,11 @@ static void only_so_many_are_kept(void **state)
     struct daemon d;
     struct peer p[3], q;
     struct ticket tickets[3];
+    char path[TEST_FOLDER_MAX + 8];
     daemon_init(&d);
     daemon_option(&d, "max-parked", "2");
+    snprintf(path, sizeof path, "%s/audit", d.folder);
+    daemon_option(&d, "audit", path);
     daemon_option(&d, "max-sessions-per-token", "2"); // does not hold for the daemon's own user
     daemon_option(&d, "max-sessions", "4");
     daemon_start(&d);
@@ -359,6 +362,10 @@ static void only_so_many_are_kept(void **state)
         wait_parked(&d, i < 2 ? i + 1 : 2);
     }
     peer_open(&q, &d);
+    char *audit = daemon_read(&d, "audit"), *end = strstr(audit, "\"logout\",\"session\":1,");
+    assert_non_null(end); // who waited, and is not waited for any more
+    assert_memory_equal(strstr(end, "\"result\":") + 9, "\"limit\"", 7);
+    free(audit);
     refused(&q, &tickets[0]); // the one that was left longest ago
     resume(&q, &tickets[1]);
     peer_close(&q);
