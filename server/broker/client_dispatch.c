@@ -81,6 +81,11 @@ static void audit_refusal(
         status, reason);
 }
 
+static void audit_unproven(struct hg_conn *conn, const char *reason)
+{
+    audit_refusal(conn, NULL, HG_E_AUTH, reason);
+}
+
 // token NULL: the daemon's own user.
 static bool open_session(struct hg_conn *conn, const struct hg_token *token)
 {
@@ -567,6 +572,7 @@ static void end_session(struct hg_conn *conn)
 const struct hg_conn_events hg_client_dispatch_events = {
     .admit = hg_conn_admit,
     .refused = hg_conn_answer_refusal,
+    .unproven = audit_unproven,
     .message = take_message,
     .must_wait = must_wait,
     .due = judge_token,

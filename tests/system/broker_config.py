@@ -14,6 +14,8 @@ ROWS = [
     ("max-views = 3", 0, "the configuration is good"),
     # Client certificates that are required, and no authority to judge them by: not as if they were optional.
     ("tls-client-auth = require", 2, "--tls-client-auth: require needs --tls-client-ca"),
+    # Why a file cannot be read is said.
+    ("tls-cert = none.pem", 2, "none.pem: no certificate can be read from it: No such file or directory"),
 ]
 
 

@@ -332,9 +332,12 @@ static void check_stage(struct hg_conn *conn)
 // The transport has ended the conversation in its own way.
 static void end_transport(struct hg_conn *conn, enum hg_status status)
 {
+    const char *fault = conn->transport.fault ? conn->transport.fault : "protocol error";
     if (status == HG_E_FORMAT)
         hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, NET, "closing %s: %s",
-            conn->peer.name, conn->transport.fault ? conn->transport.fault : "protocol error");
+            conn->peer.name, fault);
+    if (status == HG_E_FORMAT && conn->peer.unproven)
+        conn->table->events->unproven(conn, fault);
     hg_conn_close_transport(conn);
 }
 
