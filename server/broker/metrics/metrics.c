@@ -60,14 +60,6 @@ static uint32_t count_workers(const struct hg_session_table *t, bool up)
     return count;
 }
 
-static uint64_t sum_deaths(const struct hg_session_table *t)
-{
-    uint64_t deaths = 0;
-    for (uint32_t i = 0; i < t->pool->count; i++)
-        deaths += t->pool->links[i].deaths;
-    return deaths;
-}
-
 static uint64_t sum_worker_memory(const struct hg_session_table *t)
 {
     uint64_t bytes = 0;

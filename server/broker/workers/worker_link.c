@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "server/broker/metrics/counters.h"
 
 enum {
     PAYLOAD_LIMIT = 640 << 20, // above every message of the table
@@ -26,6 +27,7 @@ static uint64_t restart_delay_ns(const struct hg_link *link);
 
 static void count_death(struct hg_link *link)
 {
+    hg_count(HG_COUNT_WORKER_DEATHS);
     link->death_ns[link->deaths++ % HG_LINK_DEATHS_KEPT] = link->loop->now_ns;
     link->restart_ns = link->loop->now_ns + restart_delay_ns(link);
 }
