@@ -15,7 +15,7 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "server/broker/call_filter.h"
-#include "server/broker/transport/address_list.h"
+#include "server/broker/config_check.h"
 #include "server/broker/workers/confine.h"
 #include "server/broker/storage/folder_lock.h"
 #include "server/broker/connection/conn_share.h"
@@ -40,53 +40,6 @@ enum { EXIT_CONFIG = 2, EXIT_START = 4, EXIT_LAUNCHER = 5 };
 enum { TICK_NS = 50000000, SLOW_TICK_NS = 250000000, IDLE_TICK_NS = 500000000 };
 enum { TICK_PART = 10, THROTTLE_NS = 5000000 };
 static const uint64_t check_tokens_ns = 1000000000;
-
-// ---- checks -------------------------------------------------------------------------------------
-
-static enum hg_status read_tokens(
-    const struct hg_options *o, struct hg_tokens *out, struct hg_error *err)
-{
-    *out = (struct hg_tokens){0};
-    return o->tokens ? hg_tokens_read(o->tokens, out, err) : HG_OK;
-}
-
-static enum hg_status check_listen(
-    const struct hg_options *o, const struct hg_tokens *tokens, struct hg_error *err)
-{
-    for (size_t i = 0; i < o->listen.count; i++) {
-        bool is_tcp, is_tls;
-        enum hg_status status = hg_listener_check(o->listen.items[i], &is_tcp, &is_tls, err);
-        if (!status && is_tls && !o->tls_cert)
-            status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
-                "tls needs a certificate; name it with --tls-cert");
-        if (!status && is_tcp && !tokens->count)
-            status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
-                "tcp clients need tokens; name a file with --tokens");
-        if (status)
-            return status;
-    }
-    return HG_OK;
-}
-
-enum hg_status hg_broker_check(const struct hg_options *o, struct hg_error *err)
-{
-    struct hg_tokens tokens;
-    struct hg_tls tls = {0};
-    enum hg_status status = read_tokens(o, &tokens, err);
-    if (!status)
-        status = check_listen(o, &tokens, err);
-    if (!status)
-        status = hg_address_list_check(&o->metrics_from, "--metrics-from", err);
-    if (!status)
-        status = hg_address_list_check(&o->proxy_from, "--proxy-from", err);
-    if (!status && o->log)
-        status = hg_log_configure(o->log, err);
-    if (!status)
-        status = hg_tls_open(o, &tls, err);
-    hg_tls_finish(&tls);
-    hg_tokens_finish(&tokens);
-    return status;
-}
 
 // ---- start --------------------------------------------------------------------------------------
 
@@ -303,9 +256,9 @@ static void reload(struct hg_broker *b)
     if (!status)
         status = choose_audit(&options, &err);
     if (!status)
-        status = hg_broker_check(&options, &err);
+        status = hg_config_check(&options, &err);
     if (!status)
-        status = read_tokens(&options, &tokens, &err);
+        status = hg_config_read_tokens(&options, &tokens, &err);
     if (!status)
         status = hg_tls_open(&options, &tls, &err);
     if (status) {
@@ -564,9 +517,8 @@ static enum hg_status filter_calls(const struct hg_broker *b, struct hg_error *e
 
 static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
-    char path[4096];
     const bool is_inherited = b->takeover.inherited_fd >= 0;
-    enum hg_status status = hg_worker_process_check_roots(&b->options, err);
+    enum hg_status status = hg_config_check_start(&b->options, err);
     if (!status)
         status = hg_loop_init(&b->loop, err);
     if (!status) // the key may be root's
@@ -602,9 +554,6 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = open_state(b, err);
     if (!status)
         status = open_audit(b, err);
-    if (!status && !hg_worker_process_find(&b->options, path, sizeof path))
-        status = hg_error_set(
-            err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
     if (!status && b->options.port_file && !is_inherited) // nothing can fail any more
         status = write_port_file(b, err);
     return status;
@@ -665,9 +614,9 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         status = hg_takeover_find(&b->takeover, &b->options, &err);
     }
     if (!status)
-        status = read_tokens(&b->options, &b->tokens, &err);
+        status = hg_config_read_tokens(&b->options, &b->tokens, &err);
     if (!status)
-        status = check_listen(&b->options, &b->tokens, &err);
+        status = hg_config_check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
     hg_slots_raise_files();
     if (!status)

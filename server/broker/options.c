@@ -53,7 +53,9 @@ static const struct {
     const char *name, *metavar, *help;
 } extra[] = {
     {"config", "FILE", "Read options from FILE, one 'name = value' per line; flags override it."},
-    {"check-config", "", "Check flags, file and tokens, then exit: 0 = good, 2 = not."},
+    {"check-config", "",
+        "Check flags, file, tokens, certificates, and that folders and programs are there, as the "
+        "user who runs it; then exit: 0 = good, 2 = not."},
     {"device-info", "", "Let the worker describe the Vulkan device and its fallbacks, then exit."},
     {"hash-token", "",
         "Read a token from standard input, print the word that stands for it in the file of "

@@ -14,6 +14,28 @@ ROWS = [
     ("max-views = 3", 0, "the configuration is good"),
     # Client certificates that are required, and no authority to judge them by: not as if they were optional.
     ("tls-client-auth = require", 2, "--tls-client-auth: require needs --tls-client-ca"),
+    # What a start needs is there, or the check fails as the start would.
+    ("user = nosuchuser", 2, "--user: there is no user 'nosuchuser'"),
+    ("worker = /none/worker", 2, "/none/worker: the worker's program is not there (--worker)"),
+    ("asset-root = /none", 2, "/none: --asset-root: no worker starts without it: No such file or directory"),
+    ("state-dir = state", 0, "the configuration is good"),
+    ("state-dir = none/state", 2, "none: --state-dir: No such file or directory"),
+    ("state-dir = config", 2, "config: --state-dir: Not a directory"),
+    ("cache-dir = none/cache", 0, "the configuration is good"),
+    ("cache-dir = config", 2, "config: --cache-dir: Not a directory"),
+    ("web-root = none", 2, "none: --web-root: No such file or directory"),
+    ("web-root = off", 0, "the configuration is good"),
+    ("shader-dir = none", 2, "none: --shader-dir: No such file or directory"),
+    ("cgroup = /none", 2, "/none: --cgroup: No such file or directory"),
+    ("audit = none/audit.log", 2, "none: --audit: No such file or directory"),
+    ("port-file = none/ports", 2, "none: --port-file: No such file or directory"),
+    ("listen = unix:none/sock", 2, "none: --listen: No such file or directory"),
+    ("listen = unix:sock\nport-file = ports\naudit = audit.log", 0, "the configuration is good"),
+    # An origin that no browser sends would never match.
+    ("allowed-origins = example.org", 2, "'example.org' is no origin: expected https://HOST[:PORT]"),
+    ("allowed-origins = https://example.org/", 2, "is no origin"),
+    ("allowed-origins = https://*.example.org", 2, "is no origin"),
+    ("allowed-origins = https://example.org:8443", 0, "the configuration is good"),
     # Why a file cannot be read is said.
     ("tls-cert = none.pem", 2, "none.pem: no certificate can be read from it: No such file or directory"),
 ]
