@@ -20,6 +20,7 @@
 #include "server/broker/storage/folder_lock.h"
 #include "server/broker/connection/conn_share.h"
 #include "server/broker/connection/conn_time.h"
+#include "server/broker/metrics/counters.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
 #include "server/broker/workers/recovery.h"
@@ -239,13 +240,42 @@ static void warn_exposed(const struct hg_broker *b)
             b->tokens.plain, b->options.tokens);
 }
 
+// For the log, the audit log, monitoring and the service manager; err NULL: it was taken.
+static void report_reload(struct hg_broker *b, const struct hg_error *err)
+{
+    char text[700] = "";
+    hg_reload.is_refused = err != NULL;
+    if (!err)
+        hg_reload.success_s = hg_clock_wall_ns() / 1000000000u;
+    else
+        hg_error_format(err, text, sizeof text);
+    if (err)
+        hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, err->status, 0,
+            "reload refused, everything stays as it was: %s", text);
+    hg_audit_write(&b->audit, "reload", NULL, err ? err->status : HG_OK, text);
+    hg_notify_send("READY=1\nSTATUS=%s%s", err ? "reload refused: " : "accepting clients", text);
+}
+
+static void take_options(struct hg_broker *b, struct hg_options *options)
+{
+    char names[400];
+    const size_t differ = hg_options_reload(&b->options, options, names, sizeof names);
+    hg_client_dispatch_check_tokens(&b->conns);
+    apply_log(&b->options);
+    hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
+    hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
+    hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
+        differ ? "; a restart is needed for: " : "", differ ? names : "");
+    warn_exposed(b);
+    hg_slots_measure_files(&b->conns.slots);
+}
+
 static void reload(struct hg_broker *b)
 {
     struct hg_options options;
     struct hg_tokens tokens = {0};
     struct hg_tls tls = {0};
     struct hg_error err = {0};
-    char text[700], names[400];
     hg_notify_send(
         "RELOADING=1\nMONOTONIC_USEC=%llu", (unsigned long long)(hg_clock_now_ns() / 1000));
     enum hg_status status = hg_options_parse(b->argc, b->argv, &options, &err);
@@ -263,27 +293,15 @@ static void reload(struct hg_broker *b)
         status = hg_tls_open(&options, &tls, &err);
     if (status) {
         hg_tokens_finish(&tokens);
-        hg_error_format(&err, text, sizeof text);
-        hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, status, 0,
-            "reload refused, everything stays as it was: %s", text);
         hg_options_finish(&options);
         apply_log(&b->options);
     } else {
-        size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
         hg_tls_replace(&b->streams.tls, &tls);
-        hg_client_dispatch_check_tokens(&b->conns);
-        apply_log(&b->options);
-        hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
-        hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
-        hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
-            differ ? "; a restart is needed for: " : "", differ ? names : "");
-        warn_exposed(b);
-        hg_slots_measure_files(&b->conns.slots);
+        take_options(b, &options);
     }
-    hg_audit_write(&b->audit, "reload", NULL, status, status ? err.reason : NULL);
-    hg_notify_send("READY=1");
+    report_reload(b, status ? &err : NULL);
 }
 
 // ---- drain --------------------------------------------------------------------------------------
@@ -623,6 +641,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         status = start(b, &err);
     if (!status) {
         b->sessions.started_ns = b->loop.now_ns;
+        hg_reload.success_s = hg_clock_wall_ns() / 1000000000u;
         b->watchdog.interval_ns = hg_notify_watchdog_ns();
         warn_exposed(b);
         hg_slots_measure_files(&b->conns.slots);

@@ -3,6 +3,7 @@
 #ifndef HG_BROKER_COUNTERS_H
 #define HG_BROKER_COUNTERS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 enum hg_counter {
@@ -12,6 +13,14 @@ enum hg_counter {
 };
 
 extern uint64_t hg_counters[HG_COUNTERS];
+
+// How the configuration was read last.
+struct hg_reload {
+    bool is_refused;    // the newest SIGHUP; what was before goes on
+    uint64_t success_s; // Unix time at which one was taken
+};
+
+extern struct hg_reload hg_reload;
 
 static inline void hg_count(enum hg_counter counter)
 {
