@@ -230,16 +230,6 @@ static void apply_log(const struct hg_options *o)
         hg_warn(MAIN, "%s", err.reason);
 }
 
-static void warn_exposed(const struct hg_broker *b)
-{
-    if (b->tokens.exposed)
-        hg_warn(AUTH, "the token file %s can be read by others than its owner", b->options.tokens);
-    if (b->tokens.plain)
-        hg_warn(AUTH,
-            "%u tokens stand in %s as they are; heliod --hash-token makes lines without them",
-            b->tokens.plain, b->options.tokens);
-}
-
 // For the log, the audit log, monitoring and the service manager; err NULL: it was taken.
 static void report_reload(struct hg_broker *b, const struct hg_error *err)
 {
@@ -266,7 +256,6 @@ static void take_options(struct hg_broker *b, struct hg_options *options)
     hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
     hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
         differ ? "; a restart is needed for: " : "", differ ? names : "");
-    warn_exposed(b);
     hg_slots_measure_files(&b->conns.slots);
 }
 
@@ -643,7 +632,7 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         b->sessions.started_ns = b->loop.now_ns;
         hg_reload.success_s = hg_clock_wall_ns() / 1000000000u;
         b->watchdog.interval_ns = hg_notify_watchdog_ns();
-        warn_exposed(b);
+        hg_config_warn(&b->options, &b->tokens, &b->streams.tls);
         hg_slots_measure_files(&b->conns.slots);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
         hg_worker_pool_start(&b->pool);

@@ -11,7 +11,6 @@
 #include "server/broker/connection/listener.h"
 #include "server/broker/privileges.h"
 #include "server/broker/transport/address_list.h"
-#include "server/broker/transport/tls.h"
 #include "server/broker/workers/worker_process.h"
 
 // ---- what reload applies ------------------------------------------------------------------------
@@ -53,6 +52,27 @@ static enum hg_status check_origins(const struct hg_options *o, struct hg_error 
     return HG_OK;
 }
 
+static bool is_exposed(const char *path)
+{
+    struct stat st;
+    return path && stat(path, &st) == 0 && st.st_mode & S_IROTH;
+}
+
+void hg_config_warn(
+    const struct hg_options *o, const struct hg_tokens *tokens, const struct hg_tls *tls)
+{
+    const char *key = o->tls_key ? o->tls_key : o->tls_cert;
+    if (tokens->exposed)
+        hg_warn(AUTH, "the token file %s can be read by others than its owner", o->tokens);
+    if (tokens->plain)
+        hg_warn(AUTH,
+            "%u tokens stand in %s as they are; heliod --hash-token makes lines without them",
+            tokens->plain, o->tokens);
+    if (is_exposed(key))
+        hg_warn(AUTH, "the private key in %s can be read by all users", key);
+    hg_tls_warn(tls, o->tls_cert);
+}
+
 enum hg_status hg_config_check(const struct hg_options *o, struct hg_error *err)
 {
     struct hg_tokens tokens;
@@ -70,6 +90,8 @@ enum hg_status hg_config_check(const struct hg_options *o, struct hg_error *err)
         status = hg_log_configure(o->log, err);
     if (!status)
         status = hg_tls_open(o, &tls, err);
+    if (!status)
+        hg_config_warn(o, &tokens, &tls);
     hg_tls_finish(&tls);
     hg_tokens_finish(&tokens);
     return status;

@@ -5,6 +5,7 @@
 
 #include "server/broker/connection/auth.h"
 #include "server/broker/options.h"
+#include "server/broker/transport/tls.h"
 
 // The tokens that `options` name; without a file none.
 enum hg_status hg_config_read_tokens(
@@ -12,7 +13,12 @@ enum hg_status hg_config_read_tokens(
 // The listeners have what they need: tokens, a certificate.
 enum hg_status hg_config_check_listen(const struct hg_options *options,
     const struct hg_tokens *tokens, struct hg_error *err) HG_MUST_CHECK;
-// All that reload applies: listeners, tokens, certificates, addresses, levels of the log.
+// Logs what is not wrong and should not stay so: secrets that others may read, certificates that
+// expire.
+void hg_config_warn(
+    const struct hg_options *options, const struct hg_tokens *tokens, const struct hg_tls *tls);
+// All that reload applies: listeners, tokens, certificates, addresses, levels of the log. What is
+// good is warned about, too.
 enum hg_status hg_config_check(
     const struct hg_options *options, struct hg_error *err) HG_MUST_CHECK;
 // What a start needs besides: user, programs, folders. HG_E_NOTFOUND, HG_E_PERM, HG_E_INVAL.

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """tls_refusals.py - who is refused by a tls listener, or by another one for speaking TLS: each refusal is logged with its
-reason and the address, counted by its kind, where it is about a client's certificate audited, and seen by the client.
+reason and the address, counted by its kind, where it is about a client's certificate audited, and seen by the client. And certificates
+of the daemon that expire.
 
   tls_refusals.py HELIOD FAKE_WORKER
 
@@ -8,6 +9,8 @@ Clients are raw sockets and OpenSSL of Python's ssl. Loopback only."""
 
 import json
 import os
+import shutil
+import signal
 import ssl
 import subprocess
 import sys
@@ -131,6 +134,27 @@ def are_refused(d, pki):
     is_served(d)
 
 
+def expiry_is_watched(d, pki):
+    """The metric is the file's date; an expired certificate is taken, since all but those who check it can go on, and warned of."""
+    def ends(name):
+        dates = subprocess.run(["openssl", "x509", "-noout", "-enddate", "-in", os.path.join(pki, name)], check=True,
+                               capture_output=True, text=True).stdout
+        return ssl.cert_time_to_seconds(dates.strip().split("=")[1])
+
+    metric = "heliod_tls_certificate_not_after_timestamp_seconds"
+    assert d.metric(metric) == ends("localhost.pem")
+    for suffix in (".pem", ".key"):
+        shutil.copy(os.path.join(pki, "expired" + suffix), os.path.join(pki, "localhost" + suffix))
+    os.chmod(os.path.join(pki, "localhost.key"), 0o644)
+    warnings = (f"the certificate in {pki}/localhost.pem has expired at 2021-01-01T00:00:00Z", f"the private key in {pki}/localhost.key can be read")
+    got = subprocess.run([*d.args, "--check-config"], check=False, capture_output=True, text=True)
+    assert got.returncode == 0 and all(w in got.stderr for w in warnings), got
+    d.process.send_signal(signal.SIGHUP)
+    wait(lambda: "reloaded:" in d.read_log(), "the reload")
+    assert all(w in d.read_log() for w in warnings)
+    assert d.metric(metric) == ends("expired.pem")
+
+
 def main():
     with tempfile.TemporaryDirectory(prefix="helio-pki-") as pki:
         make_certificates(pki)
@@ -142,6 +166,7 @@ def main():
         os.symlink(audit, d.path("audit"))
         try:
             are_refused(d, pki)
+            expiry_is_watched(d, pki)
         finally:
             d.stop()
 

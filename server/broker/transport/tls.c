@@ -7,13 +7,21 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/file.h"
+#include "base/log.h"
 #include "server/broker/metrics/counters.h"
 
-enum { RECORD_BYTES = 16384, TICKET_KEY_BYTES = 80, CLIENT_CA_BYTES = 16 << 20, FAULT_BYTES = 320 };
+enum {
+    RECORD_BYTES = 16384,
+    TICKET_KEY_BYTES = 80,
+    CLIENT_CA_BYTES = 16 << 20,
+    FAULT_BYTES = 320,
+    SOON_S = 7 * 86400
+};
 
 struct tls {
     struct hg_transport below;
@@ -412,6 +420,54 @@ static enum hg_status load_files(SSL_CTX *context, const struct hg_options *o, s
     return HG_OK;
 }
 
+// ---- validity -----------------------------------------------------------------------------------
+
+static int64_t unix_time(const ASN1_TIME *time)
+{
+    struct tm tm;
+    return ASN1_TIME_to_tm(time, &tm) ? (int64_t)timegm(&tm) : 0;
+}
+
+static void narrow(struct hg_tls *tls, const X509 *certificate)
+{
+    const int64_t begins_s = unix_time(X509_get0_notBefore(certificate));
+    const int64_t ends_s = unix_time(X509_get0_notAfter(certificate));
+    if (begins_s > tls->begins_s)
+        tls->begins_s = begins_s;
+    if (!tls->ends_s || ends_s < tls->ends_s)
+        tls->ends_s = ends_s;
+}
+
+// From the latest begin to the earliest end of the certificate and those that it was signed by.
+static void note_validity(struct hg_tls *tls, SSL_CTX *context)
+{
+    STACK_OF(X509) *chain = NULL;
+    narrow(tls, SSL_CTX_get0_certificate(context));
+    SSL_CTX_get0_chain_certs(context, &chain);
+    for (int i = 0; i < sk_X509_num(chain); i++) // -1 without a chain
+        narrow(tls, sk_X509_value(chain, i));
+}
+
+void hg_tls_warn(const struct hg_tls *tls, const char *file)
+{
+    const int64_t now_s = time(NULL);
+    const time_t of_s = tls->begins_s > now_s ? tls->begins_s : tls->ends_s;
+    char date[32];
+    struct tm tm;
+    if (!tls->context)
+        return;
+    gmtime_r(&of_s, &tm);
+    strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", &tm);
+    if (tls->begins_s > now_s)
+        hg_warn(NET, "the certificate in %s is valid from %s on: clients refuse it", file, date);
+    else if (tls->ends_s <= now_s)
+        hg_warn(NET, "the certificate in %s has expired at %s: clients refuse it", file, date);
+    else if (tls->ends_s - now_s < SOON_S)
+        hg_warn(NET, "the certificate in %s expires at %s", file, date);
+}
+
+// ---- opening ------------------------------------------------------------------------------------
+
 // Of the authorities' file, as it was just read, and of whether a certificate is required.
 static enum hg_status hash_clients(
     const struct hg_options *o, uint8_t digest[HG_SHA256_BYTES], struct hg_error *err)
@@ -452,11 +508,13 @@ enum hg_status hg_tls_open(const struct hg_options *o, struct hg_tls *out, struc
     enum hg_status status = load_files(context, o, err);
     if (!status)
         status = hash_clients(o, out->clients, err);
-    if (status)
+    if (status) {
         SSL_CTX_free(context);
-    else
-        out->context = context;
-    return status;
+        return status;
+    }
+    note_validity(out, context);
+    out->context = context;
+    return HG_OK;
 }
 
 void hg_tls_replace(struct hg_tls *into, struct hg_tls *from)
@@ -475,5 +533,5 @@ void hg_tls_replace(struct hg_tls *into, struct hg_tls *from)
 void hg_tls_finish(struct hg_tls *tls)
 {
     SSL_CTX_free(tls->context);
-    tls->context = NULL;
+    *tls = (struct hg_tls){0};
 }
