@@ -3,7 +3,7 @@
 reason and the address, counted by its kind, where it is about a client's certificate audited, and seen by the client. And certificates
 of the daemon that expire.
 
-  tls_refusals.py HELIOD FAKE_WORKER
+  tls_refusals.py HELIOD FAKE_WORKER HELIO
 
 Clients are raw sockets and OpenSSL of Python's ssl. Loopback only."""
 
@@ -134,6 +134,22 @@ def are_refused(d, pki):
     is_served(d)
 
 
+def helio_says_why(d, pki, helio):
+    """The command's message and exit code, also where TLS 1.3 tells it behind the handshake."""
+    rows = [(None, "the server asks for a certificate (--tls-cert)"),
+            ("expired", "the server refuses this client's certificate: certificate expired"),
+            ("strange", "the server refuses this client's certificate: unknown CA")]
+    for scheme in ("tls:localhost:", "wss://localhost:"):
+        for own, said in rows:
+            shown = ["--tls-cert", os.path.join(pki, own + ".pem"), "--tls-key", os.path.join(pki, own + ".key")] if own else []
+            got = subprocess.run([helio, "ping", "--count", "1", "-c", scheme + str(d.ports[1]), "--token", "view-token-1", "--tls-ca",
+                                  os.path.join(pki, "ca.pem"), *shown], capture_output=True, text=True, check=False)
+            assert got.returncode == 5 and said in got.stderr, (scheme, own, got)
+    got = subprocess.run([helio, "ping", "--count", "1", "-c", f"tls:localhost:{d.ports[0]}", "--insecure"], capture_output=True, text=True,
+                         check=False)
+    assert got.returncode == 4 and "it may not speak TLS there" in got.stderr, got
+
+
 def expiry_is_watched(d, pki):
     """The metric is the file's date; an expired certificate is taken, since all but those who check it can go on, and warned of."""
     def ends(name):
@@ -166,6 +182,7 @@ def main():
         os.symlink(audit, d.path("audit"))
         try:
             are_refused(d, pki)
+            helio_says_why(d, pki, sys.argv[3])
             expiry_is_watched(d, pki)
         finally:
             d.stop()
