@@ -38,6 +38,18 @@ ROWS = [
     ("allowed-origins = https://example.org:8443", 0, "the configuration is good"),
     # Why a file cannot be read is said.
     ("tls-cert = none.pem", 2, "none.pem: no certificate can be read from it: No such file or directory"),
+    # Units: which one is meant, in numbers that can be read.
+    ("max-message = 4GB", 2, "line 1: max-message takes MiB, a whole number from 1 to 2047 without a unit, not '4GB'"),
+    ("cache-limit = 10 MiB", 2, "takes MiB, a whole number from 0 to 16777216 without a unit"),
+    ("min-fill = 1KB", 2, "takes KiB, a whole number from 0 to 1048576"),
+    ("drain-timeout = 30s", 2, "takes seconds, a number from 0 to 86400 without a unit, not '30s'"),
+]
+# Lines of tokens likewise.
+TOKENS = [
+    ("view-token-1 view anna weight=0", 2, "tokens: line 1: weight= takes 1 to 10000, not '0'"),
+    ("view-token-1 view anna expires=tomorrow", 2, "expires= takes YYYY-MM-DD[Thh:mm:ssZ], not 'tomorrow'"),
+    ("view-token-1 view anna sesions=3", 2, "'sesions' is no key; there are tenant, expires,"),
+    ("view-token-1 view anna pixels=60000 tickets=3", 0, "the configuration is good"),
 ]
 
 
@@ -57,6 +69,13 @@ def main():
             got, output = check(sys.argv[1], folder, text)
             if got != code or said not in output:
                 print(f"{text!r}: {got} {output!r}, not {code} {said!r}")
+                failed += 1
+        for line, code, said in TOKENS:
+            with open(os.path.join(folder, "tokens"), "w", encoding="utf-8") as f:
+                f.write(line + "\n")
+            got, output = check(sys.argv[1], folder, "tokens = tokens")
+            if got != code or said not in output:
+                print(f"{line!r}: {got} {output!r}, not {code} {said!r}")
                 failed += 1
     sys.exit(1 if failed else 0)
 
