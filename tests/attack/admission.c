@@ -284,11 +284,11 @@ static void revoked_tokens_end_their_sessions(void **state)
     peer_enter(&kept, &d, "edit-token-1");
     daemon_write(&d, "tokens", "edit-token-1 edit bert\nadmin-token-1 admin\n");
     daemon_signal(&d, SIGHUP);
-    refused_for(&revoked, HG_E_AUTH, "revoked");
+    refused_for(&revoked, HG_E_AUTH, "its token was revoked");
     peer_call(&kept, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
     daemon_write(&d, "tokens", "edit-token-1 view bert\nadmin-token-1 admin\n");
     daemon_signal(&d, SIGHUP);
-    refused_for(&kept, HG_E_AUTH, "another role");
+    refused_for(&kept, HG_E_AUTH, "its token has another role now");
     daemon_finish(&d);
 }
 
@@ -307,7 +307,7 @@ static void tokens_expire(void **state)
     daemon_signal(&d, SIGHUP);
     daemon_wait_log(&d, "reloaded: 1 tokens");
     peer_enter(&p, &d, "short-lived");
-    refused_for(&p, HG_E_AUTH, "expired"); // when its time has come
+    refused_for(&p, HG_E_AUTH, "its token has expired"); // when its time has come
     turned_away(&late, &d, "short-lived", HG_E_AUTH, "expired");
     daemon_finish(&d);
 }
