@@ -136,6 +136,12 @@ static const char *who(const struct hg_conn *conn, char *dst, size_t size)
     return dst;
 }
 
+// It was answered over HTTP, or came and went without a word: balancers look every second.
+static bool is_probe(const struct hg_conn *conn)
+{
+    return conn->transport.served || (conn->peer_ended && !conn->in.total_bytes);
+}
+
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
 {
     struct hg_conn_table *table = conn->table;
@@ -143,7 +149,7 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     if (conn->state == HG_CONN_DEAD)
         return;
     if (conn->state == HG_CONN_CLOSING ? !conn->opened_ns
-                                       : conn->state < HG_CONN_OPEN && conn->transport.served)
+                                       : conn->state < HG_CONN_OPEN && is_probe(conn))
         hg_debug(NET, "closed %s: %s", conn->peer.name, reason);
     else if (conn->state < HG_CONN_OPEN)
         hg_peer_warn(&table->log, table->loop->now_ns, NET, "closed %s before it was open: %s",
