@@ -504,9 +504,8 @@ static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *er
     hg_user_own(&user, b->options.audit);
     hg_user_own(&user, b->options.state_dir);
     status = hg_user_become(&user, err);
-    if (!status && b->options.tokens && access(b->options.tokens, R_OK) != 0)
-        hg_warn(AUTH, "%s cannot read %s: SIGHUP will keep the tokens of now", user.name,
-            b->options.tokens);
+    if (!status)
+        hg_config_warn_unreadable(&b->options, user.name);
     return status;
 }
 

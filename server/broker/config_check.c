@@ -73,6 +73,14 @@ void hg_config_warn(
     hg_tls_warn(tls, o->tls_cert);
 }
 
+void hg_config_warn_unreadable(const struct hg_options *o, const char *user)
+{
+    const char *files[] = {o->config, o->tokens, o->tls_cert, o->tls_key, o->tls_client_ca};
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++)
+        if (files[i] && access(files[i], R_OK) != 0)
+            hg_warn(AUTH, "%s cannot read %s: every reload will be refused", user, files[i]);
+}
+
 enum hg_status hg_config_check(const struct hg_options *o, struct hg_error *err)
 {
     struct hg_tokens tokens;

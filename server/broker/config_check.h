@@ -17,6 +17,8 @@ enum hg_status hg_config_check_listen(const struct hg_options *options,
 // expire.
 void hg_config_warn(
     const struct hg_options *options, const struct hg_tokens *tokens, const struct hg_tls *tls);
+// Logs which of its files the daemon cannot read again now that it runs as `user`.
+void hg_config_warn_unreadable(const struct hg_options *options, const char *user);
 // All that reload applies: listeners, tokens, certificates, addresses, levels of the log. What is
 // good is warned about, too.
 enum hg_status hg_config_check(

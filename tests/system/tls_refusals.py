@@ -171,10 +171,32 @@ def expiry_is_watched(d, pki):
     assert d.metric(metric) == ends("expired.pem")
 
 
+def keys_of_root_are_warned_of(heliod, worker, pki):
+    """Started as root the daemon reads a key that only root may read, once: the next certificate would not be taken."""
+    if os.geteuid() != 0:
+        return
+    with tempfile.TemporaryDirectory(prefix="helio-root-") as folder:
+        for path, mode in ((folder, 0o777), (pki, 0o755), (os.path.join(pki, "second.key"), 0o600)):
+            os.chmod(path, mode)
+        log = os.path.join(folder, "log")
+        with open(log, "wb") as f:
+            process = subprocess.Popen([heliod, "--user", "nobody", "--listen", "unix:" + os.path.join(folder, "sock"), "--cache-dir",
+                                        os.path.join(folder, "cache"), "--worker", worker, "--sandbox", "off", "--tls-cert",
+                                        os.path.join(pki, "second.pem"), "--tls-key", os.path.join(pki, "second.key")], stderr=f)
+        try:
+            wait(lambda: "runs as nobody" in open(log, encoding="utf-8").read(), "the daemon")
+            wait(lambda: f"nobody cannot read {pki}/second.key: every reload will be refused" in open(log, encoding="utf-8").read(), "the warning")
+            assert "second.pem: every" not in open(log, encoding="utf-8").read()
+        finally:
+            process.kill()
+            process.wait()
+
+
 def main():
     with tempfile.TemporaryDirectory(prefix="helio-pki-") as pki:
         make_certificates(pki)
         make_more(pki)
+        keys_of_root_are_warned_of(sys.argv[1], sys.argv[2], pki)
         audit = os.path.join(pki, "audit")
         d = Daemon(*sys.argv[1:3], "--listen", "tcp:127.0.0.1:0", "--listen", "tls:127.0.0.1:0", "--tls-cert", os.path.join(pki, "localhost.pem"),
                    "--tls-key", os.path.join(pki, "localhost.key"), "--tls-client-ca", os.path.join(pki, "ca.pem"),
