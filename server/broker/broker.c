@@ -634,6 +634,8 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         hg_config_warn(&b->options, &b->tokens, &b->streams.tls);
         hg_slots_measure_files(&b->conns.slots);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
+        hg_info(MAIN, "heliod %s is process %d; configuration: %s", HELIO_VERSION, (int)getpid(),
+            b->options.config ? b->options.config : "flags alone");
         hg_worker_pool_start(&b->pool);
         if (b->takeover.inherited_fd < 0)
             hg_state_place(&b->sessions);

@@ -266,8 +266,15 @@ static void takes_the_place_of_a_connection_that_lives(void **state)
     begin(&d, &before, &ticket);
     take_shown(&before, &number, digest);
     peer_open(&after, &d);
+    const uint64_t asked = after.session;
     resume(&after, &ticket);
     assert_int_equal(after.session, before.session);
+    char line[100];
+    snprintf(line, sizeof line,
+        "session %llu (local) goes on from uid:%u, in place of session %llu",
+        (unsigned long long)before.session, (unsigned)geteuid(), (unsigned long long)asked);
+    daemon_wait_log(&d, line);
+    daemon_wait_log(&d, "is process ");
     take_shown(&after, &number, shown);
     assert_memory_equal(digest, shown, 32);
     assert_false(peer_next(&before));

@@ -3,6 +3,7 @@
 #include <openssl/crypto.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/sha256.h"
 #include "server/broker/session/session.h"
 #include "server/broker/session/session_audit.h"
@@ -97,6 +98,8 @@ void hg_resume(struct hg_conn *conn, uint32_t request, const struct hgp_resume *
         hg_worker_pool_weigh(s->table->pool, s->scene->link, s->scope.weight);
     hg_session_unpark(s, conn);
     hg_session_audit(s, "resume", HG_OK, NULL); // now that it has a peer
+    hg_info(SESSION, "session %llu (%s) goes on from %s, in place of session %llu",
+        (unsigned long long)s->number, s->name, conn->peer.name, (unsigned long long)asker->number);
     hg_session_destroy(asker);
     hg_session_record(s);
     answer(s, request, secret); // before all frames
