@@ -79,6 +79,8 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
     if (hg_log_is_enabled(HG_LOG_DEBUG, HG_LOG_SESSION))
         hg_debug(SESSION, "session %llu request %u: %s: %s (%s)", (unsigned long long)conn->number,
             request, err->what, reason, hg_status_name(err->status));
+    if (conn->state == HG_CONN_OPEN)
+        hg_count_error(err->status);
     hg_conn_tell_limit(conn, request, err->limit, err->retry_after_ms);
     if (request || conn->state != HG_CONN_OPEN)
         hg_conn_send(conn, request, HGP_T_error,

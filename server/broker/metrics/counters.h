@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "base/status.h"
+
 enum hg_counter {
 #define HG_COUNTER(id, metric, labels, help) HG_COUNT_##id,
 #include "server/broker/metrics/counters.def"
@@ -30,6 +32,15 @@ static inline void hg_count(enum hg_counter counter)
 static inline void hg_count_add(enum hg_counter counter, uint64_t amount)
 {
     hg_counters[counter] += amount;
+}
+
+// Requests that were answered with an error, by its status.
+enum { HG_ERROR_STATUSES = 32 }; // all of base/status.def
+extern uint64_t hg_errors[HG_ERROR_STATUSES];
+
+static inline void hg_count_error(unsigned status)
+{
+    hg_errors[status < HG_ERROR_STATUSES ? status : HG_E_INTERNAL]++;
 }
 
 #endif
