@@ -139,8 +139,9 @@ enum hg_cli_exit hg_cli_report(
     }
     if (cli && cli->embedded && doing == HG_CLI_DOING_CONNECT)
         doing = err->status == HG_E_INVAL ? HG_CLI_DOING_ARGUMENTS : HG_CLI_DOING_RENDER;
-    // Limits and rights exceeded by an entry of a file are errors of that file.
-    bool in_file = doing == HG_CLI_DOING_INPUT && err->where[0] &&
+    // Limits and rights exceeded by an entry of a file are errors of that file, unless an option
+    // sets the limit.
+    bool in_file = doing == HG_CLI_DOING_INPUT && err->where[0] && !err->limit[0] &&
                    (err->status == HG_E_LIMIT || err->status == HG_E_PERM);
     enum hg_status status = in_file ? HG_E_FORMAT : err->status;
     if (status == HG_E_CANCELLED) // by the daemon, which ends or is replaced

@@ -63,6 +63,8 @@ static enum hg_status read_some(struct helio *h)
         return fail_framing(h, HG_E_NOMEM);
     enum hg_status status = t->class->read(t, dst, size, &got);
     hgp_framer_fill(&h->in, got);
+    if (status == HG_E_AUTH)
+        return hg_client_fail(h, status, NULL, "the server %s", t->refusal);
     if (status == HG_E_IO)
         return hg_client_fail_lost(h, "the connection broke: %s", strerror(t->error_number));
     if (status == HG_E_CLOSED)

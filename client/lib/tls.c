@@ -5,6 +5,7 @@
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <poll.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "base/alloc.h"
@@ -16,6 +17,7 @@ struct tls {
     SSL *ssl;
     BIO_METHOD *method;
     uint8_t pin[32];
+    char refusal[120];
     bool has_pin, wants_write, broken;
 };
 
@@ -91,6 +93,34 @@ static const char *newest_reason(void)
     return reason ? reason : "the handshake failed";
 }
 
+static const char *handshake_fault(const struct tls *tls)
+{
+    if (ERR_peek_error())
+        return newest_reason();
+    return tls->below.error_number ? strerror(tls->below.error_number)
+                                   : "the server ended the handshake; it may not speak TLS there";
+}
+
+// The alert of the server, if it is about the client's certificate. With TLS 1.3 it comes when the
+// client's handshake is done.
+static bool is_refused(struct hg_client_transport *t, struct tls *tls)
+{
+    const unsigned long error = ERR_peek_error();
+    const int alert = ERR_GET_REASON(error) - SSL_AD_REASON_OFFSET;
+    if (ERR_GET_LIB(error) != ERR_LIB_SSL)
+        return false;
+    if (alert == SSL_AD_CERTIFICATE_REQUIRED)
+        snprintf(tls->refusal, sizeof tls->refusal, "asks for a certificate (--tls-cert)");
+    else if ((alert >= SSL_AD_BAD_CERTIFICATE && alert <= SSL_AD_CERTIFICATE_UNKNOWN) ||
+             alert == SSL_AD_UNKNOWN_CA || alert == SSL_AD_ACCESS_DENIED)
+        snprintf(tls->refusal, sizeof tls->refusal, "refuses this client's certificate: %s",
+            SSL_alert_desc_string_long(alert));
+    else
+        return false;
+    t->refusal = tls->refusal;
+    return true;
+}
+
 static enum hg_status judge(struct hg_client_transport *t, struct tls *tls, int result)
 {
     const int error = SSL_get_error(tls->ssl, result);
@@ -101,6 +131,8 @@ static enum hg_status judge(struct hg_client_transport *t, struct tls *tls, int 
         ERR_GET_REASON(ERR_peek_error()) == SSL_R_UNEXPECTED_EOF_WHILE_READING)
         return HG_E_CLOSED;
     tls->broken = true;
+    if (is_refused(t, tls))
+        return HG_E_AUTH;
     t->error_number = error == SSL_ERROR_SYSCALL && errno ? errno : EPROTO;
     return HG_E_IO;
 }
@@ -164,7 +196,9 @@ static enum hg_status tls_handshake(
     if (verified != X509_V_OK)
         return hg_error_set(err, HG_E_AUTH, url, NULL, "the server's certificate: %s",
             X509_verify_cert_error_string(verified));
-    return hg_error_set(err, HG_E_CLOSED, url, NULL, "TLS: %s", newest_reason());
+    if (status == HG_E_AUTH)
+        return hg_error_set(err, status, url, NULL, "the server %s", t->refusal);
+    return hg_error_set(err, HG_E_CLOSED, url, NULL, "TLS: %s", handshake_fault(tls));
 }
 
 static void tls_close(struct hg_client_transport *t)

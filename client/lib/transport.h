@@ -17,7 +17,8 @@ struct hg_client_transport;
 
 struct hg_client_transport_class {
     // At most `size` bytes. HG_OK with *got > 0, HG_E_AGAIN, HG_E_CLOSED (end of the stream),
-    // HG_E_IO (error_number says why).
+    // HG_E_IO (error_number says why), HG_E_AUTH (the server takes no client with this certificate,
+    // or none without one; `refusal` says it).
     enum hg_status (*read)(struct hg_client_transport *t, void *dst, size_t size, size_t *got);
     // HG_OK with *sent > 0, HG_E_AGAIN, HG_E_CLOSED (the peer takes nothing more), HG_E_IO.
     enum hg_status (*write)(
@@ -45,6 +46,7 @@ struct hg_client_transport {
     const struct hg_client_transport_class *class; // NULL: closed
     int fd;                                        // -1 while closed
     int error_number;                              // of the newest HG_E_IO
+    const char *refusal;                           // of HG_E_AUTH
     void *state;                                   // of the class
     bool secure, websocket;                        // what the url asks for
     bool handshaking;                              // the newest layer's is not done

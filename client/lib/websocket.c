@@ -84,6 +84,7 @@ static enum hg_status ws_read(struct hg_client_transport *t, void *dst, size_t s
         size_t raw = 0;
         enum hg_status status = read_raw(ws, bytes, size, &raw);
         t->error_number = ws->below.error_number;
+        t->refusal = ws->below.refusal;
         if (status)
             return status;
         for (size_t at = 0, used, moved; at < raw && !ws->ended; at += used) {
@@ -167,6 +168,8 @@ static enum hg_status ws_handshake(
             &ws->below, ws->early + ws->early_size, sizeof ws->early - ws->early_size, &got);
     if (status == HG_E_AGAIN)
         return status;
+    if (status == HG_E_AUTH)
+        return hg_error_set(err, status, url, NULL, "the server %s", ws->below.refusal);
     if (status)
         return hg_error_set(err, HG_E_CLOSED, url, NULL, "the server closed the connection");
     ws->early_size += got;

@@ -28,9 +28,11 @@ enum hg_status hg_audit_open(struct hg_audit *audit, const char *path, struct hg
     if (!path)
         return HG_OK;
     audit->fd = open(path, O_RDWR | O_APPEND | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (audit->fd < 0 || fstat(audit->fd, &st) != 0)
+    if (audit->fd < 0 || fstat(audit->fd, &st) != 0) {
+        audit->path = NULL; // nothing is written to it
         return hg_error_set(err, hg_status_from_errno(errno), path, NULL,
             "cannot open the audit log: %s", strerror(errno));
+    }
     audit->bytes = (uint64_t)st.st_size;
     end_cut_line(audit);
     return HG_OK;

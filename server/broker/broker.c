@@ -15,11 +15,12 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "server/broker/call_filter.h"
-#include "server/broker/transport/address_list.h"
+#include "server/broker/config_check.h"
 #include "server/broker/workers/confine.h"
 #include "server/broker/storage/folder_lock.h"
 #include "server/broker/connection/conn_share.h"
 #include "server/broker/connection/conn_time.h"
+#include "server/broker/metrics/counters.h"
 #include "server/broker/notify.h"
 #include "server/broker/privileges.h"
 #include "server/broker/workers/recovery.h"
@@ -40,53 +41,6 @@ enum { EXIT_CONFIG = 2, EXIT_START = 4, EXIT_LAUNCHER = 5 };
 enum { TICK_NS = 50000000, SLOW_TICK_NS = 250000000, IDLE_TICK_NS = 500000000 };
 enum { TICK_PART = 10, THROTTLE_NS = 5000000 };
 static const uint64_t check_tokens_ns = 1000000000;
-
-// ---- checks -------------------------------------------------------------------------------------
-
-static enum hg_status read_tokens(
-    const struct hg_options *o, struct hg_tokens *out, struct hg_error *err)
-{
-    *out = (struct hg_tokens){0};
-    return o->tokens ? hg_tokens_read(o->tokens, out, err) : HG_OK;
-}
-
-static enum hg_status check_listen(
-    const struct hg_options *o, const struct hg_tokens *tokens, struct hg_error *err)
-{
-    for (size_t i = 0; i < o->listen.count; i++) {
-        bool is_tcp, is_tls;
-        enum hg_status status = hg_listener_check(o->listen.items[i], &is_tcp, &is_tls, err);
-        if (!status && is_tls && !o->tls_cert)
-            status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
-                "tls needs a certificate; name it with --tls-cert");
-        if (!status && is_tcp && !tokens->count)
-            status = hg_error_set(err, HG_E_INVAL, o->listen.items[i], NULL,
-                "tcp clients need tokens; name a file with --tokens");
-        if (status)
-            return status;
-    }
-    return HG_OK;
-}
-
-enum hg_status hg_broker_check(const struct hg_options *o, struct hg_error *err)
-{
-    struct hg_tokens tokens;
-    struct hg_tls tls = {0};
-    enum hg_status status = read_tokens(o, &tokens, err);
-    if (!status)
-        status = check_listen(o, &tokens, err);
-    if (!status)
-        status = hg_address_list_check(&o->metrics_from, "--metrics-from", err);
-    if (!status)
-        status = hg_address_list_check(&o->proxy_from, "--proxy-from", err);
-    if (!status && o->log)
-        status = hg_log_configure(o->log, err);
-    if (!status)
-        status = hg_tls_open(o, &tls, err);
-    hg_tls_finish(&tls);
-    hg_tokens_finish(&tokens);
-    return status;
-}
 
 // ---- start --------------------------------------------------------------------------------------
 
@@ -276,14 +230,33 @@ static void apply_log(const struct hg_options *o)
         hg_warn(MAIN, "%s", err.reason);
 }
 
-static void warn_exposed(const struct hg_broker *b)
+// For the log, the audit log, monitoring and the service manager; err NULL: it was taken.
+static void report_reload(struct hg_broker *b, const struct hg_error *err)
 {
-    if (b->tokens.exposed)
-        hg_warn(AUTH, "the token file %s can be read by others than its owner", b->options.tokens);
-    if (b->tokens.plain)
-        hg_warn(AUTH,
-            "%u tokens stand in %s as they are; heliod --hash-token makes lines without them",
-            b->tokens.plain, b->options.tokens);
+    char text[700] = "";
+    hg_reload.is_refused = err != NULL;
+    if (!err)
+        hg_reload.success_s = hg_clock_wall_ns() / 1000000000u;
+    else
+        hg_error_format(err, text, sizeof text);
+    if (err)
+        hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, err->status, 0,
+            "reload refused, everything stays as it was: %s", text);
+    hg_audit_write(&b->audit, "reload", NULL, err ? err->status : HG_OK, text);
+    hg_notify_send("READY=1\nSTATUS=%s%s", err ? "reload refused: " : "accepting clients", text);
+}
+
+static void take_options(struct hg_broker *b, struct hg_options *options)
+{
+    char names[400];
+    const size_t differ = hg_options_reload(&b->options, options, names, sizeof names);
+    hg_client_dispatch_check_tokens(&b->conns);
+    apply_log(&b->options);
+    hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
+    hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
+    hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
+        differ ? "; a restart is needed for: " : "", differ ? names : "");
+    hg_slots_measure_files(&b->conns.slots);
 }
 
 static void reload(struct hg_broker *b)
@@ -292,7 +265,6 @@ static void reload(struct hg_broker *b)
     struct hg_tokens tokens = {0};
     struct hg_tls tls = {0};
     struct hg_error err = {0};
-    char text[700], names[400];
     hg_notify_send(
         "RELOADING=1\nMONOTONIC_USEC=%llu", (unsigned long long)(hg_clock_now_ns() / 1000));
     enum hg_status status = hg_options_parse(b->argc, b->argv, &options, &err);
@@ -303,34 +275,22 @@ static void reload(struct hg_broker *b)
     if (!status)
         status = choose_audit(&options, &err);
     if (!status)
-        status = hg_broker_check(&options, &err);
+        status = hg_config_check(&options, &err);
     if (!status)
-        status = read_tokens(&options, &tokens, &err);
+        status = hg_config_read_tokens(&options, &tokens, &err);
     if (!status)
         status = hg_tls_open(&options, &tls, &err);
     if (status) {
         hg_tokens_finish(&tokens);
-        hg_error_format(&err, text, sizeof text);
-        hg_log_write(HG_LOG_ERROR, HG_LOG_MAIN, status, 0,
-            "reload refused, everything stays as it was: %s", text);
         hg_options_finish(&options);
         apply_log(&b->options);
     } else {
-        size_t differ = hg_options_reload(&b->options, &options, names, sizeof names);
         hg_tokens_finish(&b->tokens);
         b->tokens = tokens;
         hg_tls_replace(&b->streams.tls, &tls);
-        hg_client_dispatch_check_tokens(&b->conns);
-        apply_log(&b->options);
-        hg_upload_store_set_limit(b->store, b->options.upload_store_bytes);
-        hg_audit_set_limits(&b->audit, b->options.audit_size_bytes, b->options.audit_keep);
-        hg_info(MAIN, "reloaded: %zu tokens%s%s", b->tokens.count,
-            differ ? "; a restart is needed for: " : "", differ ? names : "");
-        warn_exposed(b);
-        hg_slots_measure_files(&b->conns.slots);
+        take_options(b, &options);
     }
-    hg_audit_write(&b->audit, "reload", NULL, status, status ? err.reason : NULL);
-    hg_notify_send("READY=1");
+    report_reload(b, status ? &err : NULL);
 }
 
 // ---- drain --------------------------------------------------------------------------------------
@@ -544,9 +504,8 @@ static enum hg_status listen_and_become(struct hg_broker *b, struct hg_error *er
     hg_user_own(&user, b->options.audit);
     hg_user_own(&user, b->options.state_dir);
     status = hg_user_become(&user, err);
-    if (!status && b->options.tokens && access(b->options.tokens, R_OK) != 0)
-        hg_warn(AUTH, "%s cannot read %s: SIGHUP will keep the tokens of now", user.name,
-            b->options.tokens);
+    if (!status)
+        hg_config_warn_unreadable(&b->options, user.name);
     return status;
 }
 
@@ -564,9 +523,8 @@ static enum hg_status filter_calls(const struct hg_broker *b, struct hg_error *e
 
 static enum hg_status start(struct hg_broker *b, struct hg_error *err)
 {
-    char path[4096];
     const bool is_inherited = b->takeover.inherited_fd >= 0;
-    enum hg_status status = hg_worker_process_check_roots(&b->options, err);
+    enum hg_status status = hg_config_check_start(&b->options, err);
     if (!status)
         status = hg_loop_init(&b->loop, err);
     if (!status) // the key may be root's
@@ -602,9 +560,6 @@ static enum hg_status start(struct hg_broker *b, struct hg_error *err)
         status = open_state(b, err);
     if (!status)
         status = open_audit(b, err);
-    if (!status && !hg_worker_process_find(&b->options, path, sizeof path))
-        status = hg_error_set(
-            err, HG_E_NOTFOUND, path, NULL, "the worker's program is not there (--worker)");
     if (!status && b->options.port_file && !is_inherited) // nothing can fail any more
         status = write_port_file(b, err);
     return status;
@@ -665,19 +620,22 @@ int hg_broker_run(struct hg_options *options, int argc, char *const *argv)
         status = hg_takeover_find(&b->takeover, &b->options, &err);
     }
     if (!status)
-        status = read_tokens(&b->options, &b->tokens, &err);
+        status = hg_config_read_tokens(&b->options, &b->tokens, &err);
     if (!status)
-        status = check_listen(&b->options, &b->tokens, &err);
+        status = hg_config_check_listen(&b->options, &b->tokens, &err);
     int exit_code = status ? EXIT_CONFIG : EXIT_START;
     hg_slots_raise_files();
     if (!status)
         status = start(b, &err);
     if (!status) {
         b->sessions.started_ns = b->loop.now_ns;
+        hg_reload.success_s = hg_clock_wall_ns() / 1000000000u;
         b->watchdog.interval_ns = hg_notify_watchdog_ns();
-        warn_exposed(b);
+        hg_config_warn(&b->options, &b->tokens, &b->streams.tls);
         hg_slots_measure_files(&b->conns.slots);
         hg_audit_write(&b->audit, "start", NULL, HG_OK, "heliod " HELIO_VERSION);
+        hg_info(MAIN, "heliod %s is process %d; configuration: %s", HELIO_VERSION, (int)getpid(),
+            b->options.config ? b->options.config : "flags alone");
         hg_worker_pool_start(&b->pool);
         if (b->takeover.inherited_fd < 0)
             hg_state_place(&b->sessions);

@@ -29,6 +29,7 @@
 //   disk_watch                                   what workers have on the disk
 //   worker_home                                  the folders of a worker
 //   worker_process confine                       its arguments; what its process may do
+//   config_check                                 what a configuration is checked for
 //   launcher                                     the process that starts them
 //   conn worker_link scene_journal               a client; a worker; accepted edits
 //   conn_admission conn_share conn_time          who may stay; memory for output; time limits
@@ -112,8 +113,5 @@ struct hg_broker {
 
 // Runs until drained; returns the exit code. Options are taken over.
 int hg_broker_run(struct hg_options *options, int argc, char *const *argv);
-// Checks what --check-config checks: addresses, tokens, their combination.
-enum hg_status hg_broker_check(
-    const struct hg_options *options, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

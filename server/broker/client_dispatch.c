@@ -81,6 +81,11 @@ static void audit_refusal(
         status, reason);
 }
 
+static void audit_unproven(struct hg_conn *conn, const char *reason)
+{
+    audit_refusal(conn, NULL, HG_E_AUTH, reason);
+}
+
 // token NULL: the daemon's own user.
 static bool open_session(struct hg_conn *conn, const struct hg_token *token)
 {
@@ -226,7 +231,7 @@ static bool refuse_blocked(struct hg_conn *conn)
     hg_error_set(&err, HG_E_PERM, "auth", NULL, "an administrator has blocked it for a while");
     const uint64_t left_s = until_s - now_s;
     hg_error_limit(&err, "kick", left_s < UINT32_MAX / 1000 ? (uint32_t)left_s * 1000 : UINT32_MAX);
-    audit_refusal(conn, NULL, HG_E_PERM, err.reason);
+    audit_refusal(conn, conn->auth.name, HG_E_PERM, err.reason);
     hg_conn_close(conn, &err, "auth");
     return true;
 }
@@ -342,6 +347,17 @@ static void take_scope(struct hg_session *s, const struct hg_token_scope *scope)
         hg_session_request_tell_tenant(s);
 }
 
+// token NULL: it is not good any more.
+static const char *why_revoked(const struct hg_conn *conn, const struct hg_token *token)
+{
+    const struct hg_admission *a = conn->table->owner;
+    if (token)
+        return token->role == conn->session->role ? "its token has another tenant now"
+                                                  : "its token has another role now";
+    return hg_tokens_find(a->tokens, conn->auth.hash, 0) ? "its token has expired"
+                                                         : "its token was revoked";
+}
+
 void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
 {
     const struct hg_admission *a = conns->owner;
@@ -359,8 +375,7 @@ void hg_client_dispatch_check_tokens(struct hg_conn_table *conns)
             continue;
         }
         struct hg_error err = {0};
-        hg_error_set(&err, HG_E_AUTH, "session", NULL,
-            "its token was revoked, has expired, or has another role or tenant now");
+        hg_error_set(&err, HG_E_AUTH, "session", NULL, "%s", why_revoked(it, token));
         hg_session_audit(it->session, "revoke", HG_E_AUTH, err.reason);
         hg_session_request_fail_all(it->session, &err);
         hg_conn_close(it, &err, "the token is no longer valid");
@@ -567,6 +582,7 @@ static void end_session(struct hg_conn *conn)
 const struct hg_conn_events hg_client_dispatch_events = {
     .admit = hg_conn_admit,
     .refused = hg_conn_answer_refusal,
+    .unproven = audit_unproven,
     .message = take_message,
     .must_wait = must_wait,
     .due = judge_token,

@@ -6,6 +6,7 @@
 
 #include "base/sha256.h"
 #include "server/broker/broker.h"
+#include "server/broker/config_check.h"
 #include "server/broker/metrics/metrics.h"
 
 enum { EXIT_CONFIG = 2, EXIT_START = 4 };
@@ -21,7 +22,7 @@ static int complain(const struct hg_error *err)
 static int check(const struct hg_options *options)
 {
     struct hg_error err = {0};
-    if (hg_broker_check(options, &err) || hg_worker_process_check_roots(options, &err))
+    if (hg_config_check(options, &err) || hg_config_check_start(options, &err))
         return complain(&err);
     puts("the configuration is good");
     return 0;

@@ -53,7 +53,9 @@ static const struct {
     const char *name, *metavar, *help;
 } extra[] = {
     {"config", "FILE", "Read options from FILE, one 'name = value' per line; flags override it."},
-    {"check-config", "", "Check flags, file and tokens, then exit: 0 = good, 2 = not."},
+    {"check-config", "",
+        "Check flags, file, tokens, certificates, and that folders and programs are there, as the "
+        "user who runs it; then exit: 0 = good, 2 = not."},
     {"device-info", "", "Let the worker describe the Vulkan device and its fallbacks, then exit."},
     {"hash-token", "",
         "Read a token from standard input, print the word that stands for it in the file of "
@@ -125,11 +127,15 @@ static bool parse_number(const struct option *row, const char *text, double *out
 static enum hg_status set_number(
     struct hg_options *o, const struct option *row, const char *value, struct hg_error *err)
 {
+    const char *what = row->kind == SECONDS               ? "seconds, a number"
+                       : row->kind == MIB                 ? "MiB, a whole number"
+                       : strcmp(row->metavar, "KIB") == 0 ? "KiB, a whole number"
+                                                          : "a whole number";
     double number;
     if (!parse_number(row, value, &number))
-        return hg_error_set(err, HG_E_INVAL, NULL, NULL, "%s takes %s from %g to %g, not '%s'",
-            row->name, row->kind == SECONDS ? "seconds" : "a whole number", row->min, row->max,
-            value);
+        return hg_error_set(err, HG_E_INVAL, NULL, NULL,
+            "%s takes %s from %.15g to %.15g without a unit, not '%s'", row->name, what, row->min,
+            row->max, value);
     if (row->kind == COUNT)
         *(uint32_t *)member(o, row) = (uint32_t)number;
     else
@@ -550,24 +556,23 @@ static const char token_text[] =
     "warns about it, and about a file that others than its user may read.\n\n"
     "| key | |\n|---|---|\n"
     "| `tenant=NAME` | Whose scenes and worker it gets, in place of NAME: tokens of one tenant "
-    "share "
-    "them, and this is how a token is let into another's scenes. Without a name, too, it is a "
-    "tenant "
-    "of its own. |\n"
+    "share them, and this is how a token is let into another's scenes. Without a name, too, it is "
+    "a tenant of its own. |\n"
     "| `expires=YYYY-MM-DD[Thh:mm:ssZ]` | From then on (UTC) it is unknown, and its sessions end. "
     "|\n"
     "| `scenes=PATTERN` | It opens scenes whose names match only (`*`, `?`, `[...]`), and scenes "
     "without a name, which are a session's own. |\n"
     "| `roots=FOLDER[:FOLDER...]` | It loads files of the daemon's machine from below these "
-    "folders "
-    "only, "
-    "and under asset roots. Absolute paths without spaces. Files beside them answer as files "
-    "outside "
-    "of the asset roots do. |\n"
+    "folders only, and under asset roots. Absolute paths without spaces. Files beside them answer "
+    "as files outside of the asset roots do. |\n"
     "| `weight=COUNT` | 1 to 10000, usually 100: its tenant's part of cores and memory, beside "
     "other tenants that have workers; in a shared worker, of its time. |\n"
     "| `sessions=COUNT` | Open at a time, in place of `max-sessions-per-token`. |\n"
-    "| `rate=COUNT` | Messages per second of a session, in place of `max-rate`. |\n\n"
+    "| `rate=COUNT` | Messages per second of a session, in place of `max-rate`. |\n"
+    "| `pixels=COUNT` | Pixels of frames per second of its sessions together, in place of "
+    "`max-pixel-rate`. |\n"
+    "| `tickets=COUNT` | Join tickets that it may have at a time, also with the role `view`. "
+    "|\n\n"
     "On SIGHUP the sessions of tokens that are no longer there, or have another role, end. Clients "
     "on a unix socket that run as the daemon's own user need no token (they are `admin`) unless "
     "`require-token` is set.\n";

@@ -284,11 +284,11 @@ static void revoked_tokens_end_their_sessions(void **state)
     peer_enter(&kept, &d, "edit-token-1");
     daemon_write(&d, "tokens", "edit-token-1 edit bert\nadmin-token-1 admin\n");
     daemon_signal(&d, SIGHUP);
-    refused_for(&revoked, HG_E_AUTH, "revoked");
+    refused_for(&revoked, HG_E_AUTH, "its token was revoked");
     peer_call(&kept, HGP_T_ping, &(struct hgp_ping){.nonce = 1}, HGP_T_pong);
     daemon_write(&d, "tokens", "edit-token-1 view bert\nadmin-token-1 admin\n");
     daemon_signal(&d, SIGHUP);
-    refused_for(&kept, HG_E_AUTH, "another role");
+    refused_for(&kept, HG_E_AUTH, "its token has another role now");
     daemon_finish(&d);
 }
 
@@ -307,7 +307,7 @@ static void tokens_expire(void **state)
     daemon_signal(&d, SIGHUP);
     daemon_wait_log(&d, "reloaded: 1 tokens");
     peer_enter(&p, &d, "short-lived");
-    refused_for(&p, HG_E_AUTH, "expired"); // when its time has come
+    refused_for(&p, HG_E_AUTH, "its token has expired"); // when its time has come
     turned_away(&late, &d, "short-lived", HG_E_AUTH, "expired");
     daemon_finish(&d);
 }
@@ -415,6 +415,7 @@ static void everything_is_audited(void **state)
         &(struct hgp_asset_load){.asset = p.first_id + 1, .path = hgp_str_make("fail")},
         HG_E_FORMAT);
     peer_close(&p);
+    daemon_wait_log(&d, "(bert) of 127.0.0.1 closed");
     peer_open(&p, &d);
     peer_call(&p, HGP_T_sessions_query, &(struct hgp_sessions_query){0}, HGP_T_json);
     assert_int_equal(count_lines(&d, "audit", "\"login\"", "\"result\":\"auth\""), 5);
@@ -423,6 +424,10 @@ static void everything_is_audited(void **state)
     assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"ok\""), 1);
     assert_int_equal(count_lines(&d, "audit", "\"asset_load\"", "\"result\":\"format\""), 1);
     assert_int_equal(count_lines(&d, "audit", "\"sessions_query\"", "\"ADMIN\""), 1);
+    // Who went by closing the connection has ended a session, too, and is named with the address.
+    assert_int_equal(
+        count_lines(&d, "audit", "\"logout\",\"session\"", "\"peer\":\"127.0.0.1\""), 1);
+    assert_int_equal(count_lines(&d, "audit", "\"logout\"", "\"name\":\"bert\""), 1);
     peer_close(&p);
     daemon_finish(&d);
 }

@@ -117,7 +117,10 @@ static void kicked_stay_out(void **state)
     peer_close(&admin);
     char *audit = daemon_read(&d, "state/audit.log");
     assert_non_null(strstr(audit, "\"event\":\"kick\""));
-    assert_non_null(strstr(audit, "too loud"));
+    assert_non_null(strstr(audit, " of bert: too loud\"")); // and not blocked
+    const char *blocked = strstr(audit, "\"result\":\"not-allowed\",\"detail\":\"an administrator");
+    assert_non_null(blocked);
+    assert_non_null(strstr(blocked - 120, "\"name\":\"bert\"")); // who was not let in
     free(audit);
     daemon_finish(&d);
 }
@@ -158,12 +161,28 @@ static void drain_says(struct peer *p, const char *reason)
     assert_memory_equal(p->m.drain.reason.data, reason, strlen(reason));
 }
 
+// In the audit log and in the log, which says whose session asked for it.
+static void drain_is_recorded(struct daemon *d, const char *what)
+{
+    char detail[100], line[160];
+    char *audit = daemon_read(d, "audit");
+    assert_non_null(strstr(audit, "\"event\":\"drain\""));
+    snprintf(detail, sizeof detail, "\"detail\":\"%s\"}", what);
+    assert_non_null(strstr(audit, detail));
+    free(audit);
+    snprintf(line, sizeof line, "drain by session 1 (admin) of 127.0.0.1: %s\"", what);
+    daemon_wait_log(d, line);
+}
+
 static void drains_when_told(void **state)
 {
     (void)state;
     struct daemon d;
     struct peer admin, bert, late;
     daemon_init_tokens(&d);
+    char path[160];
+    snprintf(path, sizeof path, "%s/audit", d.folder);
+    daemon_option(&d, "audit", path);
     begin(&d, &admin, &bert);
     struct hgp_drain_set m = {.deadline_ms = 3600000, .reason = hgp_str_make("new disks")};
     peer_refused(&bert, HGP_T_drain_set, &m, HG_E_PERM);
@@ -179,6 +198,8 @@ static void drains_when_told(void **state)
     peer_call(&admin, HGP_T_drain_set, &m, HGP_T_ok);
     await(&bert, HGP_T_drain_cancelled);
     ready_is(&d, "HTTP/1.1 200", "");
+    drain_is_recorded(&d, "at most 3600.0 s: new disks");
+    drain_is_recorded(&d, "cancelled");
     peer_view(&bert, 1, 16, 16);
     // Stays: others end, administrators go on.
     m = (struct hgp_drain_set){.deadline_ms = 3600000, .has_stay = true, .stay = true};

@@ -234,11 +234,16 @@ static void reloads_tokens_and_options(void **state)
     struct daemon d;
     struct peer p, old;
     char path[160];
+    const char *const success = "heliod_config_last_reload_success_timestamp_seconds";
     daemon_init_tokens(&d);
     daemon_write(&d, "config", "max-views = 3\n");
     snprintf(path, sizeof path, "%s/config", d.folder);
     daemon_option(&d, "config", path);
+    snprintf(path, sizeof path, "%s/audit", d.folder);
+    daemon_option(&d, "audit", path);
     daemon_start(&d);
+    const double begun_s = daemon_metric(&d, success);
+    assert_true(begun_s > 1e9);
     peer_open_scene(&old, &d, "");
     daemon_write(&d, "tokens", "new-token-22 edit carl\n");
     daemon_write(&d, "config", "max-views = 1\n");
@@ -257,6 +262,12 @@ static void reloads_tokens_and_options(void **state)
     daemon_signal(&d, SIGHUP);
     daemon_wait_log(&d, "reload refused");
     daemon_wait_log(&d, "line 2");
+    assert_true(daemon_metric(&d, "heliod_config_last_reload_successful") == 0);
+    assert_true(daemon_metric(&d, success) >= begun_s);
+    char *audit = daemon_read(&d, "audit"), *line = strstr(audit, "\"result\":\"invalid\"");
+    assert_non_null(line); // it names the file
+    assert_non_null(strstr(line, "/tokens: line 2: "));
+    free(audit);
     peer_connect(&p, &d, true);
     peer_hello(&p);
     peer_auth(&p, "new-token-22");
@@ -264,6 +275,10 @@ static void reloads_tokens_and_options(void **state)
     assert_int_equal(p.header.type, HGP_T_auth_ok);
     peer_close(&p);
     peer_close(&old);
+    daemon_write(&d, "tokens", "other-token edit\nthird-token view\n");
+    daemon_signal(&d, SIGHUP);
+    daemon_wait_log(&d, "reloaded: 2 tokens");
+    assert_true(daemon_metric(&d, "heliod_config_last_reload_successful") == 1);
     daemon_finish(&d);
 }
 
@@ -363,6 +378,9 @@ static void talks_to_the_service_manager(void **state)
     struct daemon d;
     char path[100];
     daemon_init(&d);
+    daemon_write(&d, "config", "max-views = 5\n");
+    snprintf(path, sizeof path, "%s/config", d.folder);
+    daemon_option(&d, "config", path);
     int fd = datagram_socket(&d, path, sizeof path);
     setenv("NOTIFY_SOCKET", path, 1);
     setenv("WATCHDOG_USEC", "400000", 1);
@@ -372,7 +390,10 @@ static void talks_to_the_service_manager(void **state)
     expect_notice(fd, "WATCHDOG=1");
     daemon_signal(&d, SIGHUP);
     expect_notice(fd, "RELOADING=1\nMONOTONIC_USEC=");
-    expect_notice(fd, "READY=1");
+    expect_notice(fd, "READY=1\nSTATUS=accepting clients");
+    daemon_write(&d, "config", "max-views = many\n");
+    daemon_signal(&d, SIGHUP);
+    expect_notice(fd, "READY=1\nSTATUS=reload refused: ");
     daemon_signal(&d, SIGTERM);
     expect_notice(fd, "STOPPING=1");
     assert_int_equal(daemon_wait(&d), 0);

@@ -191,11 +191,62 @@ static void crash_limits_are_of_one_worker(void **state)
     end(&d);
 }
 
+// The daemon finds the link closed, and the signal that the process has ended behind it.
+static void kill_while_stopped(struct daemon *d, pid_t victim)
+{
+    char path[40], stat[200] = "";
+    snprintf(path, sizeof path, "/proc/%d/stat", (int)victim);
+    kill(d->pid, SIGSTOP);
+    kill(victim, SIGKILL);
+    for (int tries = 0; !strstr(stat, ") Z"); tries++) {
+        FILE *file = fopen(path, "re");
+        assert_non_null(file);
+        assert_non_null(fgets(stat, sizeof stat, file));
+        fclose(file);
+        assert_true(tries < PATIENCE);
+        hg_clock_sleep_ns(STEP_NS);
+    }
+    kill(d->pid, SIGCONT);
+}
+
+// A counter that fell when a worker is stopped would look like a restart, and like new deaths.
+static void deaths_stay_counted(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer p;
+    char killed[64];
+    daemon_init_tokens(&d);
+    daemon_option(&d, "isolation", "tenant");
+    daemon_option(&d, "restart-delay", "0.01");
+    daemon_option(&d, "worker-idle", "0");
+    daemon_start(&d);
+    peer_enter(&p, &d, "edit-token-1");
+    peer_scene(&p, "hall");
+    char *log = daemon_read(&d, "log");
+    const char *line = strstr(log, "\"worker "); // the first one, which was the spare
+    const pid_t victim = line ? (pid_t)atoi(line + 8) : 0;
+    assert_true(victim > 1);
+    free(log);
+    kill_while_stopped(&d, victim);
+    for (int tries = 0; daemon_metric(&d, "heliod_worker_deaths_total") != 1; tries++) {
+        assert_true(tries < PATIENCE);
+        hg_clock_sleep_ns(STEP_NS);
+    }
+    snprintf(killed, sizeof killed, "worker %d was killed by signal 9", (int)victim);
+    daemon_wait_log(&d, killed); // although its link was seen to end first
+    peer_close(&p);
+    daemon_wait_log(&d, "of bert is stopped");
+    assert_true(daemon_metric(&d, "heliod_worker_deaths_total") == 1);
+    end(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_death_stays_in_its_worker),
         cmocka_unit_test(crash_limits_are_of_one_worker),
+        cmocka_unit_test(deaths_stay_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

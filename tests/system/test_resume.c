@@ -266,8 +266,15 @@ static void takes_the_place_of_a_connection_that_lives(void **state)
     begin(&d, &before, &ticket);
     take_shown(&before, &number, digest);
     peer_open(&after, &d);
+    const uint64_t asked = after.session;
     resume(&after, &ticket);
     assert_int_equal(after.session, before.session);
+    char line[100];
+    snprintf(line, sizeof line,
+        "session %llu (local) goes on from uid:%u, in place of session %llu",
+        (unsigned long long)before.session, (unsigned)geteuid(), (unsigned long long)asked);
+    daemon_wait_log(&d, line);
+    daemon_wait_log(&d, "is process ");
     take_shown(&after, &number, shown);
     assert_memory_equal(digest, shown, 32);
     assert_false(peer_next(&before));
@@ -345,8 +352,11 @@ static void only_so_many_are_kept(void **state)
     struct daemon d;
     struct peer p[3], q;
     struct ticket tickets[3];
+    char path[TEST_FOLDER_MAX + 8];
     daemon_init(&d);
     daemon_option(&d, "max-parked", "2");
+    snprintf(path, sizeof path, "%s/audit", d.folder);
+    daemon_option(&d, "audit", path);
     daemon_option(&d, "max-sessions-per-token", "2"); // does not hold for the daemon's own user
     daemon_option(&d, "max-sessions", "4");
     daemon_start(&d);
@@ -359,6 +369,10 @@ static void only_so_many_are_kept(void **state)
         wait_parked(&d, i < 2 ? i + 1 : 2);
     }
     peer_open(&q, &d);
+    char *audit = daemon_read(&d, "audit"), *end = strstr(audit, "\"logout\",\"session\":1,");
+    assert_non_null(end); // who waited, and is not waited for any more
+    assert_memory_equal(strstr(end, "\"result\":") + 9, "\"limit\"", 7);
+    free(audit);
     refused(&q, &tickets[0]); // the one that was left longest ago
     resume(&q, &tickets[1]);
     peer_close(&q);

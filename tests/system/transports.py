@@ -232,6 +232,16 @@ def log_says_whose(d):
     assert re.search(r"closing 127\.0\.0\.1 \(anna\): session: this token has 1 session open", d.read_log())
     assert re.search(r"session \d+ \(anna\) of 127\.0\.0\.1 closed: the client", d.read_log())
     assert len(re.findall(r"session \d+ [^ ]* ?of 127\.0\.0\.1 closed", d.read_log())) == 1, "of one that never opened"
+    # Who connects and goes only looks whether the port is open; who began is warned of.
+    begun = d.read_log().count("before it was open")
+    accepted = d.metric("heliod_connections_accepted_total")
+    connect(d.ports[0]).close()
+    wait(lambda: d.metric("heliod_connections_accepted_total") > accepted + 1 and d.metric("heliod_connections") == 1, "its end")
+    assert d.read_log().count("before it was open") == begun
+    s = connect(d.ports[0])
+    s.sendall(PREFACE[:4])
+    s.close()
+    wait(lambda: d.read_log().count("before it was open") == begun + 1, "the warning")
 
 
 def proxies_say_for_whom(d):

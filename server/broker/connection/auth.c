@@ -90,6 +90,26 @@ static bool parse_scope(char *word, struct hg_token *out)
     return strcmp(word, "rate") == 0 && parse_count(value, &scope->max_rate);
 }
 
+// What a key takes, or which keys there are.
+static enum hg_status refuse_scope(const char *key, const char *value, struct hg_error *err)
+{
+    static const struct {
+        const char *key, *takes;
+    } keys[] = {{"tenant", "a name"}, {"expires", "YYYY-MM-DD[Thh:mm:ssZ]"},
+        {"scenes", "a pattern of names"}, {"roots", "/FOLDER[:/FOLDER...]"},
+        {"weight", "1 to 10000"}, {"sessions", "a number from 1 on"},
+        {"rate", "a number from 1 on"}, {"pixels", "a number from 1 on"},
+        {"tickets", "a number from 1 on"}};
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        if (strcmp(key, keys[i].key) == 0)
+            return hg_error_set(err, HG_E_INVAL, NULL, NULL, "%s= takes %s, not '%.80s'", key,
+                keys[i].takes, value);
+    return hg_error_set(err, HG_E_INVAL, NULL, NULL,
+        "'%.40s' is no key; there are tenant, expires, scenes, roots, weight, sessions, rate, "
+        "pixels and tickets",
+        key);
+}
+
 // ---- lines --------------------------------------------------------------------------------------
 
 enum hg_status hg_token_hash(struct hgp_str token, uint8_t out[32])
@@ -163,12 +183,8 @@ static enum hg_status parse_line(
             take_name(out, word);
         else if (!strchr(word, '='))
             return hg_error_set(err, HG_E_INVAL, NULL, NULL, "a name has no spaces");
-        else if (!parse_scope(word, out))
-            return hg_error_set(err, HG_E_INVAL, NULL, NULL,
-                "'%s' is none of tenant=NAME, expires=YYYY-MM-DD[Thh:mm:ssZ], scenes=PATTERN, "
-                "roots=/FOLDER[:/FOLDER...], sessions=COUNT, rate=COUNT, weight=1...10000, "
-                "pixels=COUNT, tickets=COUNT",
-                word);
+        else if (!parse_scope(word, out)) // which has cut it
+            return refuse_scope(word, word + strlen(word) + 1, err);
     }
     out->role = (enum hgp_role)value;
     hg_utf8_clean(out->name); // it is sent to the client

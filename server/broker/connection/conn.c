@@ -79,6 +79,8 @@ void hg_conn_fail(struct hg_conn *conn, uint32_t request, const struct hg_error 
     if (hg_log_is_enabled(HG_LOG_DEBUG, HG_LOG_SESSION))
         hg_debug(SESSION, "session %llu request %u: %s: %s (%s)", (unsigned long long)conn->number,
             request, err->what, reason, hg_status_name(err->status));
+    if (conn->state == HG_CONN_OPEN)
+        hg_count_error(err->status);
     hg_conn_tell_limit(conn, request, err->limit, err->retry_after_ms);
     if (request || conn->state != HG_CONN_OPEN)
         hg_conn_send(conn, request, HGP_T_error,
@@ -136,6 +138,12 @@ static const char *who(const struct hg_conn *conn, char *dst, size_t size)
     return dst;
 }
 
+// It was answered over HTTP, or came and went without a word: balancers look every second.
+static bool is_probe(const struct hg_conn *conn)
+{
+    return conn->transport.served || (conn->peer_ended && !conn->in.total_bytes);
+}
+
 void hg_conn_kill(struct hg_conn *conn, const char *reason)
 {
     struct hg_conn_table *table = conn->table;
@@ -143,7 +151,7 @@ void hg_conn_kill(struct hg_conn *conn, const char *reason)
     if (conn->state == HG_CONN_DEAD)
         return;
     if (conn->state == HG_CONN_CLOSING ? !conn->opened_ns
-                                       : conn->state < HG_CONN_OPEN && conn->transport.served)
+                                       : conn->state < HG_CONN_OPEN && is_probe(conn))
         hg_debug(NET, "closed %s: %s", conn->peer.name, reason);
     else if (conn->state < HG_CONN_OPEN)
         hg_peer_warn(&table->log, table->loop->now_ns, NET, "closed %s before it was open: %s",
@@ -332,9 +340,12 @@ static void check_stage(struct hg_conn *conn)
 // The transport has ended the conversation in its own way.
 static void end_transport(struct hg_conn *conn, enum hg_status status)
 {
+    const char *fault = conn->transport.fault ? conn->transport.fault : "protocol error";
     if (status == HG_E_FORMAT)
         hg_peer_warn(&conn->table->log, conn->table->loop->now_ns, NET, "closing %s: %s",
-            conn->peer.name, conn->transport.fault ? conn->transport.fault : "protocol error");
+            conn->peer.name, fault);
+    if (status == HG_E_FORMAT && conn->peer.unproven)
+        conn->table->events->unproven(conn, fault);
     hg_conn_close_transport(conn);
 }
 

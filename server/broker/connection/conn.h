@@ -80,6 +80,8 @@ struct hg_conn_events {
     void (*admit)(struct hg_conn *conn);
     // One that may not, and has still to be told so (slot.why), has been read from.
     void (*refused)(struct hg_conn *conn, enum hg_status status);
+    // It has not proved who it is: its certificate is refused, or missing.
+    void (*unproven)(struct hg_conn *conn, const char *reason);
     // Does not take ownership of the packet.
     void (*message)(struct hg_conn *conn, struct hg_packet *packet);
     // Too many requests of the client are in flight: it is not read (back-pressure).

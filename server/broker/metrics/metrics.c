@@ -60,14 +60,6 @@ static uint32_t count_workers(const struct hg_session_table *t, bool up)
     return count;
 }
 
-static uint64_t sum_deaths(const struct hg_session_table *t)
-{
-    uint64_t deaths = 0;
-    for (uint32_t i = 0; i < t->pool->count; i++)
-        deaths += t->pool->links[i].deaths;
-    return deaths;
-}
-
 static uint64_t sum_worker_memory(const struct hg_session_table *t)
 {
     uint64_t bytes = 0;
@@ -129,6 +121,20 @@ static void put_counters(struct hg_writer *w)
     }
 }
 
+static const char errors_name[] = "heliod_request_errors_total";
+static const char errors_help[] =
+    "Requests of open sessions that were answered with an error, of the daemon or of a worker.";
+
+static void put_errors(struct hg_writer *w)
+{
+    put_head(w, errors_name, "counter", errors_help);
+#define HG_STATUS(sym, value, name, text)                                                          \
+    if (value)                                                                                     \
+        put(w, "%s{status=\"%s\"} %llu\n", errors_name, name, (unsigned long long)hg_errors[value]);
+#include "base/status.def"
+#undef HG_STATUS
+}
+
 static const char latency_name[] = "heliod_input_latency_seconds";
 static const char latency_help[] =
     "From an input, the camera of a subscribed view, to the first frame that shows it.";
@@ -161,6 +167,7 @@ void hg_metrics_write(const struct hg_session_table *t, struct hg_writer *w)
     put(w, name " %.16g\n", (double)(value));
 #include "server/broker/metrics/metrics.def"
     put_counters(w);
+    put_errors(w);
     put_latencies(w);
 }
 
@@ -200,6 +207,10 @@ void hg_metrics_print_docs(FILE *file)
         if (i + 1 == HG_COUNTERS || counters[i + 1].help[0])
             fputs(" |\n", file);
     }
+    fprintf(file,
+        "| `%s` | counter | %s Label `status`: the names of the protocol's codes, such as `limit`, "
+        "`not-found`, `device`. |\n",
+        errors_name, errors_help);
     fprintf(file,
         "| `%s` | histogram | %s Label `stage`: `input` (broker to worker), `wait` (until it is "
         "the "

@@ -3,6 +3,7 @@
 #include <openssl/crypto.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/sha256.h"
 #include "server/broker/session/session.h"
 #include "server/broker/session/session_audit.h"
@@ -58,7 +59,8 @@ static void take_from_client(struct hg_session *s)
     s->conn = NULL;
     conn->session = NULL;
     hg_session_upload_abort_all(s);
-    (void)hg_session_park(s);
+    if (hg_session_is_kept(s))
+        hg_session_park(s);
     hg_conn_kill(conn, "its session was resumed on another connection");
 }
 
@@ -86,8 +88,8 @@ void hg_resume(struct hg_conn *conn, uint32_t request, const struct hgp_resume *
             "no session is kept for this ticket and this token");
     else if (hg_session_new_ticket(s, secret, &err) == HG_OK)
         take_from_client(s);
-    hg_session_audit(s && !err.status ? s : asker, "resume", err.status, NULL);
     if (err.status) {
+        hg_session_audit(asker, "resume", err.status, NULL);
         hg_conn_fail(conn, request, &err);
         return;
     }
@@ -95,6 +97,9 @@ void hg_resume(struct hg_conn *conn, uint32_t request, const struct hgp_resume *
     if (s->scene)
         hg_worker_pool_weigh(s->table->pool, s->scene->link, s->scope.weight);
     hg_session_unpark(s, conn);
+    hg_session_audit(s, "resume", HG_OK, NULL); // now that it has a peer
+    hg_info(SESSION, "session %llu (%s) goes on from %s, in place of session %llu",
+        (unsigned long long)s->number, s->name, conn->peer.name, (unsigned long long)asker->number);
     hg_session_destroy(asker);
     hg_session_record(s);
     answer(s, request, secret); // before all frames

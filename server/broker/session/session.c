@@ -417,11 +417,13 @@ void hg_session_end(struct hg_session *s)
 
 void hg_session_lost(struct hg_session *s)
 {
+    const bool is_kept = hg_session_is_kept(s);
+    hg_session_audit(s, is_kept ? "park" : "logout", HG_OK, NULL); // while it has its peer
     s->conn = NULL;
     s->resume.waits = false;
     hg_session_upload_abort_all(s);
-    if (hg_session_park(s))
-        hg_session_audit(s, "park", HG_OK, NULL);
+    if (is_kept)
+        hg_session_park(s);
     else
         hg_session_end_if_idle(s);
 }

@@ -9,7 +9,12 @@
 #include "server/broker/session/session_end.h"
 #include "server/broker/session/session_list.h"
 
-enum { WAITING_BYTES = 64 << 10, LEAST_INTERVAL_MS = 100, DRAIN_REASON_BYTES = 256 };
+enum {
+    WAITING_BYTES = 64 << 10,
+    LEAST_INTERVAL_MS = 100,
+    DRAIN_REASON_BYTES = 256,
+    AUDITED_BYTES = 300
+};
 
 static void answer(struct hg_session *s, uint32_t request, const struct hg_error *err)
 {
@@ -17,6 +22,13 @@ static void answer(struct hg_session *s, uint32_t request, const struct hg_error
         hg_conn_fail(s->conn, request, err);
     else if (request)
         hg_conn_send(s->conn, request, HGP_T_ok, &(struct hgp_ok){0});
+}
+
+// As much of a text as the audit log has of it.
+static struct hgp_str audited(struct hgp_str text)
+{
+    return hgp_str_fit(
+        text.size ? text.data : "", text.size < AUDITED_BYTES ? text.size : AUDITED_BYTES);
 }
 
 // ---- message ------------------------------------------------------------------------------------
@@ -47,9 +59,7 @@ void hg_session_admin_message(
         hg_error_set(&err, HG_E_NOTFOUND, "message_send", number ? "session" : "scene",
             "no session that is meant has a client");
     char detail[400];
-    snprintf(detail, sizeof detail, "to %u sessions: %.*s", count,
-        (int)hgp_str_fit(m->text.size ? m->text.data : "", m->text.size < 300 ? m->text.size : 300)
-            .size,
+    snprintf(detail, sizeof detail, "to %u sessions: %.*s", count, (int)audited(m->text).size,
         m->text.size ? m->text.data : "");
     hg_session_audit(s, "message", err.status, detail);
     answer(s, request, &err);
@@ -110,9 +120,12 @@ void hg_session_admin_kick(struct hg_session *s, uint32_t request, const struct 
         hg_error_set(&err, HG_E_INVAL, "kick", "session", "that is this very session");
     else if (block_s)
         (void)block(s, kicked, block_s, &err);
-    snprintf(detail, sizeof detail, "session %llu of %s, blocked for %u s: %.*s",
-        (unsigned long long)m->session, kicked ? kicked->name : "?", block_s,
-        (int)(m->reason.size < 200 ? m->reason.size : 0), m->reason.size ? m->reason.data : "");
+    char blocked[32] = "";
+    if (block_s)
+        snprintf(blocked, sizeof blocked, ", blocked for %u s", block_s);
+    snprintf(detail, sizeof detail, "session %llu%s%s%s%s%.*s", (unsigned long long)m->session,
+        kicked ? " of " : "", kicked ? kicked->name : "", blocked, m->reason.size ? ": " : "",
+        (int)audited(m->reason).size, m->reason.size ? m->reason.data : "");
     hg_session_audit(s, "kick", err.status, detail);
     if (!err.status) {
         hg_error_set(&why, HG_E_PERM, "session", NULL, "an administrator has ended it%s%.*s",
@@ -158,6 +171,14 @@ static void announce_drain(const struct hg_session_table *table, const struct hg
         &(struct hgp_drain){.deadline_ms = m->deadline_ms, .reason = hgp_str_make(reason)});
 }
 
+static void begin(struct hg_session_table *table, const struct hgp_drain_set *m)
+{
+    table->drain = (struct hg_session_drain){
+        .due_ns = table->loop->now_ns + m->deadline_ms * UINT64_C(1000000),
+        .stay = m->has_stay && m->stay};
+    announce_drain(table, m);
+}
+
 void hg_session_admin_drain(struct hg_session *s, uint32_t request, const struct hgp_drain_set *m)
 {
     struct hg_session_table *table = s->table;
@@ -165,19 +186,21 @@ void hg_session_admin_drain(struct hg_session *s, uint32_t request, const struct
     char detail[400];
     if (table->draining)
         hg_error_set(&err, HG_E_STATE, "drain_set", NULL, "the daemon is ending already");
-    snprintf(detail, sizeof detail, "%s%s, in %u ms: %.*s",
-        m->has_cancel && m->cancel ? "cancelled" : "begun", m->has_stay && m->stay ? ", stays" : "",
-        m->deadline_ms, (int)m->reason.size, m->reason.size ? m->reason.data : "");
+    const bool cancels = m->has_cancel && m->cancel, stays = m->has_stay && m->stay;
+    if (cancels)
+        snprintf(detail, sizeof detail, "cancelled");
+    else
+        snprintf(detail, sizeof detail, "at most %.1f s%s%s%.*s", m->deadline_ms * 1e-3,
+            stays ? ", stays for administrators" : "", m->reason.size ? ": " : "",
+            (int)audited(m->reason).size, m->reason.size ? m->reason.data : "");
     hg_session_audit(s, "drain", err.status, detail);
-    if (!err.status && m->has_cancel && m->cancel) {
-        cancel(table);
-    } else if (!err.status) {
-        table->drain = (struct hg_session_drain){
-            .due_ns = table->loop->now_ns + m->deadline_ms * UINT64_C(1000000),
-            .stay = m->has_stay && m->stay};
-        announce_drain(table, m);
-        hg_info(MAIN, "draining, as %s said: at most %u ms%s", s->name, m->deadline_ms,
-            table->drain.stay ? ", and stays for administrators" : "");
+    if (!err.status) {
+        hg_info(MAIN, "drain by session %llu (%s) of %s: %s", (unsigned long long)s->number,
+            s->name, s->conn->peer.name, detail);
+        if (cancels)
+            cancel(table);
+        else
+            begin(table, m);
     }
     answer(s, request, &err);
 }

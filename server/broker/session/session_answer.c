@@ -213,6 +213,20 @@ static void note_size(
         s->answers.query_bytes = packet->header.length;
 }
 
+// Device, memory, disk and bugs are the operator's business; the rest is between client and worker.
+static void note_failure(struct hg_session *s, uint16_t type, const struct hgp_error *m)
+{
+    static const uint32_t ours = 1u << HG_E_NOMEM | 1u << HG_E_NOSPACE | 1u << HG_E_DEVICE |
+                                 1u << HG_E_DEVICE_LOST | 1u << HG_E_INTERNAL;
+    hg_count_error(m->code);
+    if (s->conn && m->code < 32 && ours >> m->code & 1)
+        hg_peer_warn(&s->conn->table->log, s->table->loop->now_ns, SESSION,
+            "session %llu (%s): %s failed: %.*s: %.*s (%s)", (unsigned long long)s->number, s->name,
+            hgp_find(type)->name, (int)m->what.size, m->what.size ? m->what.data : "",
+            (int)m->reason.size, m->reason.size ? m->reason.data : "",
+            hg_status_name((enum hg_status)m->code));
+}
+
 static void finish_request(struct hg_session *s, struct hg_request *request,
     struct hg_packet *packet, const union hgp_any *m)
 {
@@ -222,6 +236,8 @@ static void finish_request(struct hg_session *s, struct hg_request *request,
     if (failed && m->error.code == HG_E_HASH)
         forget_uploads(s, request->packet);
     hg_session_audit_answer(s, request->packet, failed ? (enum hg_status)m->error.code : HG_OK);
+    if (failed)
+        note_failure(s, request->packet->header.type, &m->error);
     if (failed)
         note_refused(s, request);
     else

@@ -25,6 +25,7 @@ uint64_t hg_session_end_now(struct hg_session *s, const struct hg_error *err, co
     if (s->conn)
         hg_conn_close(s->conn, err, reason);
     if (s->resume.parked_ns) {
+        hg_session_audit(s, "logout", err->status, err->reason);
         s->resume.parked_ns = 0;
         s->table->ended = true;
     }

@@ -49,8 +49,9 @@ static bool shares_token(const struct hg_session *a, const struct hg_session *b)
            memcmp(a->resume.token, b->resume.token, sizeof a->resume.token) == 0;
 }
 
-static void end(struct hg_session *s)
+static void end(struct hg_session *s, enum hg_status status, const char *reason)
 {
+    hg_session_audit(s, "logout", status, reason);
     s->resume.parked_ns = 0;
     s->table->ended = true;
 }
@@ -91,7 +92,7 @@ static void keep_within(struct hg_session_table *table, struct whom whom, uint32
 {
     struct hg_session *oldest;
     while (count(table, whom, &oldest) > most)
-        end(oldest);
+        end(oldest, HG_E_LIMIT, "more sessions wait for their clients than are kept (max-parked)");
 }
 
 // max-parked of a token; those of the last half minute are above it as many as it may have open,
@@ -114,11 +115,8 @@ void hg_session_check_parked(struct hg_session_table *table)
 {
     for (struct hg_session *it = table->first; it; it = it->next)
         if (it->resume.parked_ns &&
-            table->loop->now_ns - it->resume.parked_ns >= table->options->resume_timeout_ns) {
-            hg_session_audit(
-                it, "logout", HG_E_TIMEOUT, "the session was not resumed within resume-timeout");
-            end(it);
-        }
+            table->loop->now_ns - it->resume.parked_ns >= table->options->resume_timeout_ns)
+            end(it, HG_E_TIMEOUT, "the session was not resumed within resume-timeout");
 }
 
 // ---- parking ------------------------------------------------------------------------------------
@@ -146,11 +144,14 @@ static void park_view(struct hg_session *s, struct hg_session_view *view)
     view->credit = view->first_credit;
 }
 
-bool hg_session_park(struct hg_session *s)
+bool hg_session_is_kept(const struct hg_session *s)
+{
+    return s->resume.has_ticket && s->table->options->resume_timeout_ns && !s->table->draining;
+}
+
+void hg_session_park(struct hg_session *s)
 {
     struct hg_session_table *table = s->table;
-    if (!s->resume.has_ticket || !table->options->resume_timeout_ns || table->draining)
-        return false;
     drop_requests(s);
     hg_session_upload_verified(s, NULL);
     for (struct hg_session_view *it = s->views, *next; it; it = next) {
@@ -163,7 +164,6 @@ bool hg_session_park(struct hg_session *s)
     if (s->scene)
         hg_session_share_leave(s, true);
     limit_parked(s);
-    return true;
 }
 
 void hg_session_unpark(struct hg_session *s, struct hg_conn *conn)

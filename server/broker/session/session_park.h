@@ -8,8 +8,10 @@
 
 #include "server/broker/session/session_state.h"
 
-// Its client is gone. False: it is not to be kept, and goes on to its end.
-bool hg_session_park(struct hg_session *session);
+// Whether it is parked, and does not end, when its connection does.
+bool hg_session_is_kept(const struct hg_session *session);
+// Its client is gone, and it is to be kept.
+void hg_session_park(struct hg_session *session);
 // `conn` is its client now; hg_session_request_restore shows again what it asked for.
 void hg_session_unpark(struct hg_session *session, struct hg_conn *conn);
 // A new ticket: its secret (32 bytes). HG_E_NOMEM, HG_E_INTERNAL (no random numbers).

@@ -67,6 +67,7 @@ struct writer {
     struct item *next;      // of the snapshot's items
     int new_fd;
     enum hg_status rewrite_status;
+    enum hg_status rewrite_told;    // how the one before ended
     uint64_t new_bytes, from_bytes; // of the old file, from where on it is copied
 };
 
@@ -252,15 +253,17 @@ static void end_rewrite(struct hg_state_log *log, enum hg_status status)
 {
     struct writer *w = &log->writer;
     struct shared *s = &log->shared;
-    if (status) {
-        hg_log_write(HG_LOG_WARN, HG_LOG_JOURNAL, status, 0,
-            "the log in %s cannot be rewritten: %s", log->options.folder, hg_status_text(status));
+    if (status) { // a broken log is tried again every second, and said to fail once
+        hg_log_write(status == w->rewrite_told ? HG_LOG_DEBUG : HG_LOG_WARN, HG_LOG_JOURNAL, status,
+            0, "the log in %s cannot be rewritten: %s", log->options.folder,
+            hg_status_text(status));
         hg_state_folder_abort(&w->folder, w->new_fd);
         w->new_fd = -1;
     } else if (w->status) {
         hg_info(JOURNAL, "the log in %s is complete again", log->options.folder);
         w->status = HG_OK;
     }
+    w->rewrite_told = status;
     pthread_mutex_lock(&s->lock);
     s->rewritten = true;
     if (!status)

@@ -6,7 +6,7 @@
 #include "protocol/hgp.h"
 #include "server/broker/metrics/counters.h"
 
-enum { ENOUGH = 2 };
+enum { ENOUGH = 2, TLS_HANDSHAKE = 22 }; // the type of the first record of TLS
 
 struct detect {
     struct hg_transport below;
@@ -55,7 +55,9 @@ static enum hg_status detect_read(struct hg_transport *t, void *dst, size_t size
         return status;
     if (!is_letter(d->first[0]) || size < ENOUGH) {
         hg_count(HG_COUNT_REFUSED_PREFACE);
-        t->fault = "speaks neither HGP nor HTTP";
+        t->fault = d->first[0] == TLS_HANDSHAKE
+                       ? "speaks TLS; this listener does not (tls:HOST:PORT)"
+                       : "speaks neither HGP nor HTTP";
         return HG_E_FORMAT;
     }
     if (d->size < ENOUGH)

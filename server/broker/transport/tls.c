@@ -3,15 +3,25 @@
 #include <errno.h>
 #include <openssl/err.h>
 #include <openssl/ssl.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/epoll.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/alloc.h"
 #include "base/file.h"
+#include "base/log.h"
 #include "server/broker/metrics/counters.h"
 
-enum { RECORD_BYTES = 16384, TICKET_KEY_BYTES = 80, CLIENT_CA_BYTES = 16 << 20 };
+enum {
+    RECORD_BYTES = 16384,
+    TICKET_KEY_BYTES = 80,
+    CLIENT_CA_BYTES = 16 << 20,
+    FAULT_BYTES = 320,
+    SOON_S = 7 * 86400
+};
 
 struct tls {
     struct hg_transport below;
@@ -20,6 +30,7 @@ struct tls {
     size_t out_sent, out_size, out_capacity;
     bool open;   // the handshake is done
     bool failed; // SSL_shutdown must not be called any more
+    char *fault; // what is wrong with the client's certificate, or why the handshake failed
 };
 
 // ---- what is below, for OpenSSL -----------------------------------------------------------------
@@ -118,16 +129,86 @@ static void take_subject(const struct hg_transport *t, struct tls *tls)
     X509_free(certificate);
 }
 
+// ---- what was wrong -----------------------------------------------------------------------------
+
+static HG_PRINTF(2, 3) void set_fault(struct tls *tls, const char *fmt, ...)
+{
+    va_list args;
+    if (!tls->fault && !(tls->fault = hg_calloc(1, FAULT_BYTES)))
+        return;
+    va_start(args, fmt);
+    vsnprintf(tls->fault, FAULT_BYTES, fmt, args);
+    va_end(args);
+}
+
+static const char *name_version(int version)
+{
+    return version >= TLS1_2_VERSION   ? "TLS 1.2 without what is needed of it"
+           : version == TLS1_1_VERSION ? "TLS 1.1"
+           : version == TLS1_VERSION   ? "TLS 1.0"
+                                       : "SSL";
+}
+
+// OpenSSL judges a certificate of the client's chain; what is wrong with it is known only here.
+static int note_certificate(int is_good, X509_STORE_CTX *store)
+{
+    SSL *ssl = X509_STORE_CTX_get_ex_data(store, SSL_get_ex_data_X509_STORE_CTX_idx());
+    X509 *certificate = X509_STORE_CTX_get0_cert(store);
+    char name[129] = "";
+    if (certificate)
+        X509_NAME_get_text_by_NID(
+            X509_get_subject_name(certificate), NID_commonName, name, sizeof name);
+    if (!is_good)
+        set_fault(SSL_get_app_data(ssl), "TLS: the client's certificate '%s' is refused: %s", name,
+            X509_verify_cert_error_string(X509_STORE_CTX_get_error(store)));
+    return is_good;
+}
+
+// Of the oldest error of OpenSSL.
+static void explain(struct tls *tls)
+{
+    const unsigned long error = ERR_peek_error();
+    const int reason = ERR_GET_LIB(error) == ERR_LIB_SSL ? ERR_GET_REASON(error) : 0;
+    const char *text = ERR_reason_error_string(error);
+    if (reason == SSL_R_CERTIFICATE_VERIFY_FAILED && tls->fault)
+        return;
+    if (reason == SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE)
+        set_fault(tls, "TLS: the client has no certificate (tls-client-auth=require)");
+    else if (reason == SSL_R_HTTP_REQUEST)
+        set_fault(tls, "TLS: a request of plain HTTP came; this listener speaks https and wss");
+    else if (reason == SSL_R_WRONG_VERSION_NUMBER)
+        set_fault(tls, "TLS: what came is not TLS, and this listener speaks nothing else");
+    else if (reason == SSL_R_UNSUPPORTED_PROTOCOL)
+        set_fault(tls, "TLS: the client speaks %s; 1.2 is the oldest version that is spoken here",
+            name_version(SSL_client_version(tls->ssl)));
+    else if (reason == SSL_R_NO_APPLICATION_PROTOCOL)
+        set_fault(tls, "TLS: the client asks for neither hgp/1 nor http/1.1 (ALPN)");
+    else if (reason > SSL_AD_REASON_OFFSET)
+        set_fault(tls, "TLS: the client ended the handshake: %s",
+            SSL_alert_desc_string_long(reason - SSL_AD_REASON_OFFSET));
+    else
+        set_fault(tls, "TLS: %s", text ? text : "the handshake failed");
+}
+
+static bool is_about_certificate(void)
+{
+    const unsigned long error = ERR_peek_error();
+    return ERR_GET_LIB(error) == ERR_LIB_SSL &&
+           (ERR_GET_REASON(error) == SSL_R_CERTIFICATE_VERIFY_FAILED ||
+               ERR_GET_REASON(error) == SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE);
+}
+
 // Before the handshake is done the peer has broken a rule and is told by an alert; behind it the
 // stream is broken, and the session may go on over another one.
 static enum hg_status fail(struct hg_transport *t, struct tls *tls)
 {
-    const char *reason = ERR_reason_error_string(ERR_peek_error());
     tls->failed = true;
     if (tls->open)
         return HG_E_IO;
-    hg_count(HG_COUNT_REFUSED_TLS);
-    t->fault = reason ? reason : "the TLS handshake failed";
+    t->peer->unproven = is_about_certificate();
+    hg_count(t->peer->unproven ? HG_COUNT_REFUSED_CERTIFICATE : HG_COUNT_REFUSED_TLS);
+    explain(tls);
+    t->fault = tls->fault ? tls->fault : "TLS: the handshake failed";
     return HG_E_FORMAT;
 }
 
@@ -240,6 +321,7 @@ static void tls_close(struct hg_transport *t)
         (void)!flush_records(tls);
     SSL_free(tls->ssl);
     hg_transport_close(&tls->below);
+    hg_free(tls->fault);
     hg_free(tls->out);
     hg_free(tls);
 }
@@ -268,6 +350,7 @@ enum hg_status hg_tls_begin(struct hg_transport *t, const struct hg_tls *context
     tls->ssl = ssl;
     BIO_set_data(bio, tls);
     BIO_set_init(bio, 1);
+    SSL_set_app_data(ssl, tls);
     SSL_set_bio(ssl, bio, bio);
     SSL_set_accept_state(ssl);
     hg_transport_become(t, &hg_transport_tls, tls);
@@ -278,7 +361,9 @@ enum hg_status hg_tls_begin(struct hg_transport *t, const struct hg_tls *context
 
 static enum hg_status refuse(const char *file, const char *what, struct hg_error *err)
 {
-    const char *reason = ERR_reason_error_string(ERR_peek_error());
+    const unsigned long error = ERR_peek_error();
+    const char *reason =
+        ERR_SYSTEM_ERROR(error) ? strerror(ERR_GET_REASON(error)) : ERR_reason_error_string(error);
     return hg_error_set(
         err, HG_E_INVAL, file, NULL, "%s%s%s", what, reason ? ": " : "", reason ? reason : "");
 }
@@ -316,7 +401,11 @@ static enum hg_status load_files(SSL_CTX *context, const struct hg_options *o, s
     if (SSL_CTX_use_certificate_chain_file(context, o->tls_cert) != 1)
         return refuse(o->tls_cert, "no certificate can be read from it", err);
     if (SSL_CTX_use_PrivateKey_file(context, key, SSL_FILETYPE_PEM) != 1)
-        return refuse(key, "no key for the certificate can be read from it", err);
+        return refuse(key,
+            o->tls_key
+                ? "no key for the certificate can be read from it"
+                : "no key for the certificate can be read from it (tls-key names another file)",
+            err);
     if (!o->tls_client_ca)
         return HG_OK;
     STACK_OF(X509_NAME) *names = SSL_load_client_CA_file(o->tls_client_ca);
@@ -326,10 +415,58 @@ static enum hg_status load_files(SSL_CTX *context, const struct hg_options *o, s
     }
     SSL_CTX_set_client_CA_list(context, names);
     const bool required = strcmp(o->tls_client_auth, "require") == 0;
-    SSL_CTX_set_verify(
-        context, SSL_VERIFY_PEER | (required ? SSL_VERIFY_FAIL_IF_NO_PEER_CERT : 0), NULL);
+    SSL_CTX_set_verify(context, SSL_VERIFY_PEER | (required ? SSL_VERIFY_FAIL_IF_NO_PEER_CERT : 0),
+        note_certificate);
     return HG_OK;
 }
+
+// ---- validity -----------------------------------------------------------------------------------
+
+static int64_t unix_time(const ASN1_TIME *time)
+{
+    struct tm tm;
+    return ASN1_TIME_to_tm(time, &tm) ? (int64_t)timegm(&tm) : 0;
+}
+
+static void narrow(struct hg_tls *tls, const X509 *certificate)
+{
+    const int64_t begins_s = unix_time(X509_get0_notBefore(certificate));
+    const int64_t ends_s = unix_time(X509_get0_notAfter(certificate));
+    if (begins_s > tls->begins_s)
+        tls->begins_s = begins_s;
+    if (!tls->ends_s || ends_s < tls->ends_s)
+        tls->ends_s = ends_s;
+}
+
+// From the latest begin to the earliest end of the certificate and those that it was signed by.
+static void note_validity(struct hg_tls *tls, SSL_CTX *context)
+{
+    STACK_OF(X509) *chain = NULL;
+    narrow(tls, SSL_CTX_get0_certificate(context));
+    SSL_CTX_get0_chain_certs(context, &chain);
+    for (int i = 0; i < sk_X509_num(chain); i++) // -1 without a chain
+        narrow(tls, sk_X509_value(chain, i));
+}
+
+void hg_tls_warn(const struct hg_tls *tls, const char *file)
+{
+    const int64_t now_s = time(NULL);
+    const time_t of_s = tls->begins_s > now_s ? tls->begins_s : tls->ends_s;
+    char date[32];
+    struct tm tm;
+    if (!tls->context)
+        return;
+    gmtime_r(&of_s, &tm);
+    strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%SZ", &tm);
+    if (tls->begins_s > now_s)
+        hg_warn(NET, "the certificate in %s is valid from %s on: clients refuse it", file, date);
+    else if (tls->ends_s <= now_s)
+        hg_warn(NET, "the certificate in %s has expired at %s: clients refuse it", file, date);
+    else if (tls->ends_s - now_s < SOON_S)
+        hg_warn(NET, "the certificate in %s expires at %s", file, date);
+}
+
+// ---- opening ------------------------------------------------------------------------------------
 
 // Of the authorities' file, as it was just read, and of whether a certificate is required.
 static enum hg_status hash_clients(
@@ -357,6 +494,9 @@ enum hg_status hg_tls_open(const struct hg_options *o, struct hg_tls *out, struc
 {
     *out = (struct hg_tls){0};
     ERR_clear_error();
+    if (!o->tls_client_ca && strcmp(o->tls_client_auth, "require") == 0)
+        return hg_error_set(err, HG_E_INVAL, "--tls-client-auth", NULL,
+            "require needs --tls-client-ca: without it no certificate is asked for");
     if (!o->tls_cert)
         return o->tls_client_ca || o->tls_key
                    ? hg_error_set(err, HG_E_INVAL, "--tls-cert", NULL, "name the certificate, too")
@@ -368,11 +508,13 @@ enum hg_status hg_tls_open(const struct hg_options *o, struct hg_tls *out, struc
     enum hg_status status = load_files(context, o, err);
     if (!status)
         status = hash_clients(o, out->clients, err);
-    if (status)
+    if (status) {
         SSL_CTX_free(context);
-    else
-        out->context = context;
-    return status;
+        return status;
+    }
+    note_validity(out, context);
+    out->context = context;
+    return HG_OK;
 }
 
 void hg_tls_replace(struct hg_tls *into, struct hg_tls *from)
@@ -391,5 +533,5 @@ void hg_tls_replace(struct hg_tls *into, struct hg_tls *from)
 void hg_tls_finish(struct hg_tls *tls)
 {
     SSL_CTX_free(tls->context);
-    tls->context = NULL;
+    *tls = (struct hg_tls){0};
 }

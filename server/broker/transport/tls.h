@@ -15,6 +15,7 @@ struct ssl_ctx_st;
 struct hg_tls {
     struct ssl_ctx_st *context;       // NULL: there is no certificate
     uint8_t clients[HG_SHA256_BYTES]; // hash of who may show a certificate, and must
+    int64_t begins_s, ends_s; // Unix time in which the whole chain is valid; 0 = there is none
 };
 
 extern const struct hg_transport_class hg_transport_tls;
@@ -26,6 +27,8 @@ enum hg_status hg_tls_open(
 // Puts a new one in place, with the keys of the tickets that clients have, unless other clients are
 // let in than before: what a ticket says of its client was checked then. Finishes `from`.
 void hg_tls_replace(struct hg_tls *into, struct hg_tls *from);
+// Logs that clients will refuse the certificate, or will within a week.
+void hg_tls_warn(const struct hg_tls *tls, const char *file);
 void hg_tls_finish(struct hg_tls *tls); // accepts an empty one
 
 // `t`, a transport of sockets, becomes one over it. HG_E_NOMEM: nothing has changed.

@@ -24,6 +24,7 @@ struct hg_peer {
     char source[64];   // what one host or user has: the address, the /64 of IPv6, the uid
     char network[64];  // of its neighbours: the /24 of IPv4, the /48 of IPv6; "" on this machine
     char subject[129]; // of its certificate, verified; "" = it has shown none
+    bool unproven;     // its certificate was refused, or it has none and needs one
     bool is_local;     // on this machine: it cannot vanish without a trace
     bool same_user;    // it runs as the user of this process
 };

@@ -138,7 +138,7 @@ static void take_replay_answer(
 
 static void give_up_scene(struct hg_session_table *table, struct hg_shared_scene *scene)
 {
-    const char *last_words = scene->link->last_words;
+    const char *last_words = scene->link->farewell.words;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, "scene", NULL,
         "the worker died %u times while this scene was built again; it was given up%s%s",
@@ -156,7 +156,7 @@ static void give_up_scene(struct hg_session_table *table, struct hg_shared_scene
 static void give_up_request(struct hg_session *s, struct hg_request *request)
 {
     const char *name = hgp_find(request->packet->header.type)->name;
-    const char *last_words = s->scene->link->last_words;
+    const char *last_words = s->scene->link->farewell.words;
     struct hg_error err = {0};
     hg_error_set(&err, HG_E_WORKER, name, NULL,
         "the worker died %d times at this request; it is not tried again%s%s", request->deaths,

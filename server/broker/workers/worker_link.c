@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/log.h"
+#include "server/broker/metrics/counters.h"
 
 enum {
     PAYLOAD_LIMIT = 640 << 20, // above every message of the table
@@ -26,6 +27,7 @@ static uint64_t restart_delay_ns(const struct hg_link *link);
 
 static void count_death(struct hg_link *link)
 {
+    hg_count(HG_COUNT_WORKER_DEATHS);
     link->death_ns[link->deaths++ % HG_LINK_DEATHS_KEPT] = link->loop->now_ns;
     link->restart_ns = link->loop->now_ns + restart_delay_ns(link);
 }
@@ -44,7 +46,7 @@ static enum hg_status open_link(struct hg_link *link, int fd)
     link->started_ns = link->loop->now_ns;
     link->pulse_ns = hg_loop_awake_ns(link->loop);
     link->hang = (struct hg_link_hang){0};
-    link->last_words[0] = 0;
+    link->farewell.words[0] = 0;
     return hg_loop_add(link->loop, &link->source);
 }
 
@@ -135,21 +137,25 @@ void hg_link_fail(struct hg_link *link, const char *reason)
 {
     if (link->state == HG_LINK_DOWN)
         return;
-    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced", (int)link->pid, reason);
+    hg_fault(WORKER, HG_E_WORKER, "worker %d: %s; it is replaced",
+        (int)(link->pid ? link->pid : link->farewell.pid), reason);
+    if (!link->pid)
+        link->farewell.pid = 0;
     hg_link_end(link);
     count_death(link);
     link->events->died(link);
 }
 
-void hg_link_exited(struct hg_link *link, int status)
+void hg_link_exited(struct hg_link *link, pid_t pid, int status)
 {
-    int pid = (int)link->pid;
-    link->pid = 0; // the end of the stream follows and does the rest
+    link->farewell.pid = pid == link->pid ? pid : 0;
+    if (pid == link->pid)
+        link->pid = 0; // the end of the stream follows and does the rest
     if (WIFSIGNALED(status))
-        hg_warn(WORKER, "worker %d was killed by signal %d (%s)", pid, WTERMSIG(status),
+        hg_warn(WORKER, "worker %d was killed by signal %d (%s)", (int)pid, WTERMSIG(status),
             strsignal(WTERMSIG(status)));
     else
-        hg_warn(WORKER, "worker %d exited with %d", pid, WEXITSTATUS(status));
+        hg_warn(WORKER, "worker %d exited with %d", (int)pid, WEXITSTATUS(status));
 }
 
 void hg_link_stop(struct hg_link *link)
@@ -241,11 +247,11 @@ static void take_ready(struct hg_link *link)
 // It ends by itself, after this.
 static void take_last_words(struct hg_link *link, const struct hgp_error *m)
 {
-    snprintf(link->last_words, sizeof link->last_words, "%.*s%s%.*s", (int)m->where.size,
+    snprintf(link->farewell.words, sizeof link->farewell.words, "%.*s%s%.*s", (int)m->where.size,
         m->where.size ? m->where.data : "", m->where.size ? ": " : "", (int)m->reason.size,
         m->reason.size ? m->reason.data : "");
     link->no_spill |= m->what.size == 5 && memcmp(m->what.data, "spill", 5) == 0;
-    hg_warn(WORKER, "worker: %s%s", link->last_words,
+    hg_warn(WORKER, "worker: %s%s", link->farewell.words,
         link->no_spill ? "; large arrays stay in memory from now on" : "");
 }
 
@@ -296,6 +302,14 @@ static bool handle(struct hg_link *link, struct hg_packet *packet)
     return true;
 }
 
+// It ends: why is known when it is reaped. A SIGKILL does not change that any more.
+static void close_by_peer(struct hg_link *link)
+{
+    if (link->pid)
+        link->farewell.pid = link->pid;
+    hg_link_fail(link, "closed its link");
+}
+
 static void receive(struct hg_link *link)
 {
     enum hg_status status = hg_packet_receive(&link->in, &link->transport);
@@ -311,7 +325,7 @@ static void receive(struct hg_link *link)
     if (framing)
         hg_link_fail(link, "sent bytes that make no sense");
     else if (status == HG_E_CLOSED || status == HG_E_IO)
-        hg_link_fail(link, "closed its link");
+        close_by_peer(link);
     else if (status == HG_E_NOMEM)
         hg_link_fail(link, "no memory to read from it");
 }

@@ -96,6 +96,12 @@ struct hg_link_owner {
     struct hg_worker_share share;     // as it was put into effect
 };
 
+// How the worker ends.
+struct hg_link_farewell {
+    char words[400]; // why it says that it does; "" = it says nothing
+    pid_t pid;       // it closed its link and is to be reaped, or the other way round; 0 = none
+};
+
 struct hg_link {
     struct hg_loop *loop;
     const struct hg_options *options;
@@ -114,7 +120,7 @@ struct hg_link {
     uint32_t deaths;
     uint32_t last_id;
     struct hg_link_owner whose;
-    char last_words[400]; // why the worker says it ends; "" = it says nothing
+    struct hg_link_farewell farewell;
     bool no_spill;        // the disk failed a worker: later ones keep large arrays in memory
     bool broken;          // could not queue a message: replaced at the end of the round
     struct hg_link_feed feed;
@@ -131,7 +137,8 @@ void hg_link_stop(struct hg_link *link);                     // at the end: kill
 void hg_link_end(struct hg_link *link);                      // kills it; reaped on SIGCHLD
 void hg_link_fail(struct hg_link *link, const char *reason); // kill and replace
 void hg_link_check_time(struct hg_link *link);
-void hg_link_exited(struct hg_link *link, int status);      // its process has been reaped
+// Its process, or the one before that closed its link, has been reaped.
+void hg_link_exited(struct hg_link *link, pid_t pid, int status);
 uint32_t hg_link_recent_deaths(const struct hg_link *link); // within the last minute
 uint32_t hg_link_next_id(struct hg_link *link);
 bool hg_link_has_room(const struct hg_link *link); // for what sessions send

@@ -258,8 +258,8 @@ bool hg_worker_pool_reap(struct hg_worker_pool *pool, pid_t other, int *other_st
             any->loop->stop = true; // a service manager starts all anew
         }
         for (uint32_t i = 0; i < pool->count; i++)
-            if (pool->links[i].pid == pid)
-                hg_link_exited(&pool->links[i], status);
+            if (pool->links[i].pid == pid || pool->links[i].farewell.pid == pid)
+                hg_link_exited(&pool->links[i], pid, status);
     }
     return found;
 }
