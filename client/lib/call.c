@@ -182,8 +182,33 @@ static bool find_answer(struct helio *h, uint32_t request, struct hg_client_mess
     return false;
 }
 
+// A request that waits for its answer.
+struct call {
+    enum hgp_type type;
+    const void *message;
+    uint32_t request;
+    uint64_t deadline;
+};
+
+// The server renders nothing more for a frame that was given up.
+static void cancel_frame(struct helio *h, const struct call *call)
+{
+    struct hgp_frame_cancel cancel = {.request = call->request};
+    struct hg_error ignored = {0};
+    uint32_t id;
+    if (call->type == HGP_T_frame_request)
+        cancel.view = ((const struct hgp_frame_request *)call->message)->view;
+    else if (call->type == HGP_T_exposure_query)
+        cancel.view = ((const struct hgp_exposure_query *)call->message)->view;
+    else
+        return;
+    // Without room to send it the frame is rendered after all.
+    if (helio_send(h, HGP_T_frame_cancel, &cancel, &id, &ignored) == HG_OK)
+        hg_client_queue_give_up(&h->queue, id);
+}
+
 // HG_E_AGAIN: the connection was lost, and with it the answer.
-static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t deadline,
+static enum hg_status wait_answer(struct helio *h, const struct call *call,
     struct hg_client_message **answer, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
@@ -192,7 +217,7 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
     for (;;) {
         enum hg_status found;
         // An answer that came before the connection ended still counts.
-        if (find_answer(h, request, answer, &found, err))
+        if (find_answer(h, call->request, answer, &found, err))
             return found;
         if (status)
             return status;
@@ -202,9 +227,10 @@ static enum hg_status wait_answer(struct helio *h, uint32_t request, uint64_t de
         status = is_stuck
                      ? hg_error_set(err, HG_E_STATE, h->url, NULL,
                            "%d received messages wait for helio_next", HG_CLIENT_QUEUE_MESSAGES)
-                     : wait_until(h, deadline, err);
+                     : wait_until(h, call->deadline, err);
         if (is_stuck || (status && !h->error.status)) {
-            hg_client_queue_give_up(&h->queue, request);
+            hg_client_queue_give_up(&h->queue, call->request);
+            cancel_frame(h, call);
             return status;
         }
     }
@@ -235,14 +261,13 @@ static bool may_repeat(enum hgp_type type)
     }
 }
 
-static enum hg_status send_when_possible(struct helio *h, enum hgp_type type, const void *message,
-    uint64_t deadline, uint32_t *request, struct hg_error *err)
+static enum hg_status send_when_possible(struct helio *h, struct call *call, struct hg_error *err)
 {
-    enum hg_status status = helio_send(h, type, message, request, err);
+    enum hg_status status = helio_send(h, call->type, call->message, &call->request, err);
     while (status == HG_E_AGAIN) {
-        status = wait_until(h, deadline, err);
+        status = wait_until(h, call->deadline, err);
         if (!status)
-            status = helio_send(h, type, message, request, err);
+            status = helio_send(h, call->type, call->message, &call->request, err);
     }
     return status;
 }
@@ -250,16 +275,15 @@ static enum hg_status send_when_possible(struct helio *h, enum hgp_type type, co
 enum hg_status helio_call(struct helio *h, enum hgp_type type, const void *message,
     struct helio_message **answer, struct hg_error *err)
 {
-    uint64_t deadline = deadline_of(h->timeout_ns);
-    uint32_t request;
+    struct call call = {.type = type, .message = message, .deadline = deadline_of(h->timeout_ns)};
     struct hg_client_message *got = NULL;
     if (answer)
         *answer = NULL;
     enum hg_status status;
     do {
-        status = send_when_possible(h, type, message, deadline, &request, err);
+        status = send_when_possible(h, &call, err);
         if (!status)
-            status = wait_answer(h, request, deadline, &got, err);
+            status = wait_answer(h, &call, &got, err);
     } while (status == HG_E_AGAIN && may_repeat(type));
     if (status == HG_E_AGAIN)
         status = hg_error_set(err, HG_E_CLOSED, hgp_find((uint16_t)type)->name, NULL,

@@ -1098,6 +1098,14 @@ export const messages = {
             { name: "exposure_ev", kind: "f32", least: -64, most: 64, since: 1 },
         ],
     },
+    // the client no longer waits for the answer to a frame_request or exposure_query of the view: that is answered by an error, cancelled, and nothing more is rendered for it
+    frame_cancel: {
+        type: 0x0312, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
+        fields: [
+            { name: "view", kind: "u32", least: 1, most: 4294967295, since: 1 },
+            { name: "request", kind: "u32", least: 0, most: 4294967295, since: 1 },
+        ],
+    },
     // the client has this frame of the view's subscription, and gives credit for one more. Of every frame, for views with names 1
     taken: {
         type: 0x0313, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,

@@ -50,6 +50,7 @@ static const struct {
     {HGP_T_view_fit, hg_handle_view_fit},
     {HGP_T_frame_request, hg_handle_frame_request},
     {HGP_T_exposure_query, hg_handle_exposure_query},
+    {HGP_T_frame_cancel, hg_handle_frame_cancel},
     {HGP_T_subscribe, hg_handle_subscribe},
     {HGP_T_credit, hg_handle_credit},
     {HGP_T_taken, hg_handle_taken},

@@ -128,21 +128,28 @@ static void fill(void)
     m->specular = 0.8f;
 }
 
+// Where the indices are nearly the same lobes that go through are narrow: their grids are finer.
+static bool is_narrow(const struct bsdf_material *m)
+{
+    return m->ior_outside > 1;
+}
+
 // --- sampling ------------------------------------------------------------------------------------
 
 // Pearson's test of sampled directions against the density, cells of equal solid angle on the
 // sphere.
 static void sampling_case(struct probe *probe, const struct named *n, struct hg_vec4 v)
 {
-    enum { X = 12, Z = 12, SAMPLES = 1 << 16, SUB = 22, FINE = X * Z * SUB * SUB };
-    static struct hg_vec4 in[2 * FINE], out[2 * FINE];
+    enum { X = 12, Z = 12, SAMPLES = 1 << 16, MOST = 22, FINEST = X * Z * MOST * MOST };
+    static struct hg_vec4 in[2 * FINEST], out[2 * FINEST];
     static double expected[X * Z], seen[X * Z];
     for (int i = 0; i < SAMPLES; i++) {
         in[2 * i] = v;
         in[2 * i + 1] =
             (struct hg_vec4){probe_random_float(), probe_random_float(), probe_random_float(), 0};
     }
-    static_assert(SAMPLES <= FINE, "room for both");
+    static_assert(SAMPLES <= FINEST, "room for both");
+    const int sub = is_narrow(&n->m) ? MOST : 15, fine = X * Z * sub * sub;
     double outside = 0;
     memset(seen, 0, sizeof seen);
     memset(expected, 0, sizeof expected);
@@ -156,16 +163,16 @@ static void sampling_case(struct probe *probe, const struct named *n, struct hg_
         else
             seen[(z < Z ? z : Z - 1) * X + x]++;
     }
-    for (int i = 0; i < FINE; i++) {
-        double phi = ((i % (X * SUB)) + 0.5) / (X * SUB) * 2 * PI - PI;
-        double z = (i / (X * SUB) + 0.5) / (Z * SUB) * 2 - 1, s = sqrt(1 - z * z);
+    for (int i = 0; i < fine; i++) {
+        double phi = ((i % (X * sub)) + 0.5) / (X * sub) * 2 * PI - PI;
+        double z = (i / (X * sub) + 0.5) / (Z * sub) * 2 - 1, s = sqrt(1 - z * z);
         in[2 * i] = v;
         in[2 * i + 1] = (struct hg_vec4){(float)(s * cos(phi)), (float)(s * sin(phi)), (float)z, 0};
     }
-    bsdf_run(probe, BSDF_EVALUATE, &n->m, FINE, in, out);
-    for (int i = 0; i < FINE; i++)
-        expected[i / (X * SUB) / SUB * X + i % (X * SUB) / SUB] +=
-            (double)out[2 * i].w * 4 * PI / FINE * SAMPLES;
+    bsdf_run(probe, BSDF_EVALUATE, &n->m, (uint32_t)fine, in, out);
+    for (int i = 0; i < fine; i++)
+        expected[i / (X * sub) / sub * X + i % (X * sub) / sub] +=
+            (double)out[2 * i].w * 4 * PI / fine * SAMPLES;
     double chi2 = 0, inside = 0;
     int cells = 0;
     for (int i = 0; i < X * Z; i++) {
@@ -197,26 +204,54 @@ static void test_sampling_matches_density(void **state)
 
 // --- integrals -----------------------------------------------------------------------------------
 
+// Over a grid of directions, of the first channel: what is reflected, what goes through (without
+// its n^2), density.
+struct integrals {
+    double back, through, density;
+};
+
+static struct integrals integrals_of(
+    struct probe *probe, const struct bsdf_material *m, struct hg_vec4 v)
+{
+    enum { MOST = 180, ALL = 2 * MOST * MOST };
+    static struct hg_vec4 in[2 * ALL], out[2 * ALL];
+    const int n = is_narrow(m) ? MOST : 150, all = 2 * n * n;
+    const double share = 2 * PI / (n * n);
+    struct integrals sum = {0, 0, 0};
+    for (int i = 0; i < all; i++) {
+        in[2 * i] = v;
+        in[2 * i + 1] = bsdf_direction(((float)(i / n) + 0.5f) / (float)n - 1,
+            2 * (float)PI * ((float)(i % n) + 0.5f) / (float)n, true);
+    }
+    bsdf_run(probe, BSDF_EVALUATE, m, (uint32_t)all, in, out);
+    for (int i = 0; i < all; i++) {
+        const bool behind = in[2 * i + 1].z < 0;
+        *(behind ? &sum.through : &sum.back) += (double)out[2 * i].x * share;
+        sum.density += (double)out[2 * i].w * share;
+    }
+    return sum;
+}
+
 // What samples estimate is what a grid of directions adds up to.
 static void test_lobes_against_integrals(void **state)
 {
     for (int i = 0; i < count; i++) {
         enum { N = 4 };
-        struct hg_vec4 in[2 * N] = {{0, 0, 0, 0}}, sampled[2 * N], grid[2 * N];
-        struct bsdf_material m = list[i].m;
+        struct hg_vec4 v[N], sampled[N][2];
+        const struct bsdf_material *m = &list[i].m;
         for (int k = 0; k < N; k++)
-            in[2 * k] = bsdf_direction(0.25f + 0.24f * (float)k, 0.7f * (float)k, true);
-        bsdf_add_up(*state, BSDF_ALBEDO, &m, N, in, sampled);
-        bsdf_add_up(*state, BSDF_INTEGRALS, &m, N, in, grid);
-        const float ratio = m.ior / m.ior_outside;
-        const bool bent = m.transmission > 0 && m.thickness > 0;
+            v[k] = bsdf_direction(0.25f + 0.24f * (float)k, 0.7f * (float)k, true);
+        bsdf_albedo(*state, m, BSDF_SAMPLES, N, v, sampled);
+        const double ratio = (double)(m->ior / m->ior_outside);
+        const bool bent = m->transmission > 0 && m->thickness > 0;
         for (int k = 0; k < N; k++) {
-            const float through = grid[2 * k].y * (bent ? ratio * ratio : 1);
+            struct integrals grid = integrals_of(*state, m, v[k]);
+            grid.through *= bent ? ratio * ratio : 1;
             print_message("%-24s v.z %.2f: sampled %.4f, integrals %.4f + %.4f, density %.4f\n",
-                list[i].name, (double)in[2 * k].z, (double)sampled[2 * k].x, (double)grid[2 * k].x,
-                (double)through, (double)grid[2 * k].z);
-            probe_near(sampled[2 * k].x, grid[2 * k].x + through, 0.01);
-            probe_near(grid[2 * k].z + sampled[2 * k].w, 1, 0.01);
+                list[i].name, (double)v[k].z, (double)sampled[k][0].x, grid.back, grid.through,
+                grid.density);
+            probe_near(sampled[k][0].x, grid.back + grid.through, 0.01);
+            probe_near(grid.density + (double)sampled[k][0].w, 1, 0.01);
         }
     }
 }
@@ -247,10 +282,17 @@ static void test_never_negative(void **state)
 
 // --- reciprocity ---------------------------------------------------------------------------------
 
+// Light that goes through a face of another index is n^2 times as much from there.
+static float squeezed(const struct bsdf_material *m, struct hg_vec4 v, struct hg_vec4 l)
+{
+    const float ratio = m->ior / m->ior_outside;
+    return v.z * l.z < 0 && m->thickness > 0 && m->transmission > 0 ? ratio * ratio : 1;
+}
+
 static void test_reciprocity(void **state)
 {
     enum { N = 512 };
-    static struct hg_vec4 in[2 * N], out[2 * N];
+    static struct hg_vec4 in[2 * N], there[2 * N], back[2 * N];
     for (int i = 0; i < count; i++) {
         const bool through = bsdf_goes_through(&list[i].m);
         if (list[i].m.coat_tilt > 0)
@@ -262,13 +304,26 @@ static void test_reciprocity(void **state)
             in[2 * k + 1] =
                 bsdf_direction(through && k % 2 ? -c : c, probe_random_float() * 6.2832f, true);
         }
-        bsdf_run(*state, BSDF_RECIPROCITY, &list[i].m, N, in, out);
+        bsdf_run(*state, BSDF_EVALUATE, &list[i].m, N, in, there);
+        for (int k = 0; k < N; k++) {
+            const struct hg_vec4 v = in[2 * k];
+            in[2 * k] = in[2 * k + 1];
+            in[2 * k].w = in[2 * k].z > 0; // the face that it sees
+            in[2 * k + 1] = v;
+        }
+        bsdf_run(*state, BSDF_EVALUATE, &list[i].m, N, in, back);
         double worst = 0;
         int lit = 0;
         for (int k = 0; k < N; k++) {
-            lit += out[2 * k].x > 1e-4f;
-            if (out[2 * k].x > 1e-4f)
-                worst = fmax(worst, (double)out[2 * k].z);
+            const struct hg_vec4 l = in[2 * k], v = in[2 * k + 1];
+            const float square = squeezed(&list[i].m, v, l);
+            const bool seen = there[2 * k].x * square / fabsf(l.z) > 1e-4f;
+            lit += seen;
+            for (int c = 0; c < 3 && seen; c++) {
+                const double f = (double)((&there[2 * k].x)[c] * square / fabsf(l.z)),
+                             g = (double)((&back[2 * k].x)[c] / fabsf(v.z));
+                worst = fmax(worst, fabs(f - g) / fmax(fmax(f, g), 1e-6));
+            }
         }
         print_message("reciprocity %-24s worst %.5f of %d\n", list[i].name, worst, lit);
         assert_true(lit > N / 4);

@@ -29,26 +29,25 @@ struct furnace {
 static int looked_twice; // with all samples after some
 
 static struct furnace furnace_with(
-    struct probe *probe, const struct bsdf_material *m, bool front, float samples)
+    struct probe *probe, const struct bsdf_material *m, bool front, uint32_t samples)
 {
     enum { V = 6, P = 3 };
-    struct hg_vec4 in[2 * V * P] = {{0, 0, 0, 0}}, out[2 * V * P];
+    struct hg_vec4 in[V * P], out[V * P][2];
     struct furnace f = {.least = 2};
     const bool outside = front || m->thickness <= 0;
     // Only anisotropic lobes depend on the azimuth: others see each cosine from one.
     const bool isotropic = m->anisotropy <= 0;
     const int directions = isotropic ? V : V * P;
     for (int i = 0; i < directions; i++) {
-        in[2 * i + 1].y = samples;
-        in[2 * i] = bsdf_direction((outside ? 1 : -1) * (0.1f + 0.89f * (float)(i % V) / (V - 1)),
+        in[i] = bsdf_direction((outside ? 1 : -1) * (0.1f + 0.89f * (float)(i % V) / (V - 1)),
             (float)(isotropic ? i : i / V) * 0.83f, outside);
     }
-    bsdf_add_up(probe, BSDF_ALBEDO, m, (uint32_t)directions, in, out);
+    bsdf_albedo(probe, m, samples, (uint32_t)directions, in, out);
     for (int i = 0; i < directions; i++)
         for (int k = 0; k < 3; k++) {
-            f.least = fmin(f.least, (double)(&out[2 * i].x)[k]);
-            f.most = fmax(f.most, (double)(&out[2 * i].x)[k]);
-            f.noise = fmax(f.noise, (double)(&out[2 * i + 1].x)[k]);
+            f.least = fmin(f.least, (double)(&out[i][0].x)[k]);
+            f.most = fmax(f.most, (double)(&out[i][0].x)[k]);
+            f.noise = fmax(f.noise, (double)(&out[i][1].x)[k]);
         }
     return f;
 }
@@ -59,7 +58,7 @@ static struct furnace furnace_with(
 // one deviation then is within three of all samples. All others are seen with all samples.
 static struct furnace furnace_of(struct probe *probe, const struct bsdf_material *m, bool front)
 {
-    enum { ALL = 3280, FEW = ALL / 4 };
+    enum { ALL = BSDF_SAMPLES, FEW = ALL / 4 };
     struct furnace f = furnace_with(probe, m, front, FEW);
     f.off = fmax(1 - f.least, f.most - 1) > left_over(m, front) + f.noise || f.noise > 0.003;
     if (!f.off)

@@ -33,7 +33,7 @@ void bsdf_run(struct probe *probe, enum bsdf_op op, const struct bsdf_material *
     hg_free(in);
 }
 
-enum { PARTS = 50, SHIFTED = 5, SHIFTS = PARTS / SHIFTED, SAMPLES = 3280 }; // of bsdf.comp
+enum { PARTS = 50, SHIFTED = 5, SHIFTS = PARTS / SHIFTED }; // of bsdf.comp
 
 // Of SHIFTS sums of samples: deviation of their mean.
 static float noise_of(const struct hg_vec4 *sums, int channel)
@@ -49,21 +49,20 @@ static float noise_of(const struct hg_vec4 *sums, int channel)
     return (float)sqrt(fmax(squares - sum * sum, 0) / (SHIFTS - 1));
 }
 
-void bsdf_add_up(struct probe *probe, enum bsdf_op op, const struct bsdf_material *m,
-    uint32_t count, const struct hg_vec4 *pairs, struct hg_vec4 *out)
+void bsdf_albedo(struct probe *probe, const struct bsdf_material *m, uint32_t samples,
+    uint32_t count, const struct hg_vec4 *directions, struct hg_vec4 (*albedo_noise)[2])
 {
     struct hg_vec4 *in = hg_calloc((size_t)2 * PARTS * count, 2 * sizeof *in);
     assert_non_null(in);
     struct hg_vec4 *sums = in + (size_t)2 * PARTS * count;
     for (uint32_t i = 0; i < PARTS * count; i++) {
-        in[2 * i] = pairs[i / PARTS * 2];
-        in[2 * i + 1].x = (float)(i % PARTS);
-        in[2 * i + 1].y = pairs[i / PARTS * 2 + 1].y > 0 ? pairs[i / PARTS * 2 + 1].y : SAMPLES;
+        in[2 * i] = directions[i / PARTS];
+        in[2 * i + 1] = (struct hg_vec4){(float)(i % PARTS), 0, 0, (float)samples};
     }
-    bsdf_run(probe, op, m, PARTS * count, in, sums);
+    bsdf_run(probe, BSDF_SAMPLE, m, PARTS * count, in, sums);
     for (uint32_t i = 0; i < count; i++) {
         const struct hg_vec4 *parts = &sums[2 * i * PARTS];
-        float *sum = &out[2 * i].x, *noise = &out[2 * i + 1].x;
+        float *sum = &albedo_noise[i][0].x, *noise = &albedo_noise[i][1].x;
         for (int c = 0; c < 4; c++) {
             double all = 0;
             for (uint32_t k = 0; k < PARTS; k++)

@@ -8,9 +8,6 @@
 enum bsdf_op { // of bsdf.comp
     BSDF_SAMPLE,
     BSDF_EVALUATE,
-    BSDF_ALBEDO,
-    BSDF_INTEGRALS,
-    BSDF_RECIPROCITY,
     BSDF_TERMS,
     BSDF_DISPERSION
 };
@@ -36,9 +33,10 @@ struct hg_vec4 bsdf_direction(float cosine, float phi, bool front);
 // pairs: [count][2] inputs; out: [count][2].
 void bsdf_run(struct probe *probe, enum bsdf_op op, const struct bsdf_material *m, uint32_t count,
     const struct hg_vec4 *pairs, struct hg_vec4 *out);
-// The first of the two results of BSDF_ALBEDO and BSDF_INTEGRALS, sums in parts of bsdf.comp, and
-// its noise: one standard deviation. Second inputs: y samples of each of ten shifts, 0: 3280.
-void bsdf_add_up(struct probe *probe, enum bsdf_op op, const struct bsdf_material *m,
-    uint32_t count, const struct hg_vec4 *pairs, struct hg_vec4 *out);
+// Albedo by samples of the lobes, for each of the directions: rgb; w: share of samples that end.
+// `samples` of each of ten shifts, at most BSDF_SAMPLES. noise: one standard deviation of each.
+enum { BSDF_SAMPLES = 3280 };
+void bsdf_albedo(struct probe *probe, const struct bsdf_material *m, uint32_t samples,
+    uint32_t count, const struct hg_vec4 *directions, struct hg_vec4 (*albedo_noise)[2]);
 
 #endif

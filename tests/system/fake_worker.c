@@ -310,6 +310,22 @@ static void frame_request(
     push(packet->header.channel, packet->header.request, make_frame(c, view));
 }
 
+// Of a frame that is delayed.
+static void frame_cancel(const struct hg_packet *packet, const struct hgp_frame_cancel *m)
+{
+    for (int i = 0; i < MAX_DELAYED; i++) {
+        struct hg_packet *frame = delayed[i].packet;
+        if (!frame || frame->header.channel != packet->header.channel ||
+            frame->header.request != m->request)
+            continue;
+        refuse(&frame->header, HG_E_CANCELLED, "cancelled");
+        delayed[i].packet = NULL;
+        hg_packet_unref(frame);
+    }
+    if (packet->header.request)
+        answer(&packet->header, HGP_T_ok, &(struct hgp_ok){0});
+}
+
 static void view_set(struct channel *c, struct hg_packet *packet, uint32_t number)
 {
     struct view *view = find_view(c, number);
@@ -510,6 +526,9 @@ static void serve(struct channel *c, struct hg_packet *packet, const union hgp_a
         return;
     case HGP_T_frame_request:
         frame_request(c, packet, &m->frame_request);
+        return;
+    case HGP_T_frame_cancel:
+        frame_cancel(packet, &m->frame_cancel);
         return;
     case HGP_T_view_close:
     case HGP_T_view_camera:

@@ -285,6 +285,46 @@ static void shares_scenes(void **state)
     daemon_finish(&d);
 }
 
+// The worker holds frames of this view for a minute. One that is cancelled is answered at once and
+// counts no more; sessions cancel their own only.
+static void frames_are_cancelled(void **state)
+{
+    (void)state;
+    struct daemon d;
+    struct peer a, b;
+    daemon_init(&d);
+    daemon_option(&d, "max-frame-requests", "2");
+    daemon_start(&d);
+    peer_open_scene(&a, &d, "hall");
+    peer_open_scene(&b, &d, "hall");
+    const struct hgp_view_set slow = {.view = 3, .has_seed = true, .seed = 60000};
+    const struct hgp_frame_request frame = {.view = 3};
+    peer_call(&a, HGP_T_view_set, &slow, HGP_T_ok);
+    peer_call(&b, HGP_T_view_set, &slow, HGP_T_ok);
+    const uint32_t first = peer_send(&a, HGP_T_frame_request, &frame);
+    const uint32_t second = peer_send(&a, HGP_T_frame_request, &frame);
+    peer_refused(&a, HGP_T_frame_request, &frame, HG_E_BUSY);
+    struct hgp_frame_cancel cancel = {.view = 3, .request = first};
+    peer_call(&b, HGP_T_frame_cancel, &cancel, HGP_T_ok);
+    peer_refused(&a, HGP_T_frame_request, &frame, HG_E_BUSY); // both are still under way
+    for (int i = 0; i < 2; i++) { // the second time nothing is left to cancel
+        peer_tell(&a, HGP_T_frame_cancel, &cancel);
+        if (i == 0)
+            peer_error(&a, first, HG_E_CANCELLED);
+    }
+    cancel.request = peer_send(&a, HGP_T_frame_request, &frame);
+    peer_tell(&a, HGP_T_frame_cancel, &cancel);
+    peer_error(&a, cancel.request, HG_E_CANCELLED);
+    cancel.request = second;
+    peer_tell(&a, HGP_T_frame_cancel, &cancel);
+    peer_error(&a, second, HG_E_CANCELLED);
+    cancel.view = 4;
+    peer_refused(&a, HGP_T_frame_cancel, &cancel, HG_E_NOTFOUND);
+    peer_close(&b);
+    peer_close(&a);
+    daemon_finish(&d);
+}
+
 // ---- quotas -------------------------------------------------------------------------------------
 
 static void quotas_are_explained(void **state)
@@ -586,6 +626,7 @@ int main(void)
         cmocka_unit_test(unknown_and_broken_messages),
         cmocka_unit_test(relays_edits_and_frames),
         cmocka_unit_test(shares_scenes),
+        cmocka_unit_test(frames_are_cancelled),
         cmocka_unit_test(quotas_are_explained),
         cmocka_unit_test(open_files_limit_connections),
         cmocka_unit_test(verified_files_are_uploads),

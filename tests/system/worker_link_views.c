@@ -187,6 +187,40 @@ static void test_picks_and_a_view_closed_while_frames_wait(void **state)
     link_expect_error(rig, link_ask(rig, 1, HGP_T_pick, &pick), HG_E_NOTFOUND, NULL);
 }
 
+// Each request that is cancelled, and no other one, is answered at once; then the view is idle.
+static void test_frames_are_cancelled(void **state)
+{
+    struct rig *rig = *state;
+    link_attach(rig, 1, "a");
+    make_scene_and_view(rig);
+    struct hgp_view_set samples = {.view = VIEW, .has_samples = true, .samples = 65536};
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &samples), HGP_T_ok);
+    const struct hgp_frame_request settled = {.view = VIEW, .settled = true};
+    struct hgp_frame_cancel cancel = {.view = VIEW};
+    uint32_t frames[2], cancelling[2];
+    for (int i = 0; i < 2; i++)
+        frames[i] = link_ask(rig, 1, HGP_T_frame_request, &settled);
+    link_expect(rig, link_ask(rig, 1, HGP_T_frame_cancel, &cancel), HGP_T_ok); // of none
+    for (int i = 1; i >= 0; i--) {
+        cancel.request = frames[i];
+        cancelling[i] = link_ask(rig, 1, HGP_T_frame_cancel, &cancel);
+        link_expect_error(rig, frames[i], HG_E_CANCELLED, NULL);
+        link_expect(rig, cancelling[i], HGP_T_ok);
+    }
+    link_expect(rig, link_ask(rig, 1, HGP_T_frame_cancel, &cancel), HGP_T_ok); // is over
+    cancel.view++;
+    link_expect_error(rig, link_ask(rig, 1, HGP_T_frame_cancel, &cancel), HG_E_NOTFOUND, NULL);
+    // Two pulses without work: nothing is rendered any more.
+    for (int idle = 0; idle < 2;) {
+        link_read(rig);
+        idle += rig->header.type == HGP_T_pulse && rig->message.pulse.busy_ns == 0;
+        assert_int_not_equal(rig->header.type, HGP_T_progress);
+    }
+    samples.samples = SAMPLES;
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &samples), HGP_T_ok);
+    link_expect(rig, link_ask(rig, 1, HGP_T_frame_request, &settled), HGP_T_frame);
+}
+
 // What an open batch has removed is in no picture any more that is picked from, its own or
 // another's.
 static void test_picks_within_a_batch(void **state)
@@ -510,6 +544,7 @@ int main(void)
         TEST(test_a_camera_that_moves_gets_pictures_of_one_sample),
         TEST(test_a_camera_has_to_look_somewhere),
         TEST(test_picks_and_a_view_closed_while_frames_wait),
+        TEST(test_frames_are_cancelled),
         TEST(test_picks_within_a_batch),
         TEST(test_a_batch_left_open),
         TEST(test_next_place_of_nodes),

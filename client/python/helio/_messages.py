@@ -414,6 +414,9 @@ RECORDS: Dict[str, Tuple[int, str, List[Field]]] = {
     "exposure": (0x0311, "S2C", [
         ("mode", "ENUM", "exposure_mode", False), ("exposure_ev", "F32", "", False),
     ]),
+    "frame_cancel": (0x0312, "C2S", [
+        ("view", "U32", "", False), ("request", "U32", "", False),
+    ]),
     "taken": (0x0313, "C2S", [
         ("view", "U32", "", False), ("number", "U64", "", False), ("begun_ns", "U64", "", True),
         ("received_ns", "U64", "", True), ("rtt_ns", "U64", "", True),
@@ -687,6 +690,9 @@ RANGES: Dict[str, Dict[str, Tuple[int, int]]] = {
         "view": (1, 4294967295),
     },
     "exposure_query": {
+        "view": (1, 4294967295),
+    },
+    "frame_cancel": {
         "view": (1, 4294967295),
     },
     "taken": {

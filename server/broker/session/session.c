@@ -213,6 +213,12 @@ static void relay_checked(struct hg_session *s, struct hg_packet *packet, const 
         take(s, &m->taken);
         return;
     }
+    if (packet->header.type == HGP_T_frame_cancel) {
+        hg_session_request_cancel(s, &m->frame_cancel);
+        if (packet->header.request)
+            hg_conn_send(s->conn, packet->header.request, HGP_T_ok, &(struct hgp_ok){0});
+        return;
+    }
     if (packet->header.type == HGP_T_subscribe)
         subscribe(s, &m->subscribe);
     struct hg_packet *translated = hg_session_look_translate(s, packet, m);

@@ -215,6 +215,16 @@ static bool has_room(struct hg_session *s, const struct hg_request *request)
            hg_session_view_may_grant(s, answer_bytes(s, request->packet));
 }
 
+static void fail_cancelled(struct hg_session *s, struct hg_request *request)
+{
+    struct hg_error err = {0};
+    hg_error_set(&err, HG_E_CANCELLED, hgp_find(request->packet->header.type)->name, NULL,
+        "cancelled by the client");
+    if (s->conn)
+        hg_conn_fail(s->conn, request->client_id, &err);
+    hg_session_request_drop(s, request);
+}
+
 // Sends at most about `most` bytes. True: there is more, for the next turn.
 static bool send_some(struct hg_session *s, uint64_t most)
 {
@@ -223,6 +233,10 @@ static bool send_some(struct hg_session *s, uint64_t most)
     uint64_t bytes = 0;
     for (struct hg_request *it = s->load.unsent; it && s->attached; it = next) {
         next = it->next;
+        if (it->cancelled) {
+            fail_cancelled(s, it);
+            continue;
+        }
         if (hg_trial_must_wait(s, it)) {
             hg_trial_subscribe(s); // a suspect view is not behind what waits for its trial
             return false;
@@ -315,6 +329,23 @@ void hg_session_request_relay(struct hg_session *s, struct hg_packet *packet)
     }
     hg_trial_meet(s, request);
     hg_session_request_pump(s);
+}
+
+// It does not queue behind other requests: what waits for room may wait for the very frame.
+void hg_session_request_cancel(struct hg_session *s, const struct hgp_frame_cancel *m)
+{
+    for (struct hg_request *it = s->first; it; it = it->next) {
+        if (!m->request || it->client_id != m->request || !is_frame_request(it->packet) ||
+            it->cancelled)
+            continue;
+        it->cancelled = true;
+        if (it->sent && s->attached)
+            hg_link_send(s->scene->link, s->number, 0, HGP_T_frame_cancel,
+                &(struct hgp_frame_cancel){.view = m->view, .request = it->link_id});
+        else
+            fail_cancelled(s, it);
+        return;
+    }
 }
 
 // ---- into a worker ------------------------------------------------------------------------------

@@ -8,6 +8,8 @@
 
 // Queues a message for the worker and sends it when it may be sent. Does not take the packet.
 void hg_session_request_relay(struct hg_session *session, struct hg_packet *packet);
+// A frame_request or exposure_query that the client no longer waits for is answered by `cancelled`.
+void hg_session_request_cancel(struct hg_session *session, const struct hgp_frame_cancel *message);
 // NULL: not known.
 struct hg_request *hg_session_request_find(struct hg_session *session, uint32_t link_id);
 void hg_session_request_drop(struct hg_session *session, struct hg_request *request);

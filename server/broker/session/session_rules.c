@@ -166,6 +166,8 @@ enum hg_status hg_session_rules_check(struct hg_session *s, const struct hg_pack
         return check_frame_request(s, packet, m->frame_request.view, err);
     case HGP_T_exposure_query:
         return check_frame_request(s, packet, m->exposure_query.view, err);
+    case HGP_T_frame_cancel:
+        return check_view(s, packet, m->frame_cancel.view, err);
     case HGP_T_view_camera:
         return check_view(s, packet, m->view_camera.view, err);
     case HGP_T_view_close:

@@ -19,14 +19,14 @@ enum {
     HG_SESSION_BUCKETS = 4096,
 };
 
-// A message on its way to the worker that matters for the order of things. Most are answered;
-// view_camera is not and leaves the list when it reaches the front.
 // Which limit the error is of that its worker answers next; name[0] = 0: none.
 struct hg_request_limit {
     char name[32];
     uint32_t retry_after_ms;
 };
 
+// A message on its way to the worker that matters for the order of things. Most are answered;
+// view_camera is not and leaves the list when it reaches the front.
 struct hg_request {
     struct hg_request *prev, *next;
     uint32_t link_id;   // on the link; 0 = not sent yet, or never answered
@@ -35,6 +35,7 @@ struct hg_request {
     bool sent;
     bool suspect; // it is tried alone
     bool answered;
+    bool cancelled;   // a frame that the client no longer waits for: it is not sent (again)
     uint8_t deaths;   // of the worker while this was under way
     uint64_t sent_ns; // when it was sent
     uint64_t ran_ns;  // how long until the worker died

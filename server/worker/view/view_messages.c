@@ -251,6 +251,29 @@ void hg_handle_frame_request(const struct request *r)
     wait->rate[1] = m->has_rate_denominator ? m->rate_denominator : 1;
 }
 
+void hg_handle_frame_cancel(const struct request *r)
+{
+    const struct hgp_frame_cancel *m = &r->message->frame_cancel;
+    // The daemon sends it without a request id: the view may have been closed since.
+    struct view_slot *view =
+        r->to.request ? hg_request_view(r, m->view) : hg_view_slot_find(r->session, m->view);
+    if (!view)
+        return;
+    struct frame_wait **link = &view->waits;
+    while (*link && (*link)->request != m->request)
+        link = &(*link)->next;
+    struct frame_wait *wait = m->request ? *link : NULL;
+    if (wait) {
+        struct hg_error err = {0};
+        hg_error_set(&err, HG_E_CANCELLED, wait->exposure ? "exposure_query" : "frame_request",
+            NULL, "cancelled by the client");
+        hg_reply_error((struct reply_to){r->s->w, r->to.channel, wait->request}, &err);
+        *link = wait->next;
+        hg_free(wait);
+    }
+    hg_request_ok(r);
+}
+
 void hg_handle_exposure_query(const struct request *r)
 {
     struct view_slot *view = hg_request_view(r, r->message->exposure_query.view);

@@ -10,6 +10,7 @@ void hg_handle_view_close(const struct request *r);
 void hg_handle_view_camera(const struct request *r);
 void hg_handle_frame_request(const struct request *r);
 void hg_handle_exposure_query(const struct request *r);
+void hg_handle_frame_cancel(const struct request *r);
 void hg_handle_subscribe(const struct request *r);
 void hg_handle_credit(const struct request *r);
 void hg_handle_taken(const struct request *r);

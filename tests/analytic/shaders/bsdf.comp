@@ -78,57 +78,34 @@ vec3 balance(hg_bsdf b, hg_bsdf_sample_result r)
 // noise.
 #define SHIFTED 5u
 
-// Sum of the weights of n samples of each shift: rgb; w: share of samples that end.
-vec4 albedo(hg_bsdf b, uint part, uint n)
+// One sample of three random numbers (n == 0), or of the n samples of each shift those of a part:
+// sum of their weights, rgb; w: share of samples that end. One call for both: most of a run of this
+// shader is the time that it takes to compile.
+void samples(hg_bsdf b, vec4 c, out vec4 x, out vec4 y)
 {
+    uint part = uint(c.x), n = uint(c.w);
     vec3 shift = fract(float(part / SHIFTED) * vec3(0.8191725, 0.6710436, 0.5497005));
-    vec4 sum = vec4(0.0);
-    part %= SHIFTED;
-    for (uint i = n / SHIFTED * part; i < n / SHIFTED * (part + 1u); i++) {
-        // Multiples of the golden ratio, in integers: floats would leave ten bits of them.
-        vec3 u = vec3(hg_hammersley(i, n), (float((i * 2654435769u) >> 8) + 0.5) * exp2(-24.0));
-        hg_bsdf_sample_result r = hg_bsdf_sample(b, min(fract(u + shift), 0.99999994));
+    uint each = n / SHIFTED, first = n == 0u ? 0u : each * (part % SHIFTED);
+    x = y = vec4(0.0);
+    for (uint i = first; i < first + max(each, 1u); i++) {
+        vec3 u = c.xyz;
+        if (n > 0u) {
+            // Multiples of the golden ratio, in integers: floats would leave ten bits of them.
+            u = vec3(hg_hammersley(i, n), (float((i * 2654435769u) >> 8) + 0.5) * exp2(-24.0));
+            u = min(fract(u + shift), 0.99999994);
+        }
+        hg_bsdf_sample_result r = hg_bsdf_sample(b, u);
+        if (n == 0u) {
+            x = vec4(r.direction, r.pdf);
+            y = vec4(balance(b, r), float(r.lobe));
+            return;
+        }
         if (r.pdf > 0.0)
-            sum.rgb += balance(b, r);
+            x.rgb += balance(b, r);
         else
-            sum.w += 1.0;
+            x.w += 1.0;
     }
-    return sum / float(n * (PARTS / SHIFTED));
-}
-
-// Integrals over the sphere on a grid: f |cos| of reflection and transmission (their first channel;
-// transmission without its n^2), density.
-vec4 integrals(hg_bsdf b, uint part)
-{
-    const uint n = 180u;
-    vec4 sum = vec4(0.0);
-    const uint all = 2u * n * n / PARTS;
-    for (uint k = all * part; k < all * (part + 1u); k++) {
-        float side = k < n * n ? 1.0 : -1.0;
-        uint j = k % (n * n);
-        float z = (float(j / n) + 0.5) / float(n), phi = 2.0 * HG_PI * (float(j % n) + 0.5) / float(n);
-        float s = sqrt(1.0 - z * z), pdf;
-        vec3 l = vec3(s * cos(phi), s * sin(phi), z * side);
-        vec3 f = hg_bsdf_evaluate(b, l, pdf);
-        bool behind = dot(l, b.base.n) < 0.0;
-        sum += vec4(behind ? 0.0 : f.x, behind ? f.x : 0.0, pdf, 0.0);
-    }
-    return sum * (2.0 * HG_PI / float(n * n));
-}
-
-// f |cos| and its reverse, both over |cos| and with n^2; relative difference.
-vec4 reciprocity(vec3 v, vec3 l, float front)
-{
-    float pdf;
-    hg_bsdf there = make(v, front);
-    vec3 f = hg_bsdf_evaluate(there, l, pdf) / abs(l.z);
-    float other = v.z * l.z < 0.0 ? 1.0 - front : front;
-    hg_bsdf back = make(l, other);
-    vec3 g = hg_bsdf_evaluate(back, v, pdf) / abs(v.z);
-    if (v.z * l.z < 0.0 && !there.thin && there.transmission > 0.0)
-        f *= there.eta * there.eta;
-    vec3 d = abs(f - g) / max(max(f, g), 1e-6);
-    return vec4(f.x, g.x, hg_max3(d), 0.0);
+    x /= float(n * (PARTS / SHIFTED));
 }
 
 void main()
@@ -142,23 +119,15 @@ void main()
     vec4 x = vec4(0.0), y = vec4(0.0);
     float pdf;
     if (op == 0u) {
-        hg_bsdf_sample_result r = hg_bsdf_sample(b, c.xyz);
-        x = vec4(r.direction, r.pdf);
-        y = vec4(balance(b, r), float(r.lobe));
+        samples(b, c, x, y);
     } else if (op == 1u) {
         x.rgb = hg_bsdf_evaluate(b, c.xyz, pdf);
         x.w = pdf;
     } else if (op == 2u) {
-        x = albedo(b, uint(c.x), uint(c.y));
-    } else if (op == 3u) {
-        x = integrals(b, uint(c.x));
-    } else if (op == 4u) {
-        x = reciprocity(a.xyz, c.xyz, a.w);
-    } else if (op == 5u) {
         x = vec4(hg_film_fresnel(a.x, c.x, c.y, vec3(c.z)), hg_fresnel_dielectric(a.x, c.w));
         y = vec4(hg_sheen_albedo(a.x, c.z).x, hg_bsdf_attenuation(vec3(c.y), c.x).x, 0.0, 0.0);
     }
-    if (op == 6u) {
+    if (op == 3u) {
         hg_surface s;
         s.transmission = 1.0;
         s.ior = c.x;

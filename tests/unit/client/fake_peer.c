@@ -307,6 +307,8 @@ static void log_message(const char *name, uint16_t type, const union hgp_any *m)
     if (type == HGP_T_frame_request && m->frame_request.has_rate_numerator)
         fprintf(
             out, " rate=%u/%u", m->frame_request.rate_numerator, m->frame_request.rate_denominator);
+    if (type == HGP_T_frame_cancel)
+        fprintf(out, " view=%u request=%u", m->frame_cancel.view, m->frame_cancel.request);
     if (type == HGP_T_animation_set)
         fprintf(out, " time=%g", m->animation_set.time_s);
     if (type == HGP_T_environment_set)

@@ -327,6 +327,31 @@ static void test_interrupt_and_timeout(void **state)
         HG_E_TIMEOUT);
 }
 
+// A frame that a call gave up is not rendered to its end.
+static void test_cancelled_frames(void **state)
+{
+    (void)state;
+    harness_serve(&h, "silent=frame_request log=cancelled");
+    struct helio *c = connect_good(&(struct helio_options){.url = url});
+    const struct hgp_frame_request request = {.view = 7, .settled = true};
+    struct helio_message *m;
+    struct hg_error err = {0};
+    char expected[64];
+    uint32_t id;
+    uint64_t rtt;
+    helio_set_timeout(c, SECOND / 20);
+    assert_int_equal(helio_frame(c, &request, &m, &err), HG_E_TIMEOUT);
+    helio_set_timeout(c, 60 * SECOND);
+    assert_int_equal(helio_ping(c, &rtt, &err), HG_OK); // the peer has read all before it
+    assert_int_equal(helio_next(c, &m, &err), HG_E_AGAIN);
+    assert_int_equal(helio_send(c, HGP_T_ping, &(struct hgp_ping){0}, &id, &err), HG_OK);
+    // Three requests ago: the cancel and the ping lie between.
+    snprintf(expected, sizeof expected, "frame_cancel view=7 request=%u\n", id - 3);
+    assert_true(harness_read(&h, "cancelled"));
+    assert_non_null(strstr(h.output, expected));
+    helio_destroy(c);
+}
+
 // What comes for a call that is over already is for no one.
 static void test_late_answers(void **state)
 {
@@ -554,6 +579,7 @@ int main(void)
         cmocka_unit_test(test_ticks),
         cmocka_unit_test(test_tokens),
         cmocka_unit_test(test_interrupt_and_timeout),
+        cmocka_unit_test(test_cancelled_frames),
         cmocka_unit_test(test_late_answers),
         cmocka_unit_test(test_refused_without_a_request),
         cmocka_unit_test(test_every_prefix),
