@@ -1,6 +1,6 @@
 // render_blended_shadows.c - blended surfaces cast shadows in shadow maps that are as dark in the
 // mean as their alpha says, of suns and lamps, one behind the other, and other ones when their
-// alpha changes.
+// alpha changes; transmissive ones as dark as rays to lights say.
 #include "tests/unit/render_rig.h"
 
 #define ALPHAS 2
@@ -96,6 +96,50 @@ static void test_share(void **state)
             check_share(*state, lamp != 0, alphas[i]);
 }
 
+static void make_pane(
+    struct rig *rig, float color, float transmission, float thickness, float roughness)
+{
+    struct hg_material *m = (struct hg_material *)hg_scene_find(rig->scene, HG_OBJECT_MATERIAL, 2);
+    m->base_color[0] = m->base_color[1] = m->base_color[2] = color;
+    m->unlit = false;
+    m->metallic = 0;
+    m->roughness = roughness;
+    m->transmission = transmission;
+    m->volume.thickness = thickness;
+    m->volume.attenuation_distance = INFINITY;
+    hg_scene_touch(rig->scene, &m->head);
+    hg_scene_publish(rig->scene);
+}
+
+// A plate that transmits lets straight through what its Fresnel reflectance and colour leave, if it
+// is thin and smooth; what is thick, or rougher, holds all light back. Clear
+// panes hold back none, nor do those that scatter light to what is behind them.
+static void test_panes(void **state)
+{
+    static const struct {
+        float color, transmission, thickness, roughness;
+        double want;
+    } panes[] = {{0.5f, 1, 0, 0, 0.48}, {1, 0.5f, 0, 0, 0.48}, {1, 1, 0, 0, 1}, {1, 1, 0.1f, 0, 0},
+        {1, 1, 0, 0.2f, 0}, {1, 1, 0, 0.4f, 1}};
+    const float none[ALPHAS] = {0}, alpha[ALPHAS] = {1, 0};
+    struct rig *rig = *state;
+    double off;
+    open_scene(rig, false, none);
+    rig_settle(rig, 8);
+    const double lit = floor_light(rig, &off);
+    rig_close_scene(rig);
+    for (uint32_t i = 0; i < sizeof panes / sizeof *panes; i++) {
+        open_scene(rig, false, alpha);
+        make_pane(
+            rig, panes[i].color, panes[i].transmission, panes[i].thickness, panes[i].roughness);
+        rig_settle(rig, 8);
+        const double share = floor_light(rig, &off) / lit;
+        print_message("pane %u: %.3f of the light, want %.3f\n", i, share, panes[i].want);
+        assert_true(fabs(share - panes[i].want) < 0.02);
+        rig_close_scene(rig);
+    }
+}
+
 // What changed is drawn again: the picture is that of a scene that never was otherwise.
 static void test_edit(void **state)
 {
@@ -143,6 +187,7 @@ static int close_renderer(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_share), cmocka_unit_test(test_edit)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_share), cmocka_unit_test(test_panes), cmocka_unit_test(test_edit)};
     return cmocka_run_group_tests(tests, open_renderer, close_renderer);
 }
