@@ -45,7 +45,6 @@ struct hg_culling_view {
     float px_scale;           // pixels per radian, or per metre when orthographic
     bool orthographic;
     bool both_sides;   // facing does not matter
-    bool casters_only; // drop what casts no shadow (blend)
     float error_px;    // greatest projected error of levels of detail; 0: none
     float near;        // metres, > 0: nothing is looked at from nearer than this
     bool wait;         // load what is missing now

@@ -262,8 +262,7 @@ static enum hg_status select_draw(
     const bool both_sides = view->both_sides || (flags & HG_DRAW_DOUBLE_SIDED) != 0;
     struct hg_object_view object;
     if (d->part->index_count == 0 || hg_box_is_empty(&d->bounds) || (flags & HG_DRAW_HIDDEN) != 0 ||
-        (view->casters_only && (flags & HG_DRAW_BLEND) != 0) || is_box_outside(view, &d->bounds) ||
-        !is_cut(view, &d->bounds))
+        is_box_outside(view, &d->bounds) || !is_cut(view, &d->bounds))
         return HG_OK;
     if (d->part->clusters != NULL) {
         const uint32_t first = b->selection.count;

@@ -4,14 +4,12 @@
 
 static uint64_t caster_of(const struct hg_sync *s, const struct hg_draw_entry *d)
 {
-    if ((d->gpu.flags & HG_DRAW_BLEND) != 0)
-        return 0;
     const struct hg_gpu_instance *instance = &s->instances[d->gpu.instance];
     uint64_t h = hg_hash_mix_bytes(1, &instance->world, sizeof instance->world);
     h = hg_hash_mix(h, d->node->mesh->head.id);
     h = hg_hash_mix(h, d->node->mesh->head.revision);
     h = hg_hash_mix(h, (uint64_t)d->mesh_part << 32 | d->gpu.flags);
-    if ((d->gpu.flags & HG_DRAW_MASK) != 0)
+    if ((d->gpu.flags & (HG_DRAW_MASK | HG_DRAW_BLEND)) != 0)
         h = hg_hash_mix(h, s->material);
     if (d->deform != NULL && d->deform->changed) // its pose: another one with every change
         h = hg_hash_mix(h, s->g->shape_revision + 1);

@@ -391,15 +391,15 @@ static enum hg_status sync_changed(struct hg_sync *s, struct hg_error *err)
 
 // --- the whole -----------------------------------------------------------------------------------
 
-// Masked draws throw shadows with holes: a change of materials shows there too.
+// Masked and blended draws throw shadows with holes: a change of materials shows there too.
 static uint64_t caster_signature(const struct hg_geometry *g, uint64_t shape, uint64_t material)
 {
-    bool masked = false;
+    bool holes = false;
     for (uint32_t i = 0; i < g->draw_count; i++) {
         shape = hg_hash_mix(shape, g->draws[i].gpu.flags);
-        masked = masked || (g->draws[i].gpu.flags & HG_DRAW_MASK) != 0;
+        holes = holes || (g->draws[i].gpu.flags & (HG_DRAW_MASK | HG_DRAW_BLEND)) != 0;
     }
-    return masked ? hg_hash_mix(shape, material) : shape;
+    return holes ? hg_hash_mix(shape, material) : shape;
 }
 
 enum hg_status hg_geometry_sync(struct hg_geometry *g, const struct hg_scene *scene,

@@ -13,11 +13,11 @@ static VkPrimitiveTopology topology_of(uint32_t flags)
 }
 
 static struct hg_gpu_pipeline_params pipeline_of(
-    bool masked, bool find, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
+    bool holes, bool find, VkPrimitiveTopology topology, uint32_t tables, uint32_t features)
 {
     return (struct hg_gpu_pipeline_params){
-        .vertex = masked ? "shadow_mask.vert" : "shadow.vert",
-        .fragment = masked ? "shadow_mask.frag" : NULL,
+        .vertex = holes ? "shadow_mask.vert" : "shadow.vert",
+        .fragment = holes ? "shadow_mask.frag" : NULL,
         .spec = {0, tables, features},
         .spec_count = 3,
         .depth = VK_FORMAT_D32_SFLOAT,
@@ -31,20 +31,21 @@ static struct hg_gpu_pipeline_params pipeline_of(
 struct push {
     float view_proj[16];
     VkDeviceAddress positions, vertices, extra;
+    float corner_px[2];
 };
 
 static enum hg_status draw_set(struct hg_pass *pass, const struct hg_culling *visible,
-    uint32_t set_index, const float view_proj[16], struct hg_error *err)
+    uint32_t set_index, const struct hg_shadow_map *map, struct hg_error *err)
 {
     const VkCommandBuffer cmd = hg_gpu_cmd_handle(pass->cmd);
     const struct hg_culling_set *set = hg_culling_set(visible, set_index);
     VkPipeline bound = VK_NULL_HANDLE;
     for (uint32_t i = 0; i < set->item_count; i++) {
         const struct hg_culling_item *item = hg_culling_item(visible, set->first_item + i);
-        const bool masked = (item->flags & HG_DRAW_MASK) != 0;
+        const bool holes = (item->flags & (HG_DRAW_MASK | HG_DRAW_BLEND)) != 0;
         const struct hg_gpu_pipeline_params params =
-            pipeline_of(masked, pass->find, topology_of(item->flags), pass->tables, pass->features);
-        if (pass->find && !masked)
+            pipeline_of(holes, pass->find, topology_of(item->flags), pass->tables, pass->features);
+        if (pass->find && !holes)
             continue;
         VkPipeline pipeline;
         enum hg_status status = hg_gpu_pipeline_get(pass->gpu, &params, &pipeline, err);
@@ -53,9 +54,11 @@ static enum hg_status draw_set(struct hg_pass *pass, const struct hg_culling *vi
         if (pipeline != bound)
             vkCmdBindPipeline(cmd, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
         bound = pipeline;
-        struct push push = {
-            .positions = item->positions, .vertices = item->vertices, .extra = item->extra};
-        memcpy(push.view_proj, view_proj, sizeof push.view_proj);
+        struct push push = {.positions = item->positions,
+            .vertices = item->vertices,
+            .extra = item->extra,
+            .corner_px = {map->gpu.rect_px.x, map->gpu.rect_px.y}};
+        memcpy(push.view_proj, map->view_proj, sizeof push.view_proj);
         hg_gpu_cmd_push(pass->cmd, &push, sizeof push);
         hg_culling_draw(visible, pass->cmd, item);
     }
@@ -112,7 +115,7 @@ static enum hg_status draw_map(struct hg_pass *pass, const struct hg_shadow_map 
         (float)whole.offset.x, (float)whole.offset.y, (float)side, (float)side, 0.0f, 1.0f};
     hg_gpu_cmd_begin_rendering(pass->cmd, &rendering);
     vkCmdSetViewport(hg_gpu_cmd_handle(pass->cmd), 0, 1, &viewport);
-    const enum hg_status status = draw_set(pass, visible, set, map->view_proj, err);
+    const enum hg_status status = draw_set(pass, visible, set, map, err);
     hg_gpu_cmd_end_rendering(pass->cmd);
     return status;
 }
@@ -156,7 +159,6 @@ enum hg_status hg_shadow_select(const struct hg_geometry *geometry, struct hg_li
             continue;
         const struct hg_gpu_shadow *s = &maps[i].gpu;
         struct hg_culling_view view = {.both_sides = true,
-            .casters_only = true,
             .eye = {s->origin_ws.x, s->origin_ws.y, s->origin_ws.z},
             .px_scale = 1.0f / s->texel_size,
             .orthographic = s->perspective == 0,

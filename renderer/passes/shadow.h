@@ -1,8 +1,8 @@
 // shadow.h - draws the shadow maps that are stale into the atlas.
 // Floor 3. D32, reversed: 0 = nothing between the light and infinity.
 //
-// Opaque and masked surfaces cast, both of their sides; blended ones do not (they would have to
-// cast coloured, partial shadows; the path tracer does).
+// All surfaces cast, both of their sides: blended ones cover the share of texels that their alpha
+// says, transmissive ones that of the light that they hold back.
 #ifndef HG_RENDERER_PASSES_SHADOW_H
 #define HG_RENDERER_PASSES_SHADOW_H
 

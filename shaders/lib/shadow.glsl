@@ -10,6 +10,7 @@ layout(push_constant, scalar) uniform hg_shadow_push
     hg_position_stream positions; // of the part or chunk that is drawn
     hg_vertex_stream vertices;
     hg_word_stream extra;
+    vec2 corner_px; // of the map in the atlas
 } hg_push;
 
 vec4 hg_shadow_position(uint draw, uint vertex)

@@ -10,7 +10,7 @@
 
 layout(location = 0) out vec4 out_uv; // both sets
 layout(location = 1) out float out_alpha;
-layout(location = 2) flat out uint out_material;
+layout(location = 2) flat out uvec2 out_draw; // and its material
 
 void main()
 {
@@ -22,7 +22,7 @@ void main()
     out_alpha = (d.flags & (HG_DRAW_COLOR8 | HG_DRAW_COLOR16)) != 0u
         ? hg_fetch_color(hg_push.extra, d.flags, gl_VertexIndex).w
         : 1.0;
-    out_material = d.material;
+    out_draw = uvec2(gl_InstanceIndex, d.material);
     gl_Position = hg_shadow_position(gl_InstanceIndex, gl_VertexIndex);
     gl_PointSize = 1.0;
 }
