@@ -8,13 +8,14 @@ const ACCESS = [["none", "None: they sign in"], ["view", "View, for a day"],
     ["edit", "Edit, for a day"]];
 const GUESTS = 20;
 
-// The settled picture, which may take long: until then it can be given up, and what comes is dropped.
+// The settled picture, which may take long: until then it can be cancelled, also without a connection.
 export async function takePicture(app) {
-    let giveUp;
-    const none = new Promise((done) => { giveUp = () => done(null); });
+    const cancel = new AbortController();
+    const none = new Promise((done) => cancel.signal.addEventListener("abort", () => done(null)));
     const png = await app.withProgress("Screenshot", (onProgress) =>
         Promise.race([none, app.view.screenshot((kind, body) =>
-            kind === "progress" && onProgress(...describeProgress(body)))]), giveUp);
+            kind === "progress" && onProgress(...describeProgress(body)), cancel.signal)]),
+    () => cancel.abort());
     if (png)
         download(png, "image/png", `${(app.title || "scene").replace(/[^\w.-]+/g, "_")}.png`);
 }

@@ -416,8 +416,11 @@ export class View extends EventTarget {
         return picked.hit ? picked : null;
     }
 
-    // A settled picture as a PNG file.
-    async screenshot(onProgress) {
+    // A settled picture as a PNG file. signal (AbortSignal): the server renders nothing more for it.
+    async screenshot(onProgress, signal) {
+        const request = this.connection.nextRequest;
+        signal.addEventListener("abort", () =>
+            this.connection.call("frame_cancel", { view: VIEW, request }).catch(() => {}));
         const frame = await this.connection.call("frame_request",
             { view: VIEW, settled: true, encoding: "PNG8" }, onProgress);
         return frame.data;

@@ -17,6 +17,8 @@ struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw);
 float hg_frame_scale(const struct hg_draw *draw);
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
 struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot);
+// `pass` reads the draws and materials of the scene in place of those that the view shows.
+void hg_frame_pass_use_scene(const struct hg_draw *draw, struct hg_pass *pass);
 void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot);
 // For paths: no jitter, pages waited for.
 void hg_frame_fill_path(struct hg_view_state *view);

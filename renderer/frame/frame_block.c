@@ -114,6 +114,18 @@ static void fill_look(const struct hg_draw *draw, struct hg_gpu_frame *f)
     }
 }
 
+// Views share shadow maps, so these are drawn with the scene's draws and materials, whatever the
+// view shows: in a block of their own behind those of samples.
+#define CASTERS_SLOT HG_VIEW_MAX_SAMPLES_PER_STEP
+
+static void fill_casters(struct hg_draw *draw)
+{
+    struct hg_gpu_frame casters = *draw->frame;
+    hg_geometry_fill(draw->scene_gpu->geometry, &casters.geometry);
+    memcpy((uint8_t *)draw->buffers->blocks.mapped + CASTERS_SLOT * HG_FRAME_SLOT_BYTES, &casters,
+        sizeof casters);
+}
+
 void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t slot)
 {
     struct hg_gpu_frame *f = draw->frame;
@@ -163,6 +175,8 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
         .capacity = (uint32_t)(lists->nodes.size_bytes / sizeof(struct hg_gpu_blend_node))};
     uint8_t *to = (uint8_t *)draw->buffers->blocks.mapped + (size_t)slot * HG_FRAME_SLOT_BYTES;
     memcpy(to, f, sizeof *f);
+    if (s->look != NULL)
+        fill_casters(draw);
     if (draw->history->wanted) {
         struct hg_gpu_history history;
         hg_frame_history_fill(draw, &history);
@@ -331,6 +345,22 @@ static struct hg_pass make_pass(
 struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot)
 {
     return make_pass(draw, cmd, slot, draw->accumulation->pages.on);
+}
+
+void hg_frame_pass_use_scene(const struct hg_draw *draw, struct hg_pass *pass)
+{
+    if (draw->request->settings->look == NULL)
+        return;
+    struct hg_gpu_geometry g;
+    hg_geometry_fill(draw->scene_gpu->geometry, &g);
+    pass->bindings.uniforms[0].address =
+        draw->buffers->blocks.address + CASTERS_SLOT * HG_FRAME_SLOT_BYTES;
+    pass->tables &= ~(HG_TABLE_BIT(HG_BIND_DRAWS) | HG_TABLE_BIT(HG_BIND_MATERIALS));
+    if (!hg_gpu_strategy(pass->gpu)->uniform_tables)
+        return;
+    bind_table(pass, HG_BIND_DRAWS, g.draws, g.draw_count, sizeof(struct hg_gpu_draw));
+    bind_table(
+        pass, HG_BIND_MATERIALS, g.materials, g.material_count, sizeof(struct hg_gpu_material));
 }
 
 struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd, bool streams)

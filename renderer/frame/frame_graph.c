@@ -39,6 +39,7 @@ static enum hg_status record_shadow(
     const bool coarse = hg_draw_is(f->draw, HG_DRAW_COARSE_SHADOWS);
     struct hg_pass pass = f->pass;
     (void)user;
+    hg_frame_pass_use_scene(f->draw, &pass);
     pass.area = s->areas.count > 0 ? s->areas.items[s->areas.count - 1].rect : (VkRect2D){0};
     pass.adds = s->areas.count > 0 && s->begun;
     return hg_shadow_record(

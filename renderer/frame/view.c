@@ -103,7 +103,7 @@ enum hg_status hg_view_state_init(struct hg_view_state *view, struct hg_frame_co
         status = hg_culling_create(context->gpu, &view->buffers.pick_culling, err);
     if (status == HG_OK) {
         status = hg_gpu_buffer_create(context->gpu, HG_GPU_BUFFER_UPLOAD,
-            HG_VIEW_MAX_SAMPLES_PER_STEP * HG_FRAME_SLOT_BYTES, "frame blocks",
+            (HG_VIEW_MAX_SAMPLES_PER_STEP + 1) * HG_FRAME_SLOT_BYTES, "frame blocks",
             &view->buffers.blocks, err);
     }
     if (status == HG_OK) {

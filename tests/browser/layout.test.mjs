@@ -254,7 +254,10 @@ test("nodes are not listed again for an animation, and are for what is shown of 
     await waitFor(page, () => window.helio.scene.due_ms === Infinity);
     const before = await evaluate(() => { window.helio.timeline.toggle(); return { at: performance.now(), ...window.asked }; });
     await waitFor(page, (from) => performance.now() > from + 3500 && window.asked.animation_set > 3, before.at);
-    await evaluate(() => window.helio.timeline.pause());
+    await evaluate(async () => {
+        window.helio.timeline.pause();
+        await window.helio.view.pick(0, 0); // behind the last pose: its edit has been told
+    });
     assert.equal(await evaluate(() => window.asked.nodes_query), before.nodes_query, "lists while it plays");
     // Edits of another session (animation_set, node_set): poses change nothing that is listed; names do, and so may an edit that was not told.
     for (const [message, missing, lists] of [[0x0211, 0, 0], [0x020d, 0, 1], [0x0211, 1, 1]]) {
@@ -391,14 +394,27 @@ test("a held key acts once", async () => {
     await evaluate(() => window.helio.timeline.pause());
 });
 
-test("a screenshot that takes long can be given up", async () => {
+test("a screenshot that takes long can be cancelled, and so it is at the server", async () => {
     await page.setViewport({ width: 1000, height: 600 });
-    await evaluate(() => { window.helio.view.screenshot = () => new Promise(() => {}); });
+    // With an answer that never comes, for it may come before the click.
+    await evaluate(() => {
+        const { connection } = window.helio;
+        window.sent = {};
+        connection.send = (name, message, request) => {
+            window.sent[name] = { of: message.request, id: request };
+            return name === "frame_request"
+                || Object.getPrototypeOf(connection).send.call(connection, name, message, request);
+        };
+    });
     await page.click('#menu [title="Screenshot"]');
     await page.waitForSelector(".toast.task button");
     await page.click(".toast.task button");
     await page.waitForSelector(".toast.task", { hidden: true });
-    await evaluate(() => { delete window.helio.view.screenshot; });
+    const sent = await evaluate(() => {
+        delete window.helio.connection.send;
+        return window.sent;
+    });
+    assert.equal(sent.frame_cancel.of, sent.frame_request.id);
 });
 
 test("says that its session was ended, and opens another one only when told to", async () => {

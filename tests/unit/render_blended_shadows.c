@@ -1,6 +1,7 @@
 // render_blended_shadows.c - blended surfaces cast shadows in shadow maps that are as dark in the
 // mean as their alpha says, of suns and lamps, one behind the other, and other ones when their
 // alpha changes; transmissive ones as dark as rays to lights say.
+#include "renderer/view_look.h"
 #include "tests/unit/render_rig.h"
 
 #define ALPHAS 2
@@ -171,6 +172,31 @@ static void test_edit(void **state)
     rig_close_scene(rig);
 }
 
+// Views share shadow maps: what one hides, or sees through, casts the shadow that it has in the
+// scene.
+static void test_looks(void **state)
+{
+    const float none[ALPHAS] = {0}, alpha[ALPHAS] = {0.5f, 0};
+    const struct hg_node_look looks[] = {{.node = 2, .set = HG_LOOK_HIDDEN, .hidden = true},
+        {.node = 2, .set = HG_LOOK_ALPHA, .alpha = 0.3f}};
+    struct rig *rig = *state;
+    double off;
+    open_scene(rig, false, none);
+    rig_settle(rig, 8);
+    const double lit = floor_light(rig, &off);
+    rig_close_scene(rig);
+    for (uint32_t i = 0; i < 2; i++) {
+        const struct hg_view_overrides overrides = {.items = &looks[i], .count = 1};
+        open_scene(rig, false, alpha);
+        test_ok(hg_view_set_overrides(rig->view, &overrides, &rig->err), &rig->err);
+        rig_settle(rig, 8);
+        const double share = floor_light(rig, &off) / lit;
+        print_message("look %u: %.3f of the light\n", i, share);
+        assert_true(fabs(share - 0.5) < 0.02);
+        rig_close_scene(rig);
+    }
+}
+
 static int open_renderer(void **state)
 {
     static struct rig rig;
@@ -187,7 +213,7 @@ static int close_renderer(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_share), cmocka_unit_test(test_panes), cmocka_unit_test(test_edit)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_share), cmocka_unit_test(test_panes),
+        cmocka_unit_test(test_edit), cmocka_unit_test(test_looks)};
     return cmocka_run_group_tests(tests, open_renderer, close_renderer);
 }
