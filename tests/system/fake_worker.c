@@ -6,14 +6,7 @@
 // info_query is answered by a MiB of blanks. A view's `seed` delays its frames by so many ms; asset
 // paths "slow=MS" delay their load.
 //
-// Tripwires are files in the folder $HELIO_FAKE_DIR, looked at whenever a message NAME comes:
-//   die.NAME   removed, then the process kills itself      kill.NAME   the same, but stays
-//   hang.NAME  removed, then nothing happens any more      busy.NAME   removed, then pulses report
-//                                                                      a step that does not end
-//   stuck.NAME stays, and the message is not answered; pulses report that a thread hangs in it
-//   die.start  removed at start, then exit before worker_ready
-//   die.compile  removed by the process that compiles shaders, which then fails
-// The folder also gets: pid, and count.NAME, one byte per message of that name.
+// Tripwires: fake_tripwires.h.
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -27,6 +20,7 @@
 #include "base/clock.h"
 #include "base/sha256.h"
 #include "tests/system/fake_scene.h"
+#include "tests/system/fake_tripwires.h"
 
 enum { LINK_FD = 3, BUCKETS = 4096, MAX_VIEWS = 16, MAX_DELAYED = 256, PULSE_MS = 100 };
 
@@ -69,59 +63,7 @@ static struct channel *channels[BUCKETS]; // by number
 static struct scene *scenes[BUCKETS];     // by key
 static struct delayed delayed[MAX_DELAYED];
 static struct hg_outq out;
-static uint64_t busy_since_ns;
-static struct hgp_busy busy; // with channel 0: nobody knows at what
-static bool hung;
-
-// ---- tripwires ----------------------------------------------------------------------------------
-
-static bool trip(const char *kind, const char *name, bool stays)
-{
-    const char *folder = getenv("HELIO_FAKE_DIR");
-    char path[1024];
-    if (!folder)
-        return false;
-    snprintf(path, sizeof path, "%s/%s.%s", folder, kind, name);
-    return stays ? access(path, F_OK) == 0 : unlink(path) == 0;
-}
-
-static void note(const char *name, const void *text, size_t size)
-{
-    const char *folder = getenv("HELIO_FAKE_DIR");
-    char path[1024];
-    if (!folder)
-        return;
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    int fd = open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
-    if (fd < 0)
-        return;
-    if (write(fd, text, size) != (ssize_t)size)
-        fprintf(stderr, "fake_worker: cannot write %s\n", path);
-    close(fd);
-}
-
-static void check_tripwires(const char *name)
-{
-    char count[128];
-    snprintf(count, sizeof count, "count.%s", name);
-    note(count, ".", 1);
-    if (trip("die", name, false) || trip("kill", name, true))
-        kill(getpid(), SIGKILL);
-    if (trip("hang", name, false))
-        hung = true;
-    if (trip("busy", name, false))
-        busy_since_ns = hg_clock_now_ns();
-}
-
-// Is the message one that a thread hangs in from now on?
-static bool stick(const struct hgp_header *header)
-{
-    if (!trip("stuck", hgp_find(header->type)->name, true))
-        return false;
-    busy = (struct hgp_busy){.channel = header->channel, .request = header->request};
-    busy_since_ns = hg_clock_now_ns();
-    return true;
-}
+static struct fake_trip tripped;
 
 // ---- answers ------------------------------------------------------------------------------------
 
@@ -571,8 +513,8 @@ static void handle(struct hg_packet *packet)
     }
     struct channel *c = to->channel ? find_channel(to->channel) : NULL;
     if (!(to->flags & 0x8000))
-        check_tripwires(hgp_find(to->type)->name);
-    if (hung || stick(to)) {
+        fake_trip_message(&tripped, to);
+    if (tripped.hung || fake_trip_sticks(&tripped, to)) {
     } else if (to->type == HGP_T_session_attach) {
         attach(to->channel, &any.session_attach);
     } else if (!c) {
@@ -660,11 +602,12 @@ static void send_pulse(uint64_t now_ns)
     if (now_ns - sent_ns < PULSE_MS * 1000000ull)
         return;
     sent_ns = now_ns;
-    if (busy.channel)
-        push(0, 0, hg_packet_encode(HGP_T_busy, &busy));
+    if (tripped.busy.channel)
+        push(0, 0, hg_packet_encode(HGP_T_busy, &tripped.busy));
     push(0, 0,
         hg_packet_encode(
-            HGP_T_pulse, &(struct hgp_pulse){.busy_ns = busy_since_ns ? now_ns - busy_since_ns : 0,
+            HGP_T_pulse, &(struct hgp_pulse){
+                             .busy_ns = tripped.busy_since_ns ? now_ns - tripped.busy_since_ns : 0,
                              .rss_bytes = 4096}));
 }
 
@@ -675,8 +618,8 @@ static void run(void)
     hg_transport_open(&link, &hg_transport_unix, LINK_FD);
     for (;;) {
         struct pollfd p = {LINK_FD, (short)(POLLIN | (out.head ? POLLOUT : 0)), 0};
-        poll(&p, 1, hung ? -1 : 2);
-        while (hung)
+        poll(&p, 1, tripped.hung ? -1 : 2);
+        while (tripped.hung)
             pause();
         uint64_t now_ns = hg_clock_now_ns();
         if (p.revents & (POLLIN | POLLHUP)) {
@@ -705,12 +648,12 @@ int main(int argc, char **argv)
             puts("{\"name\":\"fake\"}");
             return 7; // whatever it is, the daemon passes it on
         } else if (strcmp(argv[i], "--compile-shaders") == 0) {
-            return trip("die", "compile", false); // there are none
+            return fake_trip("die", "compile", false); // there are none
         }
     char pid[32];
     int n = snprintf(pid, sizeof pid, "%d\n", (int)getpid());
-    note("pid", pid, (size_t)n);
-    if (trip("die", "start", false) || trip("kill", "start", true))
+    fake_note("pid", pid, (size_t)n);
+    if (fake_trip("die", "start", false) || fake_trip("kill", "start", true))
         return 1;
     push(0, 0,
         hg_packet_encode(HGP_T_worker_ready, &(struct hgp_worker_ready){.pid = (uint32_t)getpid(),
