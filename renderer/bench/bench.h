@@ -80,7 +80,7 @@ enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_sce
 enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
-// What light by way of surfaces is worth in motion. Poses as of temporal, walked by day (the light
+// What global illumination is worth in motion. Poses as of temporal, walked by day (the light
 // of the scene) and by night (lamps along the walk alone), at the exposure metered from the middle
 // one, and held against references: every fifth, and its change since the one before. Then two
 // rooms (gi_rooms.h). Fields are those of temporal. One JSON object: poses, compared, truth; day,

@@ -1,4 +1,4 @@
-// gi.c - light by way of surfaces in motion against the truth (helio bench gi).
+// gi.c - global illumination in motion against the truth (helio bench gi).
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

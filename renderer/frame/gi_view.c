@@ -164,7 +164,7 @@ static enum hg_status refuse_field(
         return status;
     if (view->final && !is_of_device)
         return fail(status, "none", err);
-    return refuse(view, is_of_device, "no light by way of surfaces", &view->gi.field_refused, err);
+    return refuse(view, is_of_device, "no global illumination", &view->gi.field_refused, err);
 }
 
 // Without memory for the film of the gathering it is that of `probes`. No budget counts the film:

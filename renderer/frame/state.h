@@ -45,7 +45,7 @@
 #define HG_VIEW_UNLIT_AFTER 4
 
 #define HG_VIEW_GI_NONE   0
-#define HG_VIEW_GI_PROBES 1 // light by way of surfaces comes from a field of probes
+#define HG_VIEW_GI_PROBES 1 // global illumination comes from a field of probes
 #define HG_VIEW_GI_RAYS   2 // at rest it is gathered per pixel
 
 #define HG_VIEW_REFLECTIONS_ENVIRONMENT 0

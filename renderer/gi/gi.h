@@ -80,7 +80,7 @@ void hg_gi_fill(
 struct hg_gi_sight {
     bool hit;                     // a front; else all else is 0
     float albedo[3], emission[3]; // means of the material
-    float light[3];               // irradiance over pi: direct, and by way of surfaces
+    float light[3];               // irradiance over pi: direct and indirect
 };
 struct hg_gi_look {
     enum hg_gi_field_kind field;
