@@ -168,7 +168,7 @@ static enum hg_status meter(struct run *run, struct light *light, struct hg_erro
     return status;
 }
 
-// From here on, until the scene changes, what moves has the field of rest. It goes with the last
+// From here on, until the scene changes, what moves has the settled field. It goes with the last
 // view of the scene.
 static enum hg_status rest(struct run *run, const struct light *light, struct hg_error *err)
 {

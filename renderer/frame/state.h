@@ -138,7 +138,7 @@ struct hg_gi_refusal {
 struct hg_view_probes {
     enum hg_gi_field_kind field; // that the next sample is drawn with
     bool gathered;               // and it has the gathered light
-    struct hg_gather_key rested; // the view had a complete field of rest for it; other views may
+    struct hg_gather_key rested; // the view had a complete settled field for it; other views may
                                  // have taken its place
     struct hg_gi_refusal field_refused, gather_refused;
     struct hg_view_gather gather;

@@ -28,7 +28,7 @@ struct hg_irradiance_picture {
     struct hg_gi_texels texels;
     double origin[3];          // of the geometry; another one: nothing is known
     uint64_t light;            // revision of the scene and its lights
-    uint32_t doublings;        // of the updates of a moving field since the last change
+    uint32_t doublings;        // of the updates of a dynamic field since the last change
     const uint32_t *looked_up; // [rows][columns][4] probe light
     const uint32_t *mirrors;   // [rows][columns][2] shaders/shared/reflect.h
     const struct hg_lighting_sources *sources;
