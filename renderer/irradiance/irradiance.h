@@ -9,7 +9,7 @@
 // a scene: diffuse light beside what probe light had there, whose quotient probe light is
 // multiplied by (ratio estimator), and what rough surfaces mirror by where the eye is. The fewer
 // samples there are, the more is left as it was.
-// docs/internals/gi.md, "Gathered in motion".
+// docs/internals/irradiance.md.
 #ifndef HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 #define HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 
