@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "renderer/gi/build.h"
 #include "renderer/gi/cameras.h"
-#include "renderer/gi/sights.h"
+#include "renderer/gi/camera_hits.h"
 #include "renderer/math/vec.h"
 
 #define BEYOND       0.26f // spacings that a scene may reach beyond its outermost probes: just placed
@@ -344,26 +344,26 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
     return status;
 }
 
-static_assert(HG_GI_MOST_SIGHTS <= HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS, "buffers of waves");
+static_assert(HG_GI_MOST_CAMERA_RAYS <= HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS, "buffers of waves");
 
-enum hg_status hg_gi_see(
-    struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out, struct hg_error *err)
+enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_rays *camera,
+    struct hg_gi_camera_hit *out, struct hg_error *err)
 {
-    const struct hg_gi_field *field = finest_grid(gi, look->field, look->view);
+    const struct hg_gi_field *field = finest_grid(gi, camera->field, camera->view);
     struct hg_gi_waves *w = &gi->waves;
-    memset(out, 0, look->count * sizeof *out);
+    memset(out, 0, camera->count * sizeof *out);
     if (w->rays == NULL || field == NULL)
         return HG_OK;
-    const struct hg_gi_sights sights = {.trace = hg_rays_trace(w->rays),
+    const struct hg_gi_camera_hits with = {.trace = hg_rays_trace(w->rays),
         .jobs = w->params.jobs,
         .surfaces = &w->surfaces,
         .field = field,
-        .sources = look->sources,
+        .sources = camera->sources,
         .rays = &w->probe_rays,
         .hits = &w->probe_hits,
         .shadow_rays = &w->shadow_rays,
         .blocked = &w->blocked};
-    return hg_gi_sights_see(&sights, look->rays, look->count, out, err);
+    return hg_gi_camera_hits_find(&with, camera->rays, camera->count, out, err);
 }
 
 static void count_grid(const struct hg_gi_field *f, struct hg_gi_stats *out)

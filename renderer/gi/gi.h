@@ -75,28 +75,29 @@ bool hg_gi_is_settled(
 // Marks the view's grids as in use; those unused for longest make room for others.
 void hg_gi_touch(struct hg_gi *gi, uint64_t view);
 
-// view: whose camera it is. Of NO_FIELD: zeroed.
+// What shaders read of a field: its grids as the view's camera has them. NO_FIELD: zeroed.
 void hg_gi_fill(
     const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view, struct hg_gpu_probes *out);
 
-// What rays see, from means as the rays of probes do; origins as of the geometry room.
-#define HG_GI_MOST_SIGHTS 4096
-struct hg_gi_sight {
-    bool hit;                     // a front; else all else is 0
+// Hits of camera rays (for metering), shaded from means of materials as those of probe rays are.
+// Rays are relative to the geometry's origin.
+#define HG_GI_MOST_CAMERA_RAYS 4096
+struct hg_gi_camera_hit {
+    bool hit;                     // the front of a surface; else all others are 0
     float albedo[3], emission[3]; // means of the material
     float light[3];               // irradiance over pi: direct and indirect
 };
-struct hg_gi_look {
+struct hg_gi_camera_rays {
     enum hg_gi_field_kind field;
     uint64_t view; // whose camera it is
     const struct hg_lighting_sources *sources;
     const struct hg_gpu_ray *rays; // [count]
-    uint32_t count;                // <= HG_GI_MOST_SIGHTS
+    uint32_t count;                // <= HG_GI_MOST_CAMERA_RAYS
 };
-// After hg_gi_settle or hg_gi_update of the picture. Nothing is seen without a field. HG_E_NOMEM,
-// device errors.
-enum hg_status hg_gi_see(struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out,
-    struct hg_error *err) HG_MUST_CHECK;
+// out: [count]. After hg_gi_settle or hg_gi_update of the picture; without a field nothing is hit.
+// HG_E_NOMEM, device errors.
+enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_rays *camera,
+    struct hg_gi_camera_hit *out, struct hg_error *err) HG_MUST_CHECK;
 
 // What rays of other passes meet, and what there is to light it with.
 struct hg_gi_environment;
