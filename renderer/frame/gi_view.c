@@ -29,7 +29,8 @@ static bool is_refused(const struct hg_view_state *view, const struct hg_gi_refu
            r->height == view->settings.height && memcmp(&key, &r->key, sizeof key) == 0;
 }
 
-bool hg_gi_view_is_on(const struct hg_view_state *view)
+// Whether pictures have light from probes: parameter gi asks for it, and memory sufficed.
+static bool is_on(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
     return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME &&
@@ -89,13 +90,12 @@ static bool lasts(const struct hg_view_state *view)
 
 bool hg_gi_view_is_done(const struct hg_view_state *view)
 {
-    return !hg_gi_view_is_on(view) ||
-           (had_settled(view) && (!gathers(view) || hg_gather_view_is_done(view)));
+    return !is_on(view) || (had_settled(view) && (!gathers(view) || hg_gather_view_is_done(view)));
 }
 
 enum hg_gi_view_stage hg_gi_view_stage(const struct hg_view_state *view)
 {
-    if (!hg_gi_view_is_on(view) || !had_settled(view))
+    if (!is_on(view) || !had_settled(view))
         return HG_GI_VIEW_DYNAMIC;
     return hg_gi_view_is_done(view) ? HG_GI_VIEW_DONE : HG_GI_VIEW_SETTLED;
 }
@@ -192,7 +192,7 @@ enum hg_status hg_gi_view_step(
     view->gi.field = HG_GI_NO_FIELD;
     view->gi.gathered = false;
     view->motion.reflections.world = (struct hg_gi_world){0};
-    if (!hg_gi_view_is_on(view))
+    if (!is_on(view))
         return HG_OK;
     hg_gi_touch(view->scene_gpu->gi, hg_gi_view_id(view));
     const bool had = hg_gi_view_has_settled(view);

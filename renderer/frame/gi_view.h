@@ -8,8 +8,6 @@
 
 #include "renderer/frame/state.h"
 
-// Whether pictures have light from probes: parameter gi asks for it, and memory sufficed.
-bool hg_gi_view_is_on(const struct hg_view_state *view);
 // Number of the view among those of its scene, by which renderer/gi knows its camera.
 uint64_t hg_gi_view_id(const struct hg_view_state *view);
 // Whether the settled field is complete for the scene as it is and for the camera.

@@ -41,8 +41,6 @@ void hg_mirror_view_finish(struct hg_gpu *gpu, struct hg_mirror_view *mirrors);
 // Of a picture of that size one ray is sent for so many pixels along a row and a column, to see
 // what smooth surfaces show.
 uint32_t hg_mirror_view_step(VkExtent2D size);
-// The next picture looks for mirrors; it has reflections.
-bool hg_mirror_view_is_on(const struct hg_draw *draw);
 // After the picture, before its motion vectors are made: pixels of planes move as what they mirror.
 // depth, ids: of the samples, as of struct hg_temporal_picture; ids NULL: nothing moved by itself.
 void hg_mirror_view_move(struct hg_draw *draw, float *depth, uint32_t *ids);

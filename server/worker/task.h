@@ -9,11 +9,8 @@
 
 enum task_kind { TASK_ASSET, TASK_ENVIRONMENT, TASK_COMPARE, TASK_IMAGE };
 
-// One file or comparison, with a thread of its own. While it runs its session's later messages
-// wait, so that every session sees its messages take effect in order.
-// Axes of the protocol as the renderer numbers them.
-enum hg_up_axis hg_task_up_axis(enum hgp_up_axis up);
-
+// One file or comparison, with a thread of its own. While it runs, later messages of its session
+// wait, so that messages of a session take effect in order.
 struct task {
     enum task_kind kind;
     struct reply_to to;
