@@ -10,13 +10,13 @@
 
 #include "renderer/frame/state.h"
 
-// The present state of the view, which the settled field and gathered light are of.
+// Identifies the present state of the view; settled field and gathered light are valid for one.
 struct hg_gather_key hg_gather_view_key(const struct hg_view_state *view);
 void hg_gather_view_finish(struct hg_view_state *view);
-// Light was gathered for the present state of the view.
+// Whether light was gathered for the present state of the view.
 bool hg_gather_view_is_done(const struct hg_view_state *view);
-// A slice of it, between batches; the view has the settled field. HG_E_LIMIT, HG_E_NOMEM,
-// HG_E_UNSUPPORTED: there is none; device errors.
+// One slice of gathering, between batches, once the settled field is complete. HG_E_LIMIT,
+// HG_E_NOMEM, HG_E_UNSUPPORTED: the view cannot gather; device errors.
 enum hg_status hg_gather_view_step(struct hg_view_state *view, struct hg_error *err) HG_MUST_CHECK;
 
 #endif

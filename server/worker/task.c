@@ -356,7 +356,7 @@ static enum hg_status examine_image(struct task *task)
     const enum hg_status status =
         hg_image_examine(&(struct hg_image_bytes){parts ? task->file.data : one->data,
                              parts ? task->file.size : one->size, "image"},
-            ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->told, &task->err);
+            ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->summary, &task->err);
     hg_spill_end();
     return status;
 }

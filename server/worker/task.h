@@ -31,7 +31,7 @@ struct task {
     struct hg_asset *asset;
     struct hg_environment_file environment;
     double value;
-    struct hg_image_told told;
+    struct hg_image_summary summary; // IMAGE
     struct hg_writer diff;
     uint32_t width, height;
 };
