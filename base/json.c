@@ -1,5 +1,6 @@
 #include "base/json.h"
 
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 
@@ -22,9 +23,23 @@ void hg_json_string(struct hg_writer *w, const char *text)
     for (; *text != '\0'; text++) {
         if (*text == '"' || *text == '\\')
             hg_write_u8(w, '\\');
-        hg_write_u8(w, (unsigned char)*text < 0x20 ? ' ' : (uint8_t)*text);
+        if ((unsigned char)*text < 0x20)
+            hg_json_put(w, "\\u%04x", (unsigned)*text);
+        else
+            hg_write_u8(w, (uint8_t)*text);
     }
     hg_write_u8(w, '"');
+}
+
+void hg_json_put_text(struct hg_writer *w, const char *key, const char *value)
+{
+    hg_json_put(w, "%s", key);
+    hg_json_string(w, value);
+}
+
+void hg_json_put_number(struct hg_writer *w, const char *key, uint64_t value)
+{
+    hg_json_put(w, "%s%" PRIu64, key, value);
 }
 
 enum hg_status hg_json_take(struct hg_writer *w, char **text)

@@ -35,7 +35,7 @@ struct hg_view_report {
         uint32_t strips;        // that the next batch is drawn in
         uint32_t without_lists; // pictures in motion, since one that had them
     } blend;                    // of blended surfaces
-    bool probes_at_rest;        // the field that settled pictures are lit by is complete
+    bool field_is_settled;      // the field that settled pictures are lit by is complete
     bool traces;                // its picture, or planes of it
     struct hg_path_stats path;
     // [height][width][3] as of hg_temporal_motion, of the newest picture in motion, until the next

@@ -76,31 +76,31 @@ enum hg_background {
     HG_BACKGROUND_BLUR,
     HG_BACKGROUND_DISPLAY,
 };
-enum hg_view_gi { // light by way of surfaces, of HG_MODE_REALTIME
+enum hg_view_gi { // global illumination, of HG_MODE_REALTIME
     HG_GI_NONE,
-    HG_GI_AUTO, // the best that there is; at present as RAYS. The default of views of the protocol
-    HG_GI_RAYS, // gathered by rays: at rest from each pixel, in motion into cells on surfaces
-    HG_GI_PROBES,
+    HG_GI_AUTO,   // the best that there is; at present RAYS. The default of views of the protocol
+    HG_GI_RAYS,   // gathered by rays: at rest from each pixel, in motion into cells on surfaces
+    HG_GI_PROBES, // irradiance probes alone, at rest as well
 };
-enum hg_view_reflections {      // of pictures in motion that have light by way of surfaces
-    HG_REFLECTIONS_ENVIRONMENT, // what the field of probes says of it, and of surfaces
-    HG_REFLECTIONS_AUTO,        // the best that there is; at present as CACHE. The default of views
-                                // of the protocol
-    HG_REFLECTIONS_RAYS,        // what rays meet, shaded
-    HG_REFLECTIONS_CACHE,       // with radiance that is kept
+enum hg_view_reflections {      // of pictures in motion that have global illumination
+    HG_REFLECTIONS_ENVIRONMENT, // no rays: the environment, and surfaces as the probes have them
+    HG_REFLECTIONS_AUTO,        // the best that there is; at present CACHE. The default of views of
+                                // the protocol
+    HG_REFLECTIONS_RAYS,        // rays whose hits are shaded
+    HG_REFLECTIONS_CACHE,       // rays whose hits are looked up in a radiance cache where it can be
 };
 enum hg_view_ao { // of pictures in motion that have light from probes
-    HG_AO_AUTO,   // by their depth
+    HG_AO_AUTO,   // screen-space ambient occlusion (GTAO)
     HG_AO_NONE,
 };
-enum hg_view_mirrors { // planes of pictures in motion that have reflections by rays
-    HG_MIRRORS_AUTO,   // the one or two that mirror most
+enum hg_view_mirrors { // planar mirrors of pictures in motion that have reflections by rays
+    HG_MIRRORS_AUTO,   // the one or two planes that mirror most
     HG_MIRRORS_NONE,
 };
 enum hg_view_temporal { // pictures in motion of HG_MODE_REALTIME, RGBA8
     HG_TEMPORAL_NONE,   // one sample per pixel
     HG_TEMPORAL_AUTO,   // made of samples of this and the pictures before; the default of views of
-                        // the protocol that have light by way of surfaces
+                        // the protocol that have global illumination
     HG_TEMPORAL_CHECKERBOARD, // likewise, with every second pixel shaded, in turn; AUTO where
                               // surfaces blend or transmit. Without parameter scale
 };
@@ -330,8 +330,9 @@ void hg_view_set_slice(struct hg_view *view, uint64_t slice_ns);
 // Frame time in motion that the quality gives way to where the parameters name none (target_ms).
 // 0: none. Changes no settled picture.
 void hg_view_set_budget(struct hg_view *view, float target_ms);
-// Views of its scene that move, this one included: each brings its part of the rays that the scene
-// has for light by way of surfaces in motion, so that all together bring them once a frame.
+// Number of views of its scene that move, this one included. Probes and caches of a scene are
+// shared, so each of these views casts one part in `views` of the scene's rays for global
+// illumination per frame.
 void hg_view_set_sharing(struct hg_view *view, uint32_t views);
 // Which pixels are read after the next steps: bits 1 << enum hg_pixel_format; at first
 // HG_PIXEL_RGBA8 alone. A picture in motion has no others; one that rests has all.

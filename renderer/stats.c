@@ -349,7 +349,7 @@ void hg_view_get_report(const struct hg_view *view, struct hg_view_report *out)
     *out = (struct hg_view_report){.prefetched = s->prefetch.drawn,
         .unlit_share = hg_unlit_tiles_share(
             &s->unlit.tiles, smaller ? &s->motion.temporal.targets.depth : &s->targets.depth),
-        .probes_at_rest = hg_gi_view_has_rest(s),
+        .field_is_settled = hg_gi_view_has_settled(s),
         .blend = {s->blend.strips, s->blend.unseen},
         .motion = s->motion.temporal.motion};
     hg_geometry_stats(s->scene_gpu->geometry, &out->geometry);

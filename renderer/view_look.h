@@ -4,8 +4,8 @@
 // Views of one scene share its geometry, textures, shadows and light, and each has a look of its
 // own: nodes that it hides, tints, selects or sees through, layers, material variants and clipping
 // planes. All of that changes what the camera sees, in both modes, and nothing else: shadows,
-// reflections and light by way of surfaces are those of the whole scene. See
-// renderer/frame/look_params.h for the members and docs/decisions/0031-looks-of-views.md for why.
+// reflections and global illumination are those of the whole scene. Members:
+// renderer/frame/look_params.h. Why: docs/decisions/0031-looks-of-views.md.
 #ifndef HG_RENDERER_VIEW_LOOK_H
 #define HG_RENDERER_VIEW_LOOK_H
 

@@ -46,7 +46,7 @@ struct hg_viewer_options {
     float target_fps;              // of the view
     enum hgp_encoding encoding;
     bool path;           // mode PATH
-    bool plain;          // without light by way of surfaces, at a fixed exposure
+    bool plain;          // without global illumination, at a fixed exposure
     uint64_t timeout_ns; // of each answer
 };
 

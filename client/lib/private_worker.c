@@ -2,7 +2,6 @@
 
 #include <errno.h>
 #include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,8 +13,6 @@
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/program.h"
-
-extern char **environ;
 
 static enum hg_status build_argv(const char *path, const char *const *args, const char ***out)
 {
@@ -32,38 +29,6 @@ static enum hg_status build_argv(const char *path, const char *const *args, cons
     for (size_t i = 0; i < count; i++)
         argv[i + 3] = args[i];
     return HG_OK;
-}
-
-// The worker gets its socket as 3 and the standard streams; a process group of its own, so that
-// Ctrl-C reaches only the client; default signals.
-static int spawn_with_socket(const char *path, const char **argv, int fd, pid_t *pid)
-{
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    sigset_t all, none;
-    int failed = posix_spawn_file_actions_init(&actions);
-    if (failed)
-        return failed;
-    failed = posix_spawnattr_init(&attributes);
-    if (failed) {
-        posix_spawn_file_actions_destroy(&actions);
-        return failed;
-    }
-    sigfillset(&all);
-    sigemptyset(&none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setpgroup(&attributes, 0);
-    posix_spawnattr_setflags(
-        &attributes, POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-    failed = posix_spawn_file_actions_adddup2(&actions, fd, 3);
-    if (!failed)
-        failed = posix_spawn_file_actions_addclosefrom_np(&actions, 4);
-    if (!failed)
-        failed = posix_spawn(pid, path, &actions, &attributes, (char *const *)argv, environ);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&actions);
-    return failed;
 }
 
 enum hg_status hg_client_worker_start(
@@ -86,12 +51,12 @@ enum hg_status hg_client_worker_start(
         return hg_error_set(
             err, hg_status_from_errno(errno), what, NULL, "no socket pair: %s", strerror(errno));
     }
-    int failed = spawn_with_socket(path, argv, pair[1], pid);
+    // Beside the socket the worker has the standard streams, and nothing else.
+    const int failed = hg_program_spawn(path, argv, (const int[2]){pair[1], 3}, 4, pid);
     hg_free(argv);
     close(pair[1]);
     if (failed) {
         close(pair[0]);
-        *pid = 0;
         // A program that is not there, or none, will not be there the next time.
         const bool permanent =
             failed == ENOENT || failed == EACCES || failed == ENOEXEC || failed == ENOTDIR;

@@ -1145,7 +1145,7 @@ export const messages = {
             { name: "encoding", kind: "enum", values: "encoding", since: 1 },
         ],
     },
-    // clipping planes of a view, in place of those it had. They clip what its camera sees in both modes, what it picks and queries; shadows, reflections and light by way of surfaces are those of the whole scene
+    // clipping planes of a view, in place of those it had. They clip what its camera sees in both modes, what it picks and queries; shadows, reflections and global illumination are those of the whole scene
     view_clip: {
         type: 0x0320, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [

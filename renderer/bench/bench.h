@@ -80,23 +80,23 @@ enum hg_status hg_bench_realtime_run(struct hg_renderer *renderer, struct hg_sce
 enum hg_status hg_bench_temporal_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
-// What light by way of surfaces is worth in motion. Poses as of temporal, walked by day (the light
+// What global illumination is worth in motion. Poses as of temporal, walked by day (the light
 // of the scene) and by night (lamps along the walk alone), at the exposure metered from the middle
 // one, and held against references: every fifth, and its change since the one before. Then two
 // rooms (gi_rooms.h). Fields are those of temporal. One JSON object: poses, compared, truth; day,
 // night: {exposure_ev, references_found, references_made; none, probes (those of motion), rested
-// (the field of rest), both with parameter temporal as set; shown, shown_rested: the same as
+// (the settled field), both with parameter temporal as set; shown, shown_rested: the same as
 // viewers see them, all that is on by default; settled: pictures at rest: {flip, region_error: mean
 // relative error of luminance in 8 x 6 regions, worst_region_error: of the worst, flicker,
 // cpu_ms}}; leaks[]: {wall_m, light behind the wall over
 // that before it with probes, rays, in motion at most and at last}; responses[]: {change,
 // pictures_to_90, pictures_to_99: until the mean stays that near to the one in motion with the
-// field of rest, 0 more than 90; after_15, after_60: share of the way; regions_left_60: share of
+// settled field, 0 more than 90; after_15, after_60: share of the way; regions_left_60: share of
 // the difference in regions; settled_over_motion: mean of the settled picture over that}.
 enum hg_status hg_bench_gi_run(struct hg_renderer *renderer, struct hg_scene *scene,
     const struct hg_bench_settings *bench, char **text, struct hg_error *err) HG_MUST_CHECK;
 
-// What reflections of pictures in motion cost and are worth, with the field of rest: each pose is
+// What reflections of pictures in motion cost and are worth, with the settled field: each pose is
 // drawn 32 times by a camera that trembles, of which the last 16 count, in each of these ways: what
 // the field of probes says (environment); every texel sends rays, which are shaded (full); of
 // rough ones one in four (rays); and with a radiance cache of 32 and of 256 texels

@@ -1,4 +1,4 @@
-// gi.c - light by way of surfaces in motion against the truth (helio bench gi).
+// gi.c - global illumination in motion against the truth (helio bench gi).
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -168,7 +168,7 @@ static enum hg_status meter(struct run *run, struct light *light, struct hg_erro
     return status;
 }
 
-// From here on, until the scene changes, what moves has the field of rest. It goes with the last
+// From here on, until the scene changes, what moves has the settled field. It goes with the last
 // view of the scene.
 static enum hg_status rest(struct run *run, const struct light *light, struct hg_error *err)
 {

@@ -266,7 +266,7 @@ static enum hg_status leak(
     enum hg_status status = make(&r, &plan, err);
     if (status == HG_OK)
         status = open_view(renderer, &r, HG_GI_PROBES, &view, err);
-    if (status == HG_OK) // first: there is no field of rest yet
+    if (status == HG_OK) // first: there is no settled field yet
         status = leak_in_motion(view, &dark, out, err);
     if (status == HG_OK)
         status = settle(renderer, &r, &bright, HG_GI_PROBES, &light, err);
@@ -344,7 +344,7 @@ static enum hg_status follow(struct hg_renderer *renderer, struct rooms *r, enum
         apply(r, change);
     for (uint32_t i = 0; i < AFTER && status == HG_OK; i++)
         status = draw(view, &pose, i, &after[i], err);
-    // From now on pictures in motion have the field of rest. Settled ones are no measure of where
+    // From now on pictures in motion have the settled field. Settled ones are no measure of where
     // light comes to: edges of what the sun lights fall between the centres of so few pixels.
     if (status == HG_OK)
         status = settle(renderer, r, &pose, HG_GI_PROBES, &settled, err);

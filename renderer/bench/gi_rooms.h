@@ -15,8 +15,8 @@ struct hg_bench_leak {
     double motion, newest; // of pictures in motion: the brightest, and the last
 };
 
-// How far the mean of a picture in motion is on its way from before a change to one with the field
-// of rest.
+// How far the mean of a picture in motion is on its way from before a change to one with the
+// settled field.
 struct hg_bench_response {
     const char *name;
     uint32_t to_90, to_99;     // pictures until it stays within 10 %, 1 %; 0: later than measured

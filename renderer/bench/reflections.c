@@ -209,7 +209,7 @@ static enum hg_status measure_way(
     return status == HG_OK ? tell(run, err) : status;
 }
 
-// A view at rest holds the field of rest for the others.
+// A view at rest holds the settled field for the others.
 static enum hg_status measure_pose(struct run *run, uint32_t pose, struct hg_error *err)
 {
     struct hg_view *resting = NULL;

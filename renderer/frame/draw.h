@@ -73,14 +73,14 @@ struct hg_draw_blend {
     bool listed;            // the newest batch had lists
     bool many;              // the newest lists looked at more fragments than there are pixels
     uint32_t unseen;        // pictures in motion without lists since
-    bool too_deep_told;     // the newest picture lacked the deepest surfaces
+    bool too_deep;          // the newest picture lacked the deepest surfaces
 };
 
 // Unlit tiles; searched for in consecutive pictures in motion.
 struct hg_draw_unlit {
     struct hg_unlit_tiles tiles;
-    uint32_t wait; // pictures in motion until they are looked for
-    bool told;     // in the newest sample they were
+    uint32_t wait; // pictures in motion until the next search
+    bool found;    // in the newest sample they are marked in the depth
 };
 
 // Samples that are enough for each block of pixels of a settled picture

@@ -110,7 +110,7 @@ void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples)
     draw->stats->triangles_hosted = drawn.hosted;
     hg_graph_advance(draw->targets->graph);
     hg_frame_note_blend(draw, samples);
-    if (draw->unlit->told &&
+    if (draw->unlit->found &&
         hg_unlit_tiles_share(&draw->unlit->tiles, &draw->targets->depth) < UNLIT_LEAST)
         draw->unlit->wait = UNLIT_REST;
 }

@@ -6,14 +6,15 @@
 
 #include "renderer/frame/state.h"
 
-// --- frame_block.c: what shaders are told --------------------------------------------------------
+// --- frame_block.c: the uniform block of a sample
+// -------------------------------------------------
 
-// Of the picture that is drawn now, px: only to find out what is needed, a smaller one does.
+// Size of the picture that is drawn, px. Not that of the settings with temporal upscaling, and
+// where a picture only finds the texture pages that are needed.
 VkExtent2D hg_frame_size(const struct hg_draw *draw);
 // The view's camera for a picture of that size, relative to the geometry's origin; no jitter.
 struct hg_camera_setup hg_frame_setup(const struct hg_draw *draw);
-// Height of the picture that is drawn, of the settings' height: 1 but in motion, where history
-// makes up for less.
+// Height that is drawn over that of the settings: 1, or less in motion with temporal upscaling.
 float hg_frame_scale(const struct hg_draw *draw);
 // Block of one sample (index into the accumulation; jitter on or off) at `slot`; the pass for it.
 struct hg_pass hg_frame_pass(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t slot);
@@ -25,7 +26,7 @@ void hg_frame_fill_path(struct hg_view_state *view);
 // streams: pages may be missing, so shaders report the pages that they request.
 struct hg_pass hg_frame_pass_path(struct hg_view_state *view, struct hg_gpu_cmd *cmd, bool streams);
 
-// --- frame_cull.c: what is seen ------------------------------------------------------------------
+// --- frame_cull.c: culling -----------------------------------------------------------------------
 
 enum hg_frame_part { HG_FRAME_PICTURE, HG_FRAME_SHADOWS };
 // Culls camera and stale shadow maps, or only the latter, inside of the drawn area, for at most the
@@ -48,13 +49,13 @@ struct hg_culling_lens hg_frame_lens(const struct hg_gpu_camera *camera, VkExten
 
 // How long a step waits for hierarchies in the LOD build queue.
 #define HG_FRAME_BUILD_WAIT_NS UINT64_C(20000000)
-// Scene, pages and lights.
+// Brings geometry, texture pages and lights of the scene up to date on the device.
 enum hg_status hg_frame_sync(struct hg_draw *draw, struct hg_error *err) HG_MUST_CHECK;
-// The scene has transmissive materials.
+// Whether the scene has transmissive materials.
 bool hg_frame_transmits(const struct hg_draw *draw);
-// How many of so many samples one batch takes: what the host draws of them needs memory.
+// How many of `samples` one batch may take: pixels that the host draws need memory for each.
 uint32_t hg_frame_batch(const struct hg_draw *draw, uint32_t samples);
-// After the batch: how much it drew; hg_frame_note_blend.
+// After the batch: statistics of what it drew, hg_frame_note_blend.
 void hg_frame_note_drawn(struct hg_draw *draw, uint32_t samples);
 
 // --- frame_blend.c: the passes of blended surfaces -----------------------------------------------
@@ -69,16 +70,16 @@ void hg_frame_note_blend(struct hg_draw *draw, uint32_t samples);
 // HG_FRAME_PICTURE.
 enum hg_status hg_frame_record(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t samples,
     struct hg_error *err) HG_MUST_CHECK;
-// Only its texture requests matter.
+// A picture of which only the texture requests matter.
 enum hg_status hg_frame_record_prefetch(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 // Shadow maps that are stale, nothing else. After a cull of HG_FRAME_SHADOWS.
 enum hg_status hg_frame_record_shadows(
     struct hg_draw *draw, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
-// What is accumulated to targets.pixels[format], and that to `readback`.
+// Resolves what is accumulated to targets.pixels[format], and copies that to `readback`.
 enum hg_status hg_frame_record_read(struct hg_draw *draw, struct hg_gpu_cmd *cmd, uint32_t format,
     struct hg_error *err) HG_MUST_CHECK;
-// What `pixels` show to `pick`. After hg_frame_cull_part of them.
+// Surface points of `pixels`, to `pick`. After hg_frame_cull_part of them.
 enum hg_status hg_frame_record_pick(struct hg_draw *draw, struct hg_gpu_cmd *cmd, VkRect2D pixels,
     struct hg_error *err) HG_MUST_CHECK;
 

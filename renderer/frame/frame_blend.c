@@ -287,8 +287,8 @@ void hg_frame_note_blend(struct hg_draw *draw, uint32_t samples)
     const bool grows = full && grow(b, nodes * b->strips);
     hg_tiled_accumulation_note(draw->accumulation, HG_SHORT_OF_LAYERS, grows);
     too_deep |= full && !grows;
-    if (too_deep && !b->too_deep_told)
+    if (too_deep && !b->too_deep)
         hg_warn(FRAME, "%u layers of blended surfaces or more: what lies deeper is not seen",
             (unsigned)HG_BLEND_MAX_LAYERS);
-    b->too_deep_told = too_deep;
+    b->too_deep = too_deep;
 }

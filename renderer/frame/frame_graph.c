@@ -460,7 +460,7 @@ static enum hg_status declare_sample(struct hg_batch *f, struct hg_error *err)
     if (blend)
         hg_batch_declare_blend(f);
     hg_batch_declare_motion(f);
-    draw->unlit->told = f->unlit.skips = finds_unlit(draw, &f->pass);
+    draw->unlit->found = f->unlit.skips = finds_unlit(draw, &f->pass);
     if (f->unlit.skips)
         declare_unlit(f);
     if (hg_draw_is(draw, HG_DRAW_CHECKERBOARD))

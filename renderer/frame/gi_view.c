@@ -10,8 +10,8 @@
 #include "renderer/frame/path_lease.h"
 #include "renderer/passes/skin.h"
 
-#define REST_RAYS 60000 // of a step at rest: about a tenth of a second of two cores
-#define MOVE_RAYS 8000  // of a picture in motion
+#define SETTLE_RAYS  60000 // of a step at rest: about a tenth of a second of two cores
+#define DYNAMIC_RAYS 8000  // of a picture in motion
 #define LEAST_RAYS 256   // also of one of many
 
 static struct hg_gi_key key_of(const struct hg_view_state *view)
@@ -29,7 +29,8 @@ static bool is_refused(const struct hg_view_state *view, const struct hg_gi_refu
            r->height == view->settings.height && memcmp(&key, &r->key, sizeof key) == 0;
 }
 
-bool hg_gi_view_is_on(const struct hg_view_state *view)
+// Whether pictures have light from probes: parameter gi asks for it, and memory sufficed.
+static bool is_on(const struct hg_view_state *view)
 {
     const struct hg_view_settings *s = &view->settings;
     return s->gi != 0 && s->mode == HG_VIEW_MODE_REALTIME &&
@@ -59,18 +60,18 @@ uint64_t hg_gi_view_id(const struct hg_view_state *view)
     return (uint64_t)(uintptr_t)view;
 }
 
-bool hg_gi_view_has_rest(const struct hg_view_state *view)
+bool hg_gi_view_has_settled(const struct hg_view_state *view)
 {
     const struct hg_gi_key key = key_of(view);
     if (view->scene_gpu->gi == NULL)
         return false;
     const struct hg_gi_eye eye = eye_of(view);
-    return hg_gi_is_rest(view->scene_gpu->gi, &key, &eye);
+    return hg_gi_is_settled(view->scene_gpu->gi, &key, &eye);
 }
 
-// The view had the field of rest for what it is to show. Its grids may be others' by now, which
+// The view had the settled field for what it is to show. Its grids may be others' by now, which
 // what is drawn is not the worse for.
-static bool has_rested(const struct hg_view_state *view)
+static bool had_settled(const struct hg_view_state *view)
 {
     const struct hg_gather_key key = hg_gather_view_key(view);
     return memcmp(&key, &view->gi.rested, sizeof key) == 0;
@@ -81,7 +82,7 @@ static bool gathers(const struct hg_view_state *view)
     return view->settings.gi == HG_VIEW_GI_RAYS && !is_refused(view, &view->gi.gather_refused);
 }
 
-// What is shown has reflections and light of nearby surfaces, which the field of rest alone lacks.
+// What is shown has reflections and light of nearby surfaces, which the settled field alone lacks.
 static bool lasts(const struct hg_view_state *view)
 {
     return view->motion.still > 0 && gathers(view);
@@ -89,15 +90,14 @@ static bool lasts(const struct hg_view_state *view)
 
 bool hg_gi_view_is_done(const struct hg_view_state *view)
 {
-    return !hg_gi_view_is_on(view) ||
-           (has_rested(view) && (!gathers(view) || hg_gather_view_is_done(view)));
+    return !is_on(view) || (had_settled(view) && (!gathers(view) || hg_gather_view_is_done(view)));
 }
 
 enum hg_gi_view_stage hg_gi_view_stage(const struct hg_view_state *view)
 {
-    if (!hg_gi_view_is_on(view) || !has_rested(view))
-        return HG_GI_VIEW_MOVES;
-    return hg_gi_view_is_done(view) ? HG_GI_VIEW_DONE : HG_GI_VIEW_FIELD;
+    if (!is_on(view) || !had_settled(view))
+        return HG_GI_VIEW_DYNAMIC;
+    return hg_gi_view_is_done(view) ? HG_GI_VIEW_DONE : HG_GI_VIEW_SETTLED;
 }
 
 static enum hg_status create(struct hg_view_state *view, struct hg_error *err)
@@ -116,7 +116,7 @@ uint32_t hg_gi_view_rays(const struct hg_view_state *view)
 {
     const float share = hg_governor_choice(view).rays;
     const uint32_t views = view->motion.sharing > 0 ? view->motion.sharing : 1;
-    const uint32_t rays = (uint32_t)(share * MOVE_RAYS) / views; // of one field for all of them
+    const uint32_t rays = (uint32_t)(share * DYNAMIC_RAYS) / views; // of one field for all of them
     return rays > LEAST_RAYS ? rays : LEAST_RAYS;
 }
 
@@ -132,8 +132,8 @@ static enum hg_status advance(struct hg_view_state *view, bool rests, struct hg_
     hg_lighting_sources(view->lighting, &sources);
     const uint32_t rays = hg_gi_view_rays(view);
     const struct hg_gi_eye eye = eye_of(view);
-    return rests ? hg_gi_rest(view->scene_gpu->gi, &key, &eye, &sources, REST_RAYS, err)
-                 : hg_gi_move(view->scene_gpu->gi, &key, &eye, &sources, rays, err);
+    return rests ? hg_gi_settle(view->scene_gpu->gi, &key, &eye, &sources, SETTLE_RAYS, err)
+                 : hg_gi_update(view->scene_gpu->gi, &key, &eye, &sources, rays, err);
 }
 
 static enum hg_status refuse(struct hg_view_state *view, bool is_of_device, const char *what,
@@ -164,7 +164,7 @@ static enum hg_status refuse_field(
         return status;
     if (view->final && !is_of_device)
         return fail(status, "none", err);
-    return refuse(view, is_of_device, "no light by way of surfaces", &view->gi.field_refused, err);
+    return refuse(view, is_of_device, "no global illumination", &view->gi.field_refused, err);
 }
 
 // Without memory for the film of the gathering it is that of `probes`. No budget counts the film:
@@ -192,18 +192,18 @@ enum hg_status hg_gi_view_step(
     view->gi.field = HG_GI_NO_FIELD;
     view->gi.gathered = false;
     view->motion.reflections.world = (struct hg_gi_world){0};
-    if (!hg_gi_view_is_on(view))
+    if (!is_on(view))
         return HG_OK;
     hg_gi_touch(view->scene_gpu->gi, hg_gi_view_id(view));
-    const bool had = hg_gi_view_has_rest(view);
+    const bool had = hg_gi_view_has_settled(view);
     if (!had)
         status = advance(view, rests, err);
     if (status != HG_OK)
         return refuse_field(view, status, err);
     view->gi.field_refused.is_set = false;
-    const bool has = had || hg_gi_view_has_rest(view),
-               shows = has && !has_rested(view) && !view->final && !lasts(view);
-    view->gi.field = has ? HG_GI_REST : HG_GI_MOVING;
+    const bool has = had || hg_gi_view_has_settled(view),
+               shows = has && !had_settled(view) && !view->final && !lasts(view);
+    view->gi.field = has ? HG_GI_SETTLED : HG_GI_DYNAMIC;
     if (has)
         view->gi.rested = hg_gather_view_key(view);
     if (had && rests && gathers(view) && !hg_gather_view_is_done(view) && hg_path_lease_take(view))

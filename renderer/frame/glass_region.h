@@ -1,5 +1,5 @@
-// glass_region.h - the part of a picture that surfaces which transmit may be in.
-// Floor 5 (frame). Thread: the render thread.
+// glass_region.h - the part of a picture that transmissive surfaces may cover.
+// Floor 4. Thread: the render thread.
 #ifndef HG_RENDERER_FRAME_GLASS_REGION_H
 #define HG_RENDERER_FRAME_GLASS_REGION_H
 

@@ -2,9 +2,9 @@
 // sees through or shows with the materials of another variant.
 // Floor 4. Thread: the render thread. Declared to callers in renderer/view_look.h.
 //
-// All of it changes what the camera of the view sees. Shadows, reflections and the light that comes
-// by way of surfaces are those of the whole scene, which views share. A view that has none of it
-// has no struct hg_look, and draws with the tables of the scene.
+// All of it changes what the camera of the view sees. Shadows, reflections and global illumination
+// are those of the whole scene, which views share. A view without any of it has no struct hg_look,
+// and draws with the tables of the scene.
 #ifndef HG_RENDERER_FRAME_LOOK_H
 #define HG_RENDERER_FRAME_LOOK_H
 

@@ -18,31 +18,31 @@
 void hg_meter_set(struct hg_view_state *view, bool automatic, float ev);
 // Stops of the picture that is shown.
 float hg_meter_ev(const struct hg_view_state *view);
-// The next step on the way of what is shown to what was metered: by the time since the last one.
-// rests: nothing else is left to do, so that steps may follow each other in no time; each then
-// counts as one frame. The picture itself stays, it is linear until it is read.
+// Moves the exposure that is shown towards the metered one, by the time since the last step. rests:
+// nothing else is left to do and steps may follow at once, so each counts as one frame. The picture
+// is not touched: it is linear until it is read.
 void hg_meter_adapt(struct hg_view_state *view, bool rests);
-// It is on its way.
+// What is shown has not arrived at what was metered yet.
 bool hg_meter_is_adapting(const struct hg_view_state *view);
-// The camera is another one: a cut takes what is metered next at once.
+// The camera changes to *next. A cut (a large turn) makes the next metered value count at once.
 void hg_meter_note_camera(struct hg_view_state *view, const struct hg_view_camera_state *next);
 // Whether the view waits for a value of what it shows now. False: its exposure is stated, or
 // metered.
 bool hg_meter_is_due(const struct hg_view_state *view);
-// What was metered at rest last is of the scene as it is now.
+// Whether the last value metered at rest is of the scene as it is now.
 bool hg_meter_is_of_scene(const struct hg_view_state *view);
-// It is being metered for what the view shows now.
+// Whether a metering for what the view shows now has begun.
 bool hg_meter_has_begun(const struct hg_view_state *view);
 // One slice of metering, of a synced scene. It replaces the film of the view, which restarts
 // afterwards. What cannot be path-traced, for lack of memory, is shown with exposure 0, and the log
 // says so.
 enum hg_status hg_meter_step(struct hg_view_state *view, const struct hg_draw_request *draw,
     struct hg_error *err) HG_MUST_CHECK;
-// Ray structures are kept for the next picture that is metered, but where there will be none.
+// Frees the path tracer of a final real-time picture once that is metered. Others keep theirs, with
+// its ray structures, for the next picture that is metered.
 void hg_meter_let_go(struct hg_view_state *view);
-// What glances (glance.h) share with it: a size of the view's shape with that longer side, the
-// light of an updated sky's sun in stops, and a metered value, which the view then adapts to or
-// takes.
+// Shared with motion_meter.h: a size of the view's shape with that longer side, the light of an
+// updated sky's sun in stops, and a metered value, which the view then adapts to or takes.
 void hg_meter_size(
     const struct hg_view_settings *settings, double side_px, uint32_t *width, uint32_t *height);
 double hg_meter_sun_stops(const struct hg_scene *scene);

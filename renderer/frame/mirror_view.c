@@ -38,7 +38,8 @@ void hg_mirror_view_finish(struct hg_gpu *gpu, struct hg_mirror_view *m)
     *m = (struct hg_mirror_view){0};
 }
 
-bool hg_mirror_view_is_on(const struct hg_draw *draw)
+// Whether the next picture looks for mirrors: only one with reflections does.
+static bool is_on(const struct hg_draw *draw)
 {
     return draw->request->settings->mirrors != HG_VIEW_MIRRORS_NONE &&
            hg_reflect_view_is_on(draw) && !draw->request->camera->orthographic;
@@ -506,7 +507,7 @@ void hg_batch_declare_mirrors(struct hg_batch *f)
 {
     struct hg_mirror_view *m = f->draw->mirrors;
     const VkExtent2D size = hg_draw_size(f->draw->request);
-    if (!hg_mirror_view_is_on(f->draw))
+    if (!is_on(f->draw))
         return;
     m->width = over(size.width, hg_mirror_view_step(size));
     m->height = over(size.height, hg_mirror_view_step(size));
@@ -555,7 +556,7 @@ void hg_mirror_view_move(struct hg_draw *draw, float *depth, uint32_t *ids)
     const VkExtent2D size = hg_draw_size(draw->request);
     const uint32_t columns = over(size.width, HG_PROBE_LIGHT_PX);
     const struct hg_batch f = {.draw = draw};
-    for (uint32_t k = 0; k < m->count && hg_mirror_view_is_on(draw); k++) {
+    for (uint32_t k = 0; k < m->count && is_on(draw); k++) {
         const struct work w = {.f = &f, .m = m, .plane = &m->planes[k], .number = k};
         for (uint32_t y = 0; y < size.height; y++)
             for (uint32_t x = 0; x < size.width; x++) {

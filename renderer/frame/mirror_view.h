@@ -27,8 +27,9 @@ struct hg_mirror_view {
     uint32_t count;         // of the newest picture
     uint32_t width, height; // of the mirrored pictures, px
     struct hg_mirror_points points;
-    uint8_t *of, *masks; // [rows][columns] of probe light: plane + 1; bits: planes that are looked
-                         // into there or beside
+    // [rows][columns] of probe light. of: plane + 1, 0 = none; masks: bits of the planes that this
+    // texel or one beside it shows.
+    uint8_t *of, *masks;
     uint32_t *list;      // pixels of one plane, those of a texel together
     uint32_t texels;     // that there is memory for
     struct hg_gpu_buffer rays, hits; // of a part of the list
@@ -38,11 +39,8 @@ struct hg_mirror_view {
 };
 
 void hg_mirror_view_finish(struct hg_gpu *gpu, struct hg_mirror_view *mirrors);
-// Of a picture of that size one ray is sent for so many pixels along a row and a column, to see
-// what smooth surfaces show.
+// Pixels along each side per ray of mirrors and clear glass, for a picture of that size: 1, 2 or 4.
 uint32_t hg_mirror_view_step(VkExtent2D size);
-// The next picture looks for mirrors; it has reflections.
-bool hg_mirror_view_is_on(const struct hg_draw *draw);
 // After the picture, before its motion vectors are made: pixels of planes move as what they mirror.
 // depth, ids: of the samples, as of struct hg_temporal_picture; ids NULL: nothing moved by itself.
 void hg_mirror_view_move(struct hg_draw *draw, float *depth, uint32_t *ids);

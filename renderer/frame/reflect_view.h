@@ -36,7 +36,7 @@ enum hg_status hg_reflect_view_step(
     struct hg_view_state *view, bool moves, struct hg_error *err) HG_MUST_CHECK;
 // Paints where reflections come from over the pixels of a picture in motion.
 void hg_reflect_view_show(struct hg_view_state *view, const struct hg_draw *draw);
-// The next picture has reflections.
+// Whether the next picture has reflections by rays.
 bool hg_reflect_view_is_on(const struct hg_draw *draw);
 
 #endif

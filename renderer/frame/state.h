@@ -45,7 +45,7 @@
 #define HG_VIEW_UNLIT_AFTER 4
 
 #define HG_VIEW_GI_NONE   0
-#define HG_VIEW_GI_PROBES 1 // light by way of surfaces comes from a field of probes
+#define HG_VIEW_GI_PROBES 1 // global illumination comes from a field of probes
 #define HG_VIEW_GI_RAYS   2 // at rest it is gathered per pixel
 
 #define HG_VIEW_REFLECTIONS_ENVIRONMENT 0
@@ -84,14 +84,14 @@ struct hg_meter_key {
     uint32_t width, height; // of the metered picture, px
 };
 
-// Automatic exposure (meter.h). settings.exposure follows.
-// What a glance is off from what was metered at rest, for the same camera.
+// What the meter in motion (motion_meter.h) is off from that at rest, for the same camera.
 struct hg_exposure_rest {
-    struct hg_view_camera_state camera; // that it was metered for
-    bool known, compared;               // compared: glance_ev and off are there
-    float ev, glance_ev, off;           // stops
+    struct hg_view_camera_state camera; // that was metered at rest
+    bool known, compared;               // ev is valid; motion_ev and off are
+    float ev, motion_ev, off;           // stops
 };
 
+// Automatic exposure (meter.h). settings.exposure follows from it.
 struct hg_view_exposure {
     bool automatic;
     bool metered;                // metered_ev is of `key`; false: it is 0
@@ -101,7 +101,7 @@ struct hg_view_exposure {
     float stated_ev, metered_ev; // stops
     float shown_ev;              // on its way to metered_ev; of an automatic one stated_ev is added
     uint64_t adapted_ns;         // when it took its newest step
-    uint64_t glanced_ns;         // when it was metered in motion last
+    uint64_t motion_metered_ns;  // when it was metered in motion last
     struct hg_meter_key key, begun_key;
     const struct hg_view_settings *metering; // of the metered picture, while a slice of it is drawn
     struct hg_exposure_rest rest;
@@ -138,7 +138,7 @@ struct hg_gi_refusal {
 struct hg_view_probes {
     enum hg_gi_field_kind field; // that the next sample is drawn with
     bool gathered;               // and it has the gathered light
-    struct hg_gather_key rested; // the view had a complete field of rest for it; other views may
+    struct hg_gather_key rested; // the view had a complete settled field for it; other views may
                                  // have taken its place
     struct hg_gi_refusal field_refused, gather_refused;
     struct hg_view_gather gather;

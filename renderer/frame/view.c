@@ -9,7 +9,7 @@
 #include "renderer/frame/frame.h"
 #include "renderer/frame/gather_view.h"
 #include "renderer/frame/gi_view.h"
-#include "renderer/frame/glance.h"
+#include "renderer/frame/motion_meter.h"
 #include "renderer/frame/governor.h"
 #include "renderer/frame/meter.h"
 #include "renderer/frame/path_lease.h"
@@ -483,7 +483,7 @@ static enum hg_status draw(
                          memcmp(&key, &a->key, sizeof key) != 0 || blank || sharpens;
     view->path_begins |= changed;
     if (changed && max_samples == 1 && !view->final && (sharpens || view->motion.still == 0))
-        status = hg_glance_step(view, err);
+        status = hg_motion_meter_step(view, err);
     const uint64_t number = view->stats.number;
     if (status == HG_OK)
         status = draw_batch(view, &request, changed, err);

@@ -21,7 +21,7 @@
 #define WARM_KEEP    0.4f
 #define MAIN_KEEP    0.9f
 #define MOVE_ROUND   15 // the first one: other directions than those that place probes
-#define MOVE_RAYS    16
+#define DYNAMIC_RAYS 16
 #define FIRST_RAYS   8 // of the first updates since a change, so that light bounces on sooner
 #define FIRST_ROUNDS 12
 #define MOVE_ENOUGH  40 // updates of each probe since a change, after which none are needed
@@ -116,7 +116,7 @@ enum hg_status hg_gi_build_surround(struct hg_gi_build *b, struct hg_gi_waves *w
     return status;
 }
 
-// --- the schedule of the field of rest -----------------------------------------------------------
+// --- the schedule of the settled field -----------------------------------------------------------
 
 static struct hg_gi_wave wave_of(struct hg_gi_build *b, const struct hg_gi_build_params *params)
 {
@@ -184,7 +184,7 @@ enum hg_status hg_gi_build_advance(struct hg_gi_build *b, const struct hg_gi_bui
     return status;
 }
 
-// --- the moving field ----------------------------------------------------------------------------
+// --- the dynamic field ---------------------------------------------------------------------------
 
 struct seeding {
     struct hg_gi_field *field;
@@ -228,7 +228,7 @@ static void finish_new(struct hg_gi_build *b, struct hg_jobs *jobs)
     list_probes(b);
 }
 
-enum hg_status hg_gi_build_settle_new(struct hg_gi_build *b,
+enum hg_status hg_gi_build_relocate_new(struct hg_gi_build *b,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
@@ -287,7 +287,7 @@ static enum hg_status run_updates(struct hg_gi_build *b, const struct hg_gi_buil
         .light = params->light,
         .probes = probes,
         .count = count,
-        .rays = first ? FIRST_RAYS : MOVE_RAYS,
+        .rays = first ? FIRST_RAYS : DYNAMIC_RAYS,
         .round = MOVE_ROUND + (uint32_t)(b->updates / b->listed),
         .keep = -1};
     b->updates += count;
@@ -325,7 +325,7 @@ enum hg_status hg_gi_build_update(struct hg_gi_build *b, const struct hg_gi_buil
     if (count == 0)
         return HG_OK;
     const bool first = b->updates < (uint64_t)FIRST_ROUNDS * b->listed;
-    *rays = (uint64_t)count * (first ? FIRST_RAYS : MOVE_RAYS);
+    *rays = (uint64_t)count * (first ? FIRST_RAYS : DYNAMIC_RAYS);
     return run_updates(b, params, probes, count, err);
 }
 

@@ -1,5 +1,5 @@
-// build.h - one grid of probes and how far its rays are: the schedule of the field of rest, updates
-// of the moving one. Floor 2, private to renderer/gi. Thread: the render thread.
+// build.h - one grid of probes and its progress: the schedule of the settled field, the updates of
+// the dynamic one. Floor 2, private to renderer/gi. Thread: the render thread.
 #ifndef HG_RENDERER_GI_BUILD_H
 #define HG_RENDERER_GI_BUILD_H
 
@@ -19,8 +19,8 @@ struct hg_gi_build { // zeroed: none
     uint32_t round, next;                // of the schedule; next: of the list
     uint32_t end;                        // rounds of the schedule; 0: not known yet
     double log_light[HG_GI_WARM_WINDOW]; // after the newest rounds
-    uint64_t updates;                    // of the moving field since the last change, of all probes
-    bool *is_new;                        // [field.count] that settle; NULL: none do
+    uint64_t updates; // of the dynamic field since the last change, of all probes
+    bool *is_new;     // [field.count] still to be relocated; NULL: none
 };
 
 // What waves are cast with.
@@ -46,16 +46,15 @@ enum hg_status hg_gi_build_place(
 enum hg_status hg_gi_build_advance(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
 
-// All probes of a moving grid that was placed just now are new. HG_E_NOMEM.
+// Marks all probes of a dynamic grid as new, after it was placed. HG_E_NOMEM.
 enum hg_status hg_gi_build_begin_new(struct hg_gi_build *build, struct hg_error *err) HG_MUST_CHECK;
-// Those that are new find their places, by about *rays rays, which are taken off, and begin with
-// the light of coarser grids. Device errors.
-enum hg_status hg_gi_build_settle_new(struct hg_gi_build *build,
+// Relocates new probes, by about *rays rays, which are taken off, and fills them with the light of
+// coarser grids. Device errors.
+enum hg_status hg_gi_build_relocate_new(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
-// What the probes of a moving grid hold is out of date; moved: geometry has changed.
+// Marks what the probes of a dynamic grid hold as out of date; moved: geometry has changed.
 void hg_gi_build_outdate(struct hg_gi_build *build, bool moved);
-// Probes that have had no light so far, such as no surface needed before it moved, get some.
-// Device errors.
+// Updates probes that have no light yet: those that slept before geometry moved. Device errors.
 enum hg_status hg_gi_build_light_new(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, struct hg_error *err) HG_MUST_CHECK;
 // A wave of updates: *rays 0 when none are needed until the next change. Device errors.

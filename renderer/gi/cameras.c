@@ -20,9 +20,9 @@ static void drop(struct hg_gi_finer *f, uint32_t from, struct hg_gpu *gpu)
     f->known = false;
 }
 
-static void drop_moving(struct hg_gi_camera *c, struct hg_gpu *gpu)
+static void drop_dynamic(struct hg_gi_camera *c, struct hg_gpu *gpu)
 {
-    drop(&c->moving, 0, gpu);
+    drop(&c->dynamic, 0, gpu);
     drop(&c->next, 0, gpu);
     c->has_next = false;
 }
@@ -63,8 +63,8 @@ struct hg_gi_camera *hg_gi_cameras_acquire(
     if (found->touched == 0 || found->view != view) {
         if (found->touched > 0 && c->touches - found->touched < BUSY)
             return NULL;
-        drop(&found->rest, 0, gpu);
-        drop_moving(found, gpu);
+        drop(&found->settled, 0, gpu);
+        drop_dynamic(found, gpu);
         *found = (struct hg_gi_camera){.view = view};
     }
     found->touched = c->touches;
@@ -83,21 +83,21 @@ uint64_t hg_gi_cameras_bytes(const struct hg_gi_cameras *c)
 {
     uint64_t bytes = 0;
     for (uint32_t i = 0; i < HG_GI_CAMERAS; i++)
-        bytes += bytes_of(&c->cameras[i].rest) + bytes_of(&c->cameras[i].moving) +
+        bytes += bytes_of(&c->cameras[i].settled) + bytes_of(&c->cameras[i].dynamic) +
                  bytes_of(&c->cameras[i].next);
     return bytes;
 }
 
-void hg_gi_cameras_drop_rest(struct hg_gi_cameras *c, struct hg_gpu *gpu)
+void hg_gi_cameras_drop_settled(struct hg_gi_cameras *c, struct hg_gpu *gpu)
 {
     for (uint32_t i = 0; i < HG_GI_CAMERAS; i++)
-        drop(&c->cameras[i].rest, 0, gpu);
+        drop(&c->cameras[i].settled, 0, gpu);
 }
 
-void hg_gi_cameras_drop_moving(struct hg_gi_cameras *c, struct hg_gpu *gpu)
+void hg_gi_cameras_drop_dynamic(struct hg_gi_cameras *c, struct hg_gpu *gpu)
 {
     for (uint32_t i = 0; i < HG_GI_CAMERAS; i++)
-        drop_moving(&c->cameras[i], gpu);
+        drop_dynamic(&c->cameras[i], gpu);
 }
 
 // --- where finer grids stand ---------------------------------------------------------------------
@@ -199,7 +199,7 @@ static enum hg_status upload(
     return b->field.count > 0 ? hg_gi_field_upload(&b->field, p->gpu, p->jobs, err) : HG_OK;
 }
 
-// --- the field of rest ---------------------------------------------------------------------------
+// --- the settled field ---------------------------------------------------------------------------
 
 static bool is_done(const struct hg_gi_finer *f)
 {
@@ -209,18 +209,18 @@ static bool is_done(const struct hg_gi_finer *f)
     return done;
 }
 
-bool hg_gi_camera_is_rest(
+bool hg_gi_camera_is_settled(
     const struct hg_gi_camera *c, const struct hg_gi_key *key, const struct hg_gi_eye *eye)
 {
-    return c != NULL && is_for(&c->rest, key, eye) && is_done(&c->rest);
+    return c != NULL && is_for(&c->settled, key, eye) && is_done(&c->settled);
 }
 
 // Grids that stand where they did stay, and their coarser ones with them: light comes from these
 // alone.
-static enum hg_status place_rest(
+static enum hg_status place_settled(
     struct hg_gi_camera *c, const struct hg_gi_camera_params *params, struct hg_error *err)
 {
-    struct hg_gi_finer *f = &c->rest;
+    struct hg_gi_finer *f = &c->settled;
     struct hg_gi_placement p;
     struct hg_gpu *gpu = params->waves->params.gpu;
     if (!f->known || memcmp(&f->key, params->key, sizeof f->key) != 0)
@@ -258,33 +258,33 @@ static enum hg_status advance(struct hg_gi_finer *f, const struct hg_gi_camera_p
     return status;
 }
 
-enum hg_status hg_gi_camera_rest(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
+enum hg_status hg_gi_camera_settle(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
     uint64_t *rays, struct hg_error *err)
 {
     struct hg_gpu *gpu = params->waves->params.gpu;
     enum hg_status status = HG_OK;
-    if (!is_for(&c->rest, params->key, params->eye))
-        status = place_rest(c, params, err);
+    if (!is_for(&c->settled, params->key, params->eye))
+        status = place_settled(c, params, err);
     if (status == HG_OK)
-        status = advance(&c->rest, params, rays, err);
+        status = advance(&c->settled, params, rays, err);
     if (status != HG_OK)
-        drop(&c->rest, 0, gpu);
-    else if (is_done(&c->rest))
-        drop_moving(c, gpu);
+        drop(&c->settled, 0, gpu);
+    else if (is_done(&c->settled))
+        drop_dynamic(c, gpu);
     return status;
 }
 
-// --- the moving field ----------------------------------------------------------------------------
+// --- the dynamic field ---------------------------------------------------------------------------
 
-// The grids of the field of rest that stand where the camera needs them; of a scene that needs none
+// The grids of the settled field that stand where the camera needs them; of a scene that needs none
 // there are always such.
-static enum hg_status try_rest(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
+static enum hg_status try_settled(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
     bool *rests, struct hg_error *err)
 {
-    struct hg_gi_finer *f = &c->rest;
+    struct hg_gi_finer *f = &c->settled;
     struct hg_gi_placement p;
     *rests = false;
-    if (!params->at_rest)
+    if (!params->is_settled)
         return HG_OK;
     const enum hg_status status = find_placement(params, NULL, &p, err);
     if (status != HG_OK)
@@ -307,7 +307,7 @@ static struct hg_gi_build *find_build(struct hg_gi_finer *f, uint32_t fineness, 
 }
 
 // Probes of a grid that comes to another place: those that stay keep their light. So do those of
-// the field of rest, which the picture before may have had, though it is not of this light any
+// the settled field, which the picture before may have had, though it is not of this light any
 // more.
 static enum hg_status take_probes(
     struct hg_gi_camera *c, const struct hg_gi_camera_params *params, uint32_t i)
@@ -315,18 +315,18 @@ static enum hg_status take_probes(
     struct hg_gi_build *b = &c->next.builds[i];
     const struct hg_gi_box *box = &c->next.at.boxes[i];
     uint32_t k;
-    const struct hg_gi_build *from = find_build(&c->moving, box->fineness, &k);
+    const struct hg_gi_build *from = find_build(&c->dynamic, box->fineness, &k);
     if (from != NULL)
-        hg_gi_box_take(&b->field, box, &from->field, &c->moving.at.boxes[k], b->is_new);
-    from = params->on_lattice ? find_build(&c->rest, box->fineness, &k) : NULL;
+        hg_gi_box_take(&b->field, box, &from->field, &c->dynamic.at.boxes[k], b->is_new);
+    from = params->on_lattice ? find_build(&c->settled, box->fineness, &k) : NULL;
     if (from == NULL || !hg_gi_build_is_done(from))
         return HG_OK;
     bool *were_new = hg_calloc(b->field.count, sizeof *were_new);
     if (!were_new)
         return HG_E_NOMEM;
     memcpy(were_new, b->is_new, b->field.count * sizeof *were_new);
-    hg_gi_box_take(&b->field, box, &from->field, &c->rest.at.boxes[k], b->is_new);
-    for (uint32_t probe = 0; probe < b->field.count && !params->at_rest; probe++)
+    hg_gi_box_take(&b->field, box, &from->field, &c->settled.at.boxes[k], b->is_new);
+    for (uint32_t probe = 0; probe < b->field.count && !params->is_settled; probe++)
         if (were_new[probe] && !b->is_new[probe])
             b->field.updates[probe] = 0;
     hg_free(were_new);
@@ -338,12 +338,12 @@ static void link_grid(struct hg_gi_finer *f, uint32_t i, const struct hg_gi_came
     f->builds[i].field.coarser = i > 0 ? &f->builds[i - 1].field : &params->whole->field;
 }
 
-// The moving grid that stands where the next one of this box does; NULL: none.
+// The dynamic grid that stands where the next one of this box does; NULL: none.
 static struct hg_gi_build *find_same(struct hg_gi_camera *c, uint32_t i)
 {
     uint32_t k;
-    struct hg_gi_build *same = find_build(&c->moving, c->next.at.boxes[i].fineness, &k);
-    const bool stays = same && memcmp(&c->moving.at.boxes[k], &c->next.at.boxes[i],
+    struct hg_gi_build *same = find_build(&c->dynamic, c->next.at.boxes[i].fineness, &k);
+    const bool stays = same && memcmp(&c->dynamic.at.boxes[k], &c->next.at.boxes[i],
                                    sizeof c->next.at.boxes[i]) == 0;
     return stays ? same : NULL;
 }
@@ -375,8 +375,8 @@ static enum hg_status begin_grid(struct hg_gi_camera *c, const struct hg_gi_came
 static enum hg_status begin_next(
     struct hg_gi_camera *c, const struct hg_gi_camera_params *params, struct hg_error *err)
 {
-    const struct hg_gi_placement *before = c->moving.known      ? &c->moving.at
-                                           : params->on_lattice ? &c->rest.at
+    const struct hg_gi_placement *before = c->dynamic.known     ? &c->dynamic.at
+                                           : params->on_lattice ? &c->settled.at
                                                                 : NULL;
     enum hg_status status = find_placement(params, before, &c->next.at, err);
     if (status != HG_OK)
@@ -401,7 +401,7 @@ static enum hg_status settle_next(struct hg_gi_camera *c, const struct hg_gi_cam
             continue;
         const struct hg_gi_build_params build = {params->waves, params->sources, &b->field};
         b->field.coarser = coarser_of_next(c, params, i);
-        status = hg_gi_build_settle_new(b, &build, rays, err);
+        status = hg_gi_build_relocate_new(b, &build, rays, err);
         if (status == HG_OK && b->is_new)
             *rays = 0;
     }
@@ -432,15 +432,15 @@ static enum hg_status take_next(
             *same = (struct hg_gi_build){0};
         }
     }
-    drop(&c->moving, 0, params->waves->params.gpu);
-    c->moving = *n;
+    drop(&c->dynamic, 0, params->waves->params.gpu);
+    c->dynamic = *n;
     c->next = (struct hg_gi_finer){0};
     c->has_next = false;
     enum hg_status status = HG_OK;
-    for (uint32_t i = 0; i < c->moving.at.count && status == HG_OK; i++) {
-        link_grid(&c->moving, i, params);
+    for (uint32_t i = 0; i < c->dynamic.at.count && status == HG_OK; i++) {
+        link_grid(&c->dynamic, i, params);
         if (changed && is_new[i])
-            status = outdate(&c->moving.builds[i], moved, params, err);
+            status = outdate(&c->dynamic.builds[i], moved, params, err);
     }
     return status;
 }
@@ -448,14 +448,14 @@ static enum hg_status take_next(
 // Whether the camera has grids to go on with meanwhile, and both fit into memory.
 static bool may_take_time(const struct hg_gi_camera *c, const struct hg_gi_camera_params *params)
 {
-    const bool has_none = params->at_rest && c->rest.known && c->rest.at.count == 0;
-    return (c->moving.known || has_none) && params->waves->params.budget_bytes == 0;
+    const bool has_none = params->is_settled && c->settled.known && c->settled.at.count == 0;
+    return (c->dynamic.known || has_none) && params->waves->params.budget_bytes == 0;
 }
 
 static enum hg_status follow(
     struct hg_gi_camera *c, const struct hg_gi_camera_params *params, struct hg_error *err)
 {
-    struct hg_gi_finer *f = &c->moving;
+    struct hg_gi_finer *f = &c->dynamic;
     const bool changed = memcmp(&f->key, params->key, sizeof f->key) != 0;
     const bool moved = f->key.geometry != params->key->geometry;
     uint64_t rays = may_take_time(c, params) ? PLACE_RAYS : UINT64_MAX;
@@ -480,11 +480,11 @@ static enum hg_status update(struct hg_gi_camera *c, const struct hg_gi_camera_p
     bool updated[HG_PROBE_GRIDS] = {false};
     uint32_t count = 0, idle = 0;
     enum hg_status status = HG_OK;
-    for (uint32_t i = c->moving.at.count; i-- > 0;) {
-        link_grid(&c->moving, i, params);
-        builds[count++] = &c->moving.builds[i];
+    for (uint32_t i = c->dynamic.at.count; i-- > 0;) {
+        link_grid(&c->dynamic, i, params);
+        builds[count++] = &c->dynamic.builds[i];
     }
-    if (!params->at_rest)
+    if (!params->is_settled)
         builds[count++] = params->whole;
     while (rays > 0 && idle < count && status == HG_OK) {
         const uint32_t k = c->turn++ % count;
@@ -504,27 +504,27 @@ static enum hg_status update(struct hg_gi_camera *c, const struct hg_gi_camera_p
 bool hg_gi_camera_is_still(
     const struct hg_gi_camera *c, const struct hg_gi_key *key, const struct hg_gi_eye *eye)
 {
-    bool still = c != NULL && is_for(&c->moving, key, eye) && !c->has_next;
-    for (uint32_t i = 0; still && i < c->moving.at.count; i++)
-        still = !hg_gi_build_wants_updates(&c->moving.builds[i]);
+    bool still = c != NULL && is_for(&c->dynamic, key, eye) && !c->has_next;
+    for (uint32_t i = 0; still && i < c->dynamic.at.count; i++)
+        still = !hg_gi_build_wants_updates(&c->dynamic.builds[i]);
     return still;
 }
 
-enum hg_status hg_gi_camera_move(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
+enum hg_status hg_gi_camera_update(struct hg_gi_camera *c, const struct hg_gi_camera_params *params,
     uint64_t rays, struct hg_error *err)
 {
     struct hg_gi_camera without = {0};
     bool rests;
     if (c == NULL)
         return update(&without, params, rays, err);
-    enum hg_status status = try_rest(c, params, &rests, err);
+    enum hg_status status = try_settled(c, params, &rests, err);
     if (status != HG_OK || rests)
         return status;
-    if (c->has_next || !is_for(&c->moving, params->key, params->eye))
+    if (c->has_next || !is_for(&c->dynamic, params->key, params->eye))
         status = follow(c, params, err);
     if (status == HG_OK)
         status = update(c, params, rays, err);
     if (status != HG_OK)
-        drop_moving(c, params->waves->params.gpu);
+        drop_dynamic(c, params->waves->params.gpu);
     return status;
 }

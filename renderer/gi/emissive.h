@@ -1,4 +1,4 @@
-// emissive.h - emissive triangles as rays of the moving field and of irradiance see them: few rays
+// emissive.h - emissive triangles as rays of the dynamic field and of irradiance see them: few rays
 // meet small ones by chance, so rays of their own go there (next event estimation).
 // Floor 2, for renderer/gi and renderer/irradiance. Thread: the render thread; lookups from any.
 //

@@ -1,4 +1,4 @@
-// gi.c - the fields of a scene: that of rest, and the moving one. See gi.h.
+// gi.c - the two fields of a scene, settled and dynamic. See gi.h.
 #include "renderer/gi/gi.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 #include "base/clock.h"
 #include "renderer/gi/build.h"
 #include "renderer/gi/cameras.h"
-#include "renderer/gi/sights.h"
+#include "renderer/gi/camera_hits.h"
 #include "renderer/math/vec.h"
 
 #define BEYOND       0.26f // spacings that a scene may reach beyond its outermost probes: just placed
@@ -18,9 +18,9 @@
 
 struct hg_gi {
     struct hg_gi_waves waves;
-    struct hg_gi_build rest, moving; // grids over the whole scene
+    struct hg_gi_build settled, dynamic; // grids over the whole scene
     struct hg_gi_cameras cameras;
-    bool on_rest; // the moving field has the whole scene's grid of the field of rest
+    bool on_settled; // pictures in motion use the settled field's grid over the whole scene
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -45,10 +45,10 @@ void hg_gi_destroy(struct hg_gi *gi)
     if (!gi)
         return;
     struct hg_gpu *gpu = gi->waves.params.gpu;
-    hg_gi_cameras_drop_rest(&gi->cameras, gpu);
-    hg_gi_cameras_drop_moving(&gi->cameras, gpu);
-    hg_gi_build_finish(&gi->rest, gpu);
-    hg_gi_build_finish(&gi->moving, gpu);
+    hg_gi_cameras_drop_settled(&gi->cameras, gpu);
+    hg_gi_cameras_drop_dynamic(&gi->cameras, gpu);
+    hg_gi_build_finish(&gi->settled, gpu);
+    hg_gi_build_finish(&gi->dynamic, gpu);
     hg_gi_waves_finish(&gi->waves);
     hg_free(gi);
 }
@@ -59,17 +59,18 @@ void hg_gi_touch(struct hg_gi *gi, uint64_t view)
         hg_gi_cameras_touch(&gi->cameras, view);
 }
 
-// --- the field of rest ---------------------------------------------------------------------------
+// --- the settled field ---------------------------------------------------------------------------
 
-static bool is_whole_rest(const struct hg_gi *gi, const struct hg_gi_key *key)
+static bool is_whole_settled(const struct hg_gi *gi, const struct hg_gi_key *key)
 {
-    return hg_gi_build_has_key(&gi->rest, key) && hg_gi_build_is_done(&gi->rest);
+    return hg_gi_build_has_key(&gi->settled, key) && hg_gi_build_is_done(&gi->settled);
 }
 
-bool hg_gi_is_rest(const struct hg_gi *gi, const struct hg_gi_key *key, const struct hg_gi_eye *eye)
+bool hg_gi_is_settled(
+    const struct hg_gi *gi, const struct hg_gi_key *key, const struct hg_gi_eye *eye)
 {
-    return gi != NULL && is_whole_rest(gi, key) &&
-           hg_gi_camera_is_rest(hg_gi_cameras_find(&gi->cameras, eye->view), key, eye);
+    return gi != NULL && is_whole_settled(gi, key) &&
+           hg_gi_camera_is_settled(hg_gi_cameras_find(&gi->cameras, eye->view), key, eye);
 }
 
 static enum hg_status upload(struct hg_gi *gi, struct hg_gi_build *b, struct hg_error *err)
@@ -84,19 +85,19 @@ static const struct hg_gi_bounds *find_bounds(const struct hg_gi *gi, struct hg_
     return hg_geometry_bounds(gi->waves.params.geometry, out->min, out->max) ? out : NULL;
 }
 
-static enum hg_status rest_whole(struct hg_gi *gi, const struct hg_gi_key *key,
+static enum hg_status settle_whole(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, uint64_t *rays, struct hg_error *err)
 {
-    struct hg_gi_build *b = &gi->rest;
+    struct hg_gi_build *b = &gi->settled;
     const struct hg_gi_build_params params = {&gi->waves, sources, &b->field};
     enum hg_status status = HG_OK;
-    if (is_whole_rest(gi, key))
+    if (is_whole_settled(gi, key))
         return HG_OK;
     if (!hg_gi_build_has_key(b, key)) {
-        hg_gi_cameras_drop_rest(&gi->cameras, gi->waves.params.gpu);
-        if (gi->on_rest)
-            hg_gi_cameras_drop_moving(&gi->cameras, gi->waves.params.gpu);
-        gi->on_rest = false;
+        hg_gi_cameras_drop_settled(&gi->cameras, gi->waves.params.gpu);
+        if (gi->on_settled)
+            hg_gi_cameras_drop_dynamic(&gi->cameras, gi->waves.params.gpu);
+        gi->on_settled = false;
         struct hg_gi_bounds box;
         status = hg_gi_build_surround(b, &gi->waves, find_bounds(gi, &box), err);
         b->key = *key;
@@ -110,29 +111,29 @@ static enum hg_status rest_whole(struct hg_gi *gi, const struct hg_gi_key *key,
     return status;
 }
 
-enum hg_status hg_gi_rest(struct hg_gi *gi, const struct hg_gi_key *key,
+enum hg_status hg_gi_settle(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
     struct hg_error *err)
 {
     const uint64_t begin = hg_clock_now_ns();
-    if (hg_gi_is_rest(gi, key, eye))
+    if (hg_gi_is_settled(gi, key, eye))
         return HG_OK;
     enum hg_status status = hg_gi_waves_sync(&gi->waves, key, sources, true, err);
     if (status == HG_OK)
-        status = rest_whole(gi, key, sources, &rays, err);
-    if (status == HG_OK && is_whole_rest(gi, key)) {
+        status = settle_whole(gi, key, sources, &rays, err);
+    if (status == HG_OK && is_whole_settled(gi, key)) {
         struct hg_gi_camera *c =
             hg_gi_cameras_acquire(&gi->cameras, eye->view, gi->waves.params.gpu);
         const struct hg_gi_camera_params params = {
-            &gi->waves, sources, &gi->rest, true, true, key, eye};
+            &gi->waves, sources, &gi->settled, true, true, key, eye};
         if (c != NULL)
-            status = hg_gi_camera_rest(c, &params, &rays, err);
+            status = hg_gi_camera_settle(c, &params, &rays, err);
     }
     gi->waves.stats.ns += hg_clock_now_ns() - begin;
     return status;
 }
 
-// --- the moving field ----------------------------------------------------------------------------
+// --- the dynamic field ---------------------------------------------------------------------------
 
 static bool is_same_grid(const struct hg_gi_field *a, const struct hg_gi_field *b)
 {
@@ -140,18 +141,19 @@ static bool is_same_grid(const struct hg_gi_field *a, const struct hg_gi_field *
            memcmp(a->origin, b->origin, sizeof a->origin) == 0 && a->spacing == b->spacing;
 }
 
-// What the field of rest holds is better to begin with than nothing, though it is not of this
+// What the settled field holds is better to begin with than nothing, though it is not of this
 // light.
-static enum hg_status take_rest(struct hg_gi *gi, const struct hg_gi_key *key, struct hg_error *err)
+static enum hg_status take_settled(
+    struct hg_gi *gi, const struct hg_gi_key *key, struct hg_error *err)
 {
-    struct hg_gi_build *b = &gi->moving;
-    const bool moved = gi->rest.key.geometry != key->geometry;
-    const enum hg_status status = hg_gi_build_place(b, &gi->rest.field, err);
+    struct hg_gi_build *b = &gi->dynamic;
+    const bool moved = gi->settled.key.geometry != key->geometry;
+    const enum hg_status status = hg_gi_build_place(b, &gi->settled.field, err);
     if (status != HG_OK)
         return status;
     for (uint32_t i = 0; i < b->field.count; i++)
-        hg_gi_probe_copy(&b->field, i, &gi->rest.field, i);
-    b->round = gi->rest.round;
+        hg_gi_probe_copy(&b->field, i, &gi->settled.field, i);
+    b->round = gi->settled.round;
     hg_gi_build_outdate(b, moved);
     return HG_OK;
 }
@@ -159,9 +161,9 @@ static enum hg_status take_rest(struct hg_gi *gi, const struct hg_gi_key *key, s
 static enum hg_status surround(struct hg_gi *gi, const struct hg_gi_bounds *box,
     const struct hg_lighting_sources *sources, struct hg_error *err)
 {
-    struct hg_gi_build *b = &gi->moving;
+    struct hg_gi_build *b = &gi->dynamic;
     const struct hg_gi_build_params params = {&gi->waves, sources, &b->field};
-    hg_gi_cameras_drop_moving(&gi->cameras, gi->waves.params.gpu);
+    hg_gi_cameras_drop_dynamic(&gi->cameras, gi->waves.params.gpu);
     enum hg_status status = hg_gi_build_surround(b, &gi->waves, box, err);
     b->updates = 0;
     while (status == HG_OK && b->field.count > 0 && !hg_gi_build_is_placed(b)) {
@@ -217,16 +219,16 @@ static void widen(const struct hg_gi_field *old, struct hg_gi_bounds *box)
 static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_lighting_sources *sources, struct hg_error *err)
 {
-    struct hg_gi_build *b = &gi->moving;
+    struct hg_gi_build *b = &gi->dynamic;
     struct hg_gi_bounds now;
     enum hg_status status = HG_OK;
     if (hg_gi_build_has_key(b, key))
         return HG_OK;
     const struct hg_gi_bounds *box = find_bounds(gi, &now);
-    if (gi->on_rest && hg_gi_build_is_done(&gi->rest) && fits(&gi->rest.field, box))
-        status = take_rest(gi, key, err);
+    if (gi->on_settled && hg_gi_build_is_done(&gi->settled) && fits(&gi->settled.field, box))
+        status = take_settled(gi, key, err);
     else if (!fits(&b->field, box) || !hg_gi_build_is_placed(b)) { // an error may have cut it
-        const struct hg_gi_field *old = gi->on_rest ? &gi->rest.field : &b->field;
+        const struct hg_gi_field *old = gi->on_settled ? &gi->settled.field : &b->field;
         if (box && old->count > 0)
             widen(old, &now);
         status = surround(gi, box, sources, err);
@@ -245,34 +247,34 @@ static bool is_still(
     const struct hg_gi *gi, const struct hg_gi_key *key, const struct hg_gi_eye *eye)
 {
     const struct hg_gi_camera *c = hg_gi_cameras_find(&gi->cameras, eye->view);
-    if (gi->on_rest != is_whole_rest(gi, key) || !hg_gi_camera_is_still(c, key, eye))
+    if (gi->on_settled != is_whole_settled(gi, key) || !hg_gi_camera_is_still(c, key, eye))
         return false;
-    return gi->on_rest ||
-           (hg_gi_build_has_key(&gi->moving, key) && !hg_gi_build_wants_updates(&gi->moving));
+    return gi->on_settled ||
+           (hg_gi_build_has_key(&gi->dynamic, key) && !hg_gi_build_wants_updates(&gi->dynamic));
 }
 
-enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
+enum hg_status hg_gi_update(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
     struct hg_error *err)
 {
     const uint64_t begin = hg_clock_now_ns();
     if (is_still(gi, key, eye))
         return HG_OK;
-    const bool on_rest = is_whole_rest(gi, key), switched = on_rest != gi->on_rest;
-    enum hg_status status = hg_gi_waves_sync(&gi->waves, key, sources, on_rest, err);
-    if (status == HG_OK && !on_rest)
+    const bool on_settled = is_whole_settled(gi, key), switched = on_settled != gi->on_settled;
+    enum hg_status status = hg_gi_waves_sync(&gi->waves, key, sources, on_settled, err);
+    if (status == HG_OK && !on_settled)
         status = follow(gi, key, sources, err);
-    gi->on_rest = on_rest;
-    const bool on_lattice = is_same_grid(&gi->rest.field, &gi->moving.field);
+    gi->on_settled = on_settled;
+    const bool on_lattice = is_same_grid(&gi->settled.field, &gi->dynamic.field);
     if (switched && !on_lattice)
-        hg_gi_cameras_drop_moving(&gi->cameras, gi->waves.params.gpu);
+        hg_gi_cameras_drop_dynamic(&gi->cameras, gi->waves.params.gpu);
     const struct hg_gi_camera_params params = {&gi->waves, sources,
-        on_rest ? &gi->rest : &gi->moving, on_rest, on_rest || on_lattice, key, eye};
+        on_settled ? &gi->settled : &gi->dynamic, on_settled, on_settled || on_lattice, key, eye};
     if (status == HG_OK)
-        status =
-            hg_gi_camera_move(hg_gi_cameras_acquire(&gi->cameras, eye->view, gi->waves.params.gpu),
-                &params, rays, err);
-    gi->moving.keyed = gi->moving.keyed && status == HG_OK;
+        status = hg_gi_camera_update(
+            hg_gi_cameras_acquire(&gi->cameras, eye->view, gi->waves.params.gpu), &params, rays,
+            err);
+    gi->dynamic.keyed = gi->dynamic.keyed && status == HG_OK;
     gi->waves.stats.ns += hg_clock_now_ns() - begin;
     return status;
 }
@@ -283,9 +285,9 @@ enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
 static uint32_t list_grids(const struct hg_gi *gi, enum hg_gi_field_kind kind,
     const struct hg_gi_camera *camera, const struct hg_gi_field *out[HG_PROBE_GRIDS])
 {
-    const bool rests = kind == HG_GI_REST;
-    const struct hg_gi_finer *f = !camera ? NULL : rests ? &camera->rest : &camera->moving;
-    const struct hg_gi_build *whole = rests || gi->on_rest ? &gi->rest : &gi->moving;
+    const bool settled = kind == HG_GI_SETTLED;
+    const struct hg_gi_finer *f = !camera ? NULL : settled ? &camera->settled : &camera->dynamic;
+    const struct hg_gi_build *whole = settled || gi->on_settled ? &gi->settled : &gi->dynamic;
     uint32_t count = 0;
     if (whole->field.count > 0)
         out[count++] = &whole->field;
@@ -324,13 +326,13 @@ static const struct hg_gi_field *finest_grid(
 enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view,
     struct hg_gi_world *out, struct hg_error *err)
 {
-    const bool rests = kind == HG_GI_REST || gi->on_rest;
-    const struct hg_gi_build *whole = rests ? &gi->rest : &gi->moving;
+    const bool settled = kind == HG_GI_SETTLED || gi->on_settled;
+    const struct hg_gi_build *whole = settled ? &gi->settled : &gi->dynamic;
     *out = (struct hg_gi_world){0};
     const struct hg_gi_field *field = finest_grid(gi, kind, view);
     if (field == NULL)
         return HG_OK;
-    const enum hg_status status = hg_gi_waves_sync_surfaces(&gi->waves, rests, err);
+    const enum hg_status status = hg_gi_waves_sync_surfaces(&gi->waves, settled, err);
     if (status == HG_OK)
         *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->waves.rays),
             .environment = &gi->waves.environment,
@@ -338,30 +340,30 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
             .emissive = &gi->waves.emissive,
             .whole = &whole->field,
             .field = field,
-            .rounds = !rests && whole->listed > 0 ? whole->updates / whole->listed : 0};
+            .rounds = !settled && whole->listed > 0 ? whole->updates / whole->listed : 0};
     return status;
 }
 
-static_assert(HG_GI_MOST_SIGHTS <= HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS, "buffers of waves");
+static_assert(HG_GI_MOST_CAMERA_RAYS <= HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS, "buffers of waves");
 
-enum hg_status hg_gi_see(
-    struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out, struct hg_error *err)
+enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_rays *camera,
+    struct hg_gi_camera_hit *out, struct hg_error *err)
 {
-    const struct hg_gi_field *field = finest_grid(gi, look->field, look->view);
+    const struct hg_gi_field *field = finest_grid(gi, camera->field, camera->view);
     struct hg_gi_waves *w = &gi->waves;
-    memset(out, 0, look->count * sizeof *out);
+    memset(out, 0, camera->count * sizeof *out);
     if (w->rays == NULL || field == NULL)
         return HG_OK;
-    const struct hg_gi_sights sights = {.trace = hg_rays_trace(w->rays),
+    const struct hg_gi_camera_hits with = {.trace = hg_rays_trace(w->rays),
         .jobs = w->params.jobs,
         .surfaces = &w->surfaces,
         .field = field,
-        .sources = look->sources,
+        .sources = camera->sources,
         .rays = &w->probe_rays,
         .hits = &w->probe_hits,
         .shadow_rays = &w->shadow_rays,
         .blocked = &w->blocked};
-    return hg_gi_sights_see(&sights, look->rays, look->count, out, err);
+    return hg_gi_camera_hits_find(&with, camera->rays, camera->count, out, err);
 }
 
 static void count_grid(const struct hg_gi_field *f, struct hg_gi_stats *out)
@@ -386,11 +388,11 @@ void hg_gi_stats(const struct hg_gi *gi, struct hg_gi_stats *out)
     if (!gi)
         return;
     const struct hg_gi_camera *newest = hg_gi_cameras_newest(&gi->cameras);
-    const bool rests = gi->rest.field.count > 0 && (!newest || newest->moving.at.count == 0);
-    const uint32_t count = list_grids(gi, rests ? HG_GI_REST : HG_GI_MOVING, newest, grids);
+    const bool settled = gi->settled.field.count > 0 && (!newest || newest->dynamic.at.count == 0);
+    const uint32_t count = list_grids(gi, settled ? HG_GI_SETTLED : HG_GI_DYNAMIC, newest, grids);
     for (uint32_t i = 0; i < count; i++)
         count_grid(grids[i], out);
-    out->bytes = hg_gi_field_bytes(&gi->rest.field) + hg_gi_field_bytes(&gi->moving.field) +
+    out->bytes = hg_gi_field_bytes(&gi->settled.field) + hg_gi_field_bytes(&gi->dynamic.field) +
                  hg_gi_cameras_bytes(&gi->cameras);
     if (gi->waves.rays != NULL) {
         struct hg_trace_stats structures;

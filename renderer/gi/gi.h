@@ -1,15 +1,19 @@
-// gi.h - diffuse light that bounces: fields of irradiance probes of a scene, filled by rays.
+// gi.h - diffuse global illumination: fields of irradiance probes of a scene, filled by rays.
 // Floor 2 (gi). Thread: the render thread; rays are shaded on jobs.
 //
-// A field is a grid of probes over the whole scene, and where that is coarse beside what a camera
-// sees finer ones around that (cascades.h), for each of the cameras that were drawn last.
+// A field is a grid of probes over the whole scene and, where that is coarse beside what a camera
+// sees, finer grids around that (cascades.h) for each of the cameras drawn last.
 //
-// A scene has two fields. That of rest is built from empty by a fixed schedule: rays in directions
-// that follow from the probe's number and the round, waves of the same probes in the same order. It
-// depends on the scene, its lights and the camera at rest alone; neither threads, nor how the work
-// is cut into steps, nor what was seen before has a part in it. The moving one follows a scene that
-// changes, under a budget of rays per picture, and never contributes to the other.
-// docs/internals/gi.md.
+// A scene has two fields:
+//   settled  for pictures at rest. Built from empty by a fixed schedule: ray directions follow from
+//            the probe's number and the round, waves are the same probes in the same order. Its
+//            bytes depend on the scene, its lights and the camera at rest alone, not on threads,
+//            the length of steps or earlier pictures.
+//   dynamic  for pictures in motion of a scene that changes, under a budget of rays per picture. It
+//            never contributes to the settled field.
+//
+// Source: Majercik et al. 2019, "Dynamic Diffuse Global Illumination with Ray-Traced Irradiance
+// Fields". docs/internals/gi.md.
 #ifndef HG_RENDERER_GI_GI_H
 #define HG_RENDERER_GI_GI_H
 
@@ -50,49 +54,50 @@ struct hg_gi_eye {
     uint32_t zero;
 };
 
-enum hg_gi_field_kind { HG_GI_NO_FIELD, HG_GI_MOVING, HG_GI_REST };
+enum hg_gi_field_kind { HG_GI_NO_FIELD, HG_GI_DYNAMIC, HG_GI_SETTLED };
 
-// Between batches, after the scene was synced and posed and before culling. Casts about `rays` rays
-// (whole waves) for the field of rest. The caller goes on until hg_gi_is_rest; it waits while the
-// fields of other cameras are under way that take up all places. HG_E_LIMIT, HG_E_NOMEM, device
-// errors: then there is no field of rest.
-enum hg_status hg_gi_rest(struct hg_gi *gi, const struct hg_gi_key *key,
+// One slice of building the settled field: about `rays` rays, in whole waves. Call between batches,
+// after the scene was synced and posed and before culling, until hg_gi_is_settled. No rays are cast
+// while other cameras in use have all places for finer grids. HG_E_LIMIT (budget),
+// HG_E_NOMEM, device errors: then there is no settled field.
+enum hg_status hg_gi_settle(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
     struct hg_error *err) HG_MUST_CHECK;
-// The same for the moving field, which the picture of now is shown with. No rays once all of it has
-// been updated often enough since the last change. Where the field of rest has the grid of the
-// whole scene, or all that the camera needs, that is taken.
-enum hg_status hg_gi_move(struct hg_gi *gi, const struct hg_gi_key *key,
+// Brings the dynamic field up to date for the next picture, by about `rays` rays. No rays once all
+// probes have been updated often enough since the last change. Grids that the settled field already
+// has (the whole scene's, or all that the camera needs) are used instead. Errors as above.
+enum hg_status hg_gi_update(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
     struct hg_error *err) HG_MUST_CHECK;
-// The field of rest is that of the key and the camera, and complete.
-bool hg_gi_is_rest(
+// Whether the settled field is complete, and is that of the key and the camera.
+bool hg_gi_is_settled(
     const struct hg_gi *gi, const struct hg_gi_key *key, const struct hg_gi_eye *eye);
-// The view's grids are in use; those unused for longest make room for others'.
+// Marks the view's grids as in use; those unused for longest make room for others.
 void hg_gi_touch(struct hg_gi *gi, uint64_t view);
 
-// view: whose camera it is. Of NO_FIELD: zeroed.
+// What shaders read of a field: its grids as the view's camera has them. NO_FIELD: zeroed.
 void hg_gi_fill(
     const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view, struct hg_gpu_probes *out);
 
-// What rays see, from means as the rays of probes do; origins as of the geometry room.
-#define HG_GI_MOST_SIGHTS 4096
-struct hg_gi_sight {
-    bool hit;                     // a front; else all else is 0
+// Hits of camera rays (for metering), shaded from means of materials as those of probe rays are.
+// Rays are relative to the geometry's origin.
+#define HG_GI_MOST_CAMERA_RAYS 4096
+struct hg_gi_camera_hit {
+    bool hit;                     // the front of a surface; else all others are 0
     float albedo[3], emission[3]; // means of the material
-    float light[3];               // irradiance over pi: direct, and by way of surfaces
+    float light[3];               // irradiance over pi: direct and indirect
 };
-struct hg_gi_look {
+struct hg_gi_camera_rays {
     enum hg_gi_field_kind field;
     uint64_t view; // whose camera it is
     const struct hg_lighting_sources *sources;
     const struct hg_gpu_ray *rays; // [count]
-    uint32_t count;                // <= HG_GI_MOST_SIGHTS
+    uint32_t count;                // <= HG_GI_MOST_CAMERA_RAYS
 };
-// After hg_gi_rest or hg_gi_move of the picture. Nothing is seen without a field. HG_E_NOMEM,
-// device errors.
-enum hg_status hg_gi_see(struct hg_gi *gi, const struct hg_gi_look *look, struct hg_gi_sight *out,
-    struct hg_error *err) HG_MUST_CHECK;
+// out: [count]. After hg_gi_settle or hg_gi_update of the picture; without a field nothing is hit.
+// HG_E_NOMEM, device errors.
+enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_rays *camera,
+    struct hg_gi_camera_hit *out, struct hg_error *err) HG_MUST_CHECK;
 
 // What rays of other passes meet, and what there is to light it with.
 struct hg_gi_environment;
@@ -106,10 +111,10 @@ struct hg_gi_world {
     const struct hg_gi_emissive *emissive; // emissive.h
     const struct hg_gi_field *whole;       // field.h: the grid over the whole scene
     const struct hg_gi_field *field;       // the finest one of the view, that knows coarser ones
-    uint64_t rounds; // updates of all probes of a moving field since the last change
+    uint64_t rounds; // updates of all probes of a dynamic field since the last change
 };
-// When hg_gi_rest and hg_gi_move may be called; borrowed until the geometry is synced. HG_E_LIMIT,
-// HG_E_NOMEM, device errors, and without probes: *out is zeroed.
+// When hg_gi_settle and hg_gi_update may be called; borrowed until the geometry is synced.
+// HG_E_LIMIT, HG_E_NOMEM, device errors, and without probes: *out is zeroed.
 enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view,
     struct hg_gi_world *out, struct hg_error *err) HG_MUST_CHECK;
 
@@ -118,7 +123,7 @@ struct hg_gi_grid_stats {
     float spacing; // metres
 };
 struct hg_gi_stats {
-    // Of the field of rest, or the moving one, with the finer grids of the camera drawn last.
+    // Of the settled field, or the dynamic one, with the finer grids of the camera drawn last.
     uint32_t probes, asleep;
     uint32_t inside, moved; // asleep inside of something; awake off their place
     uint32_t grid_count;

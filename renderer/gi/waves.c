@@ -10,8 +10,8 @@
 
 #define PEAK_SHARE 8 // rays for each that goes to a peak of the environment, or to an emitter
 #define MOST_PEAKS (HG_GI_MOST_RAYS / PEAK_SHARE)
-#define MOVE_MOST  10 // updates that a mean of the moving field is of
-#define MOVE_FADE  3  // for each so many since the change it is of one more
+#define DYNAMIC_MOST 10 // updates that a mean of the dynamic field is of
+#define DYNAMIC_FADE 3  // for each so many since the change it is of one more
 
 // A wave under way.
 struct run {
@@ -305,13 +305,13 @@ static void shade_probe(void *user, size_t index)
         shade_ray(w, index * w->wave.rays + i);
 }
 
-// Of the moving field's probes the first updates fade soon: they had less light that bounced.
+// Of the dynamic field's probes the first updates fade soon: they had less light that bounced.
 static float keep_of(const struct run *w, uint32_t probe)
 {
     const float seen = (float)w->wave.field->updates[probe];
     if (w->wave.keep >= 0)
         return w->wave.keep;
-    return 1 - 1 / fminf(1 + seen / MOVE_FADE, MOVE_MOST);
+    return 1 - 1 / fminf(1 + seen / DYNAMIC_FADE, DYNAMIC_MOST);
 }
 
 static void gather_probe(void *user, size_t index)

@@ -8,6 +8,7 @@
 
 #include "base/alloc.h"
 #include "base/bytes.h"
+#include "base/json.h"
 #include "base/log.h"
 #include "renderer/gpu/internal.h"
 
@@ -602,34 +603,16 @@ struct fallback {
     const char *name, *text;
 };
 
-static void write_text(struct hg_writer *w, const char *text)
-{
-    hg_write_bytes(w, text, strlen(text));
-}
-
-static void write_string(struct hg_writer *w, const char *text)
-{
-    hg_write_u8(w, '"');
-    for (; *text != '\0'; text++) {
-        if (*text == '"' || *text == '\\')
-            hg_write_u8(w, '\\');
-        hg_write_u8(w, (unsigned char)*text < 0x20 ? ' ' : (uint8_t)*text);
-    }
-    hg_write_u8(w, '"');
-}
-
 static void write_features(struct hg_writer *w, const struct features *have)
 {
     const char *comma = "";
-    write_text(w, ",\"features\":{");
+    hg_json_put(w, ",\"features\":{");
 #define X(field, name, required)                                                                   \
-    write_text(w, comma);                                                                          \
-    write_text(w, "\"" name "\":");                                                                \
-    write_text(w, have->field ? "true" : "false");                                                 \
+    hg_json_put(w, "%s\"" name "\":%s", comma, have->field ? "true" : "false");                    \
     comma = ",";
     FEATURES(X)
 #undef X
-    write_text(w, "}");
+    hg_json_put(w, "}");
 }
 
 static void write_fallbacks(struct hg_writer *w, const struct hg_gpu *gpu)
@@ -645,55 +628,42 @@ static void write_fallbacks(struct hg_writer *w, const struct hg_gpu *gpu)
             "shaders are compiled again by each process"},
     };
     const char *comma = "";
-    write_text(w, ",\"fallbacks\":{");
+    hg_json_put(w, ",\"fallbacks\":{");
     for (size_t i = 0; i < sizeof list / sizeof list[0]; i++) {
         if (!list[i].used)
             continue;
-        write_text(w, comma);
-        write_string(w, list[i].name);
-        write_text(w, ":");
-        write_string(w, list[i].text);
+        hg_json_put(w, "%s\"%s\":\"%s\"", comma, list[i].name, list[i].text);
         comma = ",";
     }
-    write_text(w, "}");
+    hg_json_put(w, "}");
 }
 
 static void write_limits(struct hg_writer *w, const struct hg_gpu_caps *caps)
 {
-    char text[512];
-    snprintf(text, sizeof text,
+    hg_json_put(w,
         ",\"type\":\"%s\",\"limits\":{\"image_side_px\":%u,\"image_layers\":%u,"
         "\"buffer_bytes\":%llu,\"allocation_bytes\":%llu,\"memory_bytes\":%llu},"
         "\"validation\":%s",
         caps->is_cpu ? "cpu" : "gpu", caps->max_image_side_px, caps->max_image_layers,
         (unsigned long long)caps->max_buffer_bytes, (unsigned long long)caps->max_allocation_bytes,
         (unsigned long long)caps->memory_bytes, caps->validation ? "true" : "false");
-    write_text(w, text);
 }
 
 enum hg_status hg_gpu_device_json(const struct hg_gpu *gpu, char **text)
 {
-    *text = NULL;
     struct hg_writer w = {0};
     struct features have;
-    char version[64];
-    query_features(gpu->physical.handle, &have);
-    write_text(&w, "{\"name\":");
-    write_string(&w, gpu->caps.device_name);
-    write_text(&w, ",\"driver\":");
-    write_string(&w, gpu->caps.driver);
     const uint32_t api = gpu->physical.properties.apiVersion;
-    snprintf(version, sizeof version, ",\"api\":\"%u.%u.%u\"", VK_API_VERSION_MAJOR(api),
-        VK_API_VERSION_MINOR(api), VK_API_VERSION_PATCH(api));
-    write_text(&w, version);
+    query_features(gpu->physical.handle, &have);
+    hg_json_put(&w, "{\"name\":");
+    hg_json_string(&w, gpu->caps.device_name);
+    hg_json_put(&w, ",\"driver\":");
+    hg_json_string(&w, gpu->caps.driver);
+    hg_json_put(&w, ",\"api\":\"%u.%u.%u\"", VK_API_VERSION_MAJOR(api), VK_API_VERSION_MINOR(api),
+        VK_API_VERSION_PATCH(api));
     write_limits(&w, &gpu->caps);
     write_features(&w, &have);
     write_fallbacks(&w, gpu);
-    hg_write_bytes(&w, "}", 2); // with the terminator
-    if (w.failed) {
-        hg_writer_finish(&w);
-        return HG_E_NOMEM;
-    }
-    *text = (char *)w.data;
-    return HG_OK;
+    hg_json_put(&w, "}");
+    return hg_json_take(&w, text);
 }

@@ -352,7 +352,6 @@ enum hg_status hg_gpu_pipelines_make(struct hg_gpu *gpu,
 // The same as hg_gpu_pipeline_get and binds it.
 enum hg_status hg_gpu_cmd_pipeline(struct hg_gpu_cmd *cmd,
     const struct hg_gpu_pipeline_params *params, struct hg_error *err) HG_MUST_CHECK;
-VkPipelineLayout hg_gpu_pipeline_layout(const struct hg_gpu *gpu);
 // Number of pipelines made so far.
 uint32_t hg_gpu_pipeline_count(const struct hg_gpu *gpu);
 // Writes the driver's pipeline cache to cache_dir when pipelines were made since the last call

@@ -18,11 +18,6 @@ static const struct {
     [HG_GPU_IO_##kind] = {HG_GPU_IMAGE_##image, VK_FORMAT_##format, true, false},
     HG_IO_SAMPLED_KINDS(SAMPLED) HG_IO_STORAGE_KINDS(STORAGE)};
 
-bool hg_gpu_io_is_storage(enum hg_gpu_io_kind kind)
-{
-    return kinds[kind].storage;
-}
-
 bool hg_gpu_io_same(const struct hg_gpu_io *a, const struct hg_gpu_io *b)
 {
     return a == b || (a != NULL && b != NULL && a->count == b->count &&

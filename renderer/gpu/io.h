@@ -43,7 +43,6 @@ struct hg_gpu_bound {
         {list(HG_GPU_IO_SLOT)}, list(HG_GPU_IO_ONE)                                                \
     }
 
-bool hg_gpu_io_is_storage(enum hg_gpu_io_kind kind);
 // Binds set 1 for graphics and compute and brings the images to the use that their kind says.
 // bound: a struct of HG_GPU_IO_MEMBERs, `size_bytes` large. Call outside rendering.
 // HG_E_LIMIT: more images than the device allows; HG_E_NOMEM, device errors.

@@ -379,11 +379,6 @@ enum hg_status hg_gpu_cmd_pipeline(
     return status;
 }
 
-VkPipelineLayout hg_gpu_pipeline_layout(const struct hg_gpu *gpu)
-{
-    return gpu->shared_set.pipeline_layout;
-}
-
 uint32_t hg_gpu_pipeline_count(const struct hg_gpu *gpu)
 {
     return gpu->pipelines.count;

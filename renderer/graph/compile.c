@@ -228,7 +228,8 @@ static void find_life(struct hg_graph_plan *plan, uint32_t resource)
     }
 }
 
-enum hg_status hg_graph_order(struct hg_graph_plan *plan, struct hg_error *err)
+// Fills order and the slots' lifetimes of a plan whose declarations are set.
+static enum hg_status order_passes(struct hg_graph_plan *plan, struct hg_error *err)
 {
     struct work *w = hg_calloc(1, sizeof *w);
     if (w == NULL)
@@ -329,7 +330,7 @@ enum hg_status hg_graph_compile(struct hg_graph *graph, struct hg_error *err)
         empty_plan(graph, plan);
         status = copy_frame(plan, graph->frame, err);
         if (status == HG_OK)
-            status = hg_graph_order(plan, err);
+            status = order_passes(plan, err);
         graph->compilations++;
     }
     if (status == HG_OK)

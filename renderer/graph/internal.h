@@ -106,11 +106,7 @@ struct hg_graph_meaning { // of an enum hg_graph_how
 };
 extern const struct hg_graph_meaning hg_graph_meanings[];
 
-// compile.c: fills order and the slots' lifetimes of a plan whose declarations are set.
-enum hg_status hg_graph_order(struct hg_graph_plan *plan, struct hg_error *err) HG_MUST_CHECK;
-
 // place.c
-VkImageUsageFlags hg_graph_usage(const struct hg_graph_plan *plan, uint32_t resource);
 enum hg_status hg_graph_place_all(
     struct hg_graph *graph, struct hg_graph_plan *plan, struct hg_error *err) HG_MUST_CHECK;
 void hg_graph_drop_images(struct hg_graph *graph, struct hg_graph_plan *plan);

@@ -6,7 +6,7 @@
 
 // --- images --------------------------------------------------------------------------------------
 
-VkImageUsageFlags hg_graph_usage(const struct hg_graph_plan *plan, uint32_t resource)
+static VkImageUsageFlags usage_of(const struct hg_graph_plan *plan, uint32_t resource)
 {
     VkImageUsageFlags usage = 0;
     for (uint32_t i = 0; i < plan->node_count; i++) {
@@ -104,8 +104,7 @@ static void place_images(
     for (uint32_t i = 0; i < plan->resource_count; i++) {
         if (!is_transient(plan, i))
             continue;
-        const struct hg_gpu_image_params params =
-            params_of(&plan->resources[i], hg_graph_usage(plan, i));
+        const struct hg_gpu_image_params params = params_of(&plan->resources[i], usage_of(plan, i));
         hg_gpu_image_need(graph->gpu, &params, &plan->slots[i].need);
     }
     for (uint32_t i; (i = largest_left(plan, placed)) != HG_GRAPH_NONE; placed[i] = true) {
@@ -159,7 +158,7 @@ enum hg_status hg_graph_place_all(
         struct hg_graph_slot *slot = &plan->slots[i];
         if (!is_transient(plan, i) || slot->image.handle != VK_NULL_HANDLE)
             continue;
-        struct hg_gpu_image_params params = params_of(&plan->resources[i], hg_graph_usage(plan, i));
+        struct hg_gpu_image_params params = params_of(&plan->resources[i], usage_of(plan, i));
         params.memory = slot->alone ? NULL : &graph->heap;
         params.memory_offset = slot->offset;
         status = hg_gpu_image_create(graph->gpu, &params, &slot->image, err);
@@ -250,7 +249,7 @@ enum hg_status hg_graph_make_stores(
         const struct hg_graph_resource *r = &plan->resources[i];
         if (r->kind != HG_GRAPH_OWN || r->life == HG_GRAPH_TRANSIENT || !is_used(plan, i))
             continue;
-        VkImageUsageFlags usage = hg_graph_usage(plan, i);
+        VkImageUsageFlags usage = usage_of(plan, i);
         status = make_store(graph, r, usage, err);
     }
     return status;

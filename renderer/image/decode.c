@@ -160,7 +160,7 @@ static enum hg_status examine_part(
 }
 
 static enum hg_status examine_parts(struct hg_input *input, const struct hg_image_limits *limits,
-    struct hg_image_told *out, struct hg_error *err)
+    struct hg_image_summary *out, struct hg_error *err)
 {
     enum hg_status status = HG_OK;
     for (int part = 0; status == HG_OK && part < HG_EXR_MAX_PARTS; part++) {
@@ -178,7 +178,7 @@ static enum hg_status examine_parts(struct hg_input *input, const struct hg_imag
 }
 
 static enum hg_status examine(struct hg_input *input, const char *key,
-    const struct hg_image_limits *limits, struct hg_image_told *out, struct hg_error *err)
+    const struct hg_image_limits *limits, struct hg_image_summary *out, struct hg_error *err)
 {
     const struct hg_oiio_header *h = hg_input_get_header(input);
     enum hg_status status =
@@ -192,7 +192,7 @@ static enum hg_status examine(struct hg_input *input, const char *key,
 }
 
 enum hg_status hg_decode_examine(const struct hg_image_bytes *file, const char *format,
-    const char *key, const struct hg_image_limits *limits, struct hg_image_told *out,
+    const char *key, const struct hg_image_limits *limits, struct hg_image_summary *out,
     struct hg_error *err)
 {
     struct hg_input *input;

@@ -14,7 +14,7 @@ enum hg_status hg_decode_image(const struct hg_image_bytes *file, const char *fo
     struct hg_error *err) HG_MUST_CHECK;
 // Decodes all pixels of all parts and discards them; see hg_image_examine.
 enum hg_status hg_decode_examine(const struct hg_image_bytes *file, const char *format,
-    const char *key, const struct hg_image_limits *limits, struct hg_image_told *out,
+    const char *key, const struct hg_image_limits *limits, struct hg_image_summary *out,
     struct hg_error *err) HG_MUST_CHECK;
 
 // How many of the file's first channels are read: grey, grey + alpha, RGB or RGBA.

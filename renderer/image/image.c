@@ -182,7 +182,7 @@ enum hg_status hg_image_read_memory(const struct hg_image_bytes *file, enum hg_p
 
 // A JPEG that is cut short would still be shown; its comments hold "key=value".
 static enum hg_status examine_jpeg(const struct hg_image_bytes *file, const char *key,
-    struct hg_image_told *out, struct hg_error *err)
+    struct hg_image_summary *out, struct hg_error *err)
 {
     const uint8_t *data = file->data;
     const size_t size = file->size;
@@ -205,7 +205,7 @@ static enum hg_status examine_jpeg(const struct hg_image_bytes *file, const char
 }
 
 enum hg_status hg_image_examine(const struct hg_image_bytes *file, const char *key,
-    const struct hg_image_limits *limits, struct hg_image_told *out, struct hg_error *err)
+    const struct hg_image_limits *limits, struct hg_image_summary *out, struct hg_error *err)
 {
     const char *format;
     struct hg_image_limits l = complete_limits(limits);

@@ -75,7 +75,7 @@ enum hg_status hg_image_read_memory(const struct hg_image_bytes *file, enum hg_p
     const struct hg_image_limits *limits, struct hg_image *out, struct hg_error *err) HG_MUST_CHECK;
 
 // What hg_image_examine found in a complete file.
-struct hg_image_told {
+struct hg_image_summary {
     uint32_t width, height; // of the first part
     uint32_t parts;
     char file_format[16];
@@ -85,7 +85,7 @@ struct hg_image_told {
 // Decodes every part of a file and reads the text attribute `key` that hg_image_encode has written.
 // HG_E_FORMAT when anything of it is missing or damaged; HG_E_LIMIT.
 enum hg_status hg_image_examine(const struct hg_image_bytes *file, const char *key,
-    const struct hg_image_limits *limits, struct hg_image_told *out,
+    const struct hg_image_limits *limits, struct hg_image_summary *out,
     struct hg_error *err) HG_MUST_CHECK;
 
 // Zeroed pixels. HG_E_LIMIT, HG_E_NOMEM.

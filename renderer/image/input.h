@@ -43,11 +43,9 @@ struct hg_input_area {
     enum hg_oiio_type type;
     int channels;
 };
-void hg_input_write_header(struct hg_writer *w, const struct hg_oiio_header *header);
 // False: no header of an image.
 bool hg_input_parse_header(const void *data, size_t size, struct hg_oiio_header *out);
 void hg_input_write_area(struct hg_writer *w, const struct hg_input_area *area);
-bool hg_input_parse_area(struct hg_reader *r, struct hg_input_area *out);
 // Bytes of its pixels, of a part or mip of such a header; 0: none, or too many.
 uint64_t hg_input_area_bytes(const struct hg_input_area *area, const struct hg_oiio_header *header);
 

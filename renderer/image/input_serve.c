@@ -10,7 +10,7 @@ static const uint64_t most_bytes = UINT64_C(1) << 33; // of one answer
 
 // ---- headers and areas -------------------------------------------------------------------------
 
-void hg_input_write_header(struct hg_writer *w, const struct hg_oiio_header *h)
+static void write_header(struct hg_writer *w, const struct hg_oiio_header *h)
 {
     const int numbers[] = {h->width, h->height, h->tile_width, h->tile_height, h->channels,
         h->alpha_channel, h->is_float, h->is_16bit, h->straight_alpha};
@@ -54,7 +54,7 @@ void hg_input_write_area(struct hg_writer *w, const struct hg_input_area *a)
         hg_write_u32(w, numbers[i]);
 }
 
-bool hg_input_parse_area(struct hg_reader *r, struct hg_input_area *out)
+static bool parse_area(struct hg_reader *r, struct hg_input_area *out)
 {
     uint32_t n[11];
     for (size_t i = 0; i < sizeof n / sizeof *n; i++)
@@ -116,7 +116,7 @@ static enum hg_status serve_open(
     if (status)
         return status;
     served->part = *hg_oiio_get_header(served->input);
-    hg_input_write_header(out, &served->part);
+    write_header(out, &served->part);
     return HG_OK;
 }
 
@@ -126,7 +126,7 @@ static enum hg_status serve_part(struct served *served, struct hg_isolate_reques
     const enum hg_status status =
         hg_oiio_part_header(served->input, (int)hg_read_u32(&request->args), &served->part, err);
     if (!status)
-        hg_input_write_header(out, &served->part);
+        write_header(out, &served->part);
     return status;
 }
 
@@ -157,7 +157,7 @@ static enum hg_status serve_read(struct served *served, struct hg_isolate_reques
     struct hg_writer *out, struct hg_error *err)
 {
     struct hg_input_area a;
-    if (!hg_input_parse_area(&request->args, &a))
+    if (!parse_area(&request->args, &a))
         return HG_E_INVAL;
     const uint64_t bytes = hg_input_area_bytes(&a, &served->part);
     void *pixels = bytes ? hg_calloc((size_t)bytes, 1) : NULL;

@@ -580,7 +580,7 @@ static void sync(struct hg_irradiance *r, const struct hg_irradiance_picture *p)
         hg_irradiance_guides_clear(&r->guides);
     }
     memcpy(r->origin, p->origin, sizeof r->origin);
-    // Views that have the field of rest have seen no updates.
+    // Views that have the settled field have seen no updates.
     const bool is_new = p->light != r->light;
     r->cells.light += is_new || p->doublings > r->doublings;
     r->doublings = is_new || p->doublings > r->doublings ? p->doublings : r->doublings;

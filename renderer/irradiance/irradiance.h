@@ -1,15 +1,16 @@
 // irradiance.h - diffuse light of pictures in motion, and what rough surfaces mirror, gathered by
 // rays from what the camera sees. Floor 2. Thread: the render thread; rays are shaded on jobs.
 //
-// The field of probes is interpolated over metres; what stands nearer to a surface than probes do,
-// and sunlight that ends between them, it gets wrong. So some thousand rays of each picture go from
-// texels of probe light (shaders/shared/gi.h), over the cosine or the specular lobe (directions.h).
-// What they meet is lit by shadow rays and the field, far from the texel in the mean, where the
-// field is right. Cells on surfaces (cells.h) keep what came, over pictures and for all cameras of
-// a scene: diffuse light beside what probe light had there, whose quotient probe light is
-// multiplied by (ratio estimator), and what rough surfaces mirror by where the eye is. The fewer
-// samples there are, the more is left as it was.
-// docs/internals/gi.md, "Gathered in motion".
+// The field of probes is interpolated over metres, so it is wrong where surfaces or edges of
+// sunlight lie between probes. Some thousand rays of each picture correct it. They go from texels
+// of probe light (shaders/shared/gi.h), over the cosine or the specular lobe (directions.h); their
+// hits are lit by shadow rays and by the field, whose error averages out over a hemisphere. Cells
+// on surfaces (cells.h) keep the results over pictures, for all cameras of a scene:
+//   diffuse    gathered light and probe light of the same places; their quotient is the factor on
+//              probe light (ratio estimator)
+//   specular   what rough surfaces mirror, by the direction to the eye
+// The fewer samples a cell has, the nearer to 1 its factor is.
+// docs/internals/irradiance.md.
 #ifndef HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 #define HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 
@@ -28,7 +29,7 @@ struct hg_irradiance_picture {
     struct hg_gi_texels texels;
     double origin[3];          // of the geometry; another one: nothing is known
     uint64_t light;            // revision of the scene and its lights
-    uint32_t doublings;        // of the updates of a moving field since the last change
+    uint32_t doublings;        // of the updates of a dynamic field since the last change
     const uint32_t *looked_up; // [rows][columns][4] probe light
     const uint32_t *mirrors;   // [rows][columns][2] shaders/shared/reflect.h
     const struct hg_lighting_sources *sources;

@@ -142,7 +142,8 @@ static void set_cone(const struct corners *corners, struct hg_lod_cluster *c)
     c->cone_cutoff = ceilf(cutoff * 255.0f) / 255.0f;
 }
 
-void hg_lod_piece_bounds(const struct hg_lod_mesh *mesh, struct hg_lod_piece *piece)
+// Bounds, cone and vertex count of the triangles of a piece.
+static void bound_piece(const struct hg_lod_mesh *mesh, struct hg_lod_piece *piece)
 {
     struct corners corners;
     gather_corners(mesh, piece->triangles, piece->info.triangle_count * 3, &corners);
@@ -296,7 +297,7 @@ static enum hg_status cut(struct hg_lod_group_job *job, struct hg_lod_cut *to, u
         piece->triangles = p->triangles + (size_t)starts[i] * 3;
         piece->info.triangle_count = starts[i + 1] - starts[i];
         piece->product = p;
-        hg_lod_piece_bounds(job->mesh, piece);
+        bound_piece(job->mesh, piece);
         for (uint32_t t = starts[i]; t < starts[i + 1]; t++)
             piece_of[to->order[t]] = i;
     }
@@ -418,7 +419,7 @@ enum hg_status hg_lod_first_pieces(const struct hg_lod_mesh *m, const uint32_t *
         piece->info.triangle_count = starts[i + 1] - starts[i];
         piece->info.made_from = HG_LOD_NONE;
         piece->product = product;
-        hg_lod_piece_bounds(m, piece);
+        bound_piece(m, piece);
     }
     return HG_OK;
 }

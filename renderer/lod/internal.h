@@ -131,9 +131,6 @@ struct hg_lod_pool { // the clusters that make up the surface at one level
 enum hg_status hg_lod_partition(const struct hg_lod_mesh *mesh, const struct hg_lod_pool *pool,
     uint32_t *group_of, uint32_t *group_count, uint8_t *open) HG_MUST_CHECK;
 
-// 30-bit Morton code of a point in a box.
-uint32_t hg_lod_morton(const float point[3], const float min[3], const float max[3]);
-
 // ---- simplification -----------------------------------------------------------------------------
 
 #define HG_LOD_SAMPLE_OPEN 1u // lies on an open edge: its distance is that to open edges
@@ -246,8 +243,6 @@ struct hg_lod_sphere {
     float center[3], radius;
 };
 
-// Bounds, cone and vertex count of the triangles of a piece.
-void hg_lod_piece_bounds(const struct hg_lod_mesh *mesh, struct hg_lod_piece *piece);
 // A sphere around spheres, with room for rounding.
 struct hg_lod_sphere hg_lod_sphere_around(const struct hg_lod_sphere *spheres, uint32_t count);
 void hg_lod_product_unref(struct hg_lod_product *product); // frees after the last user

@@ -273,7 +273,8 @@ static uint32_t spread(float v)
     return (x | x << 2) & 0x09249249u;
 }
 
-uint32_t hg_lod_morton(const float point[3], const float min[3], const float max[3])
+// 30-bit Morton code of a point in a box.
+static uint32_t morton_of(const float point[3], const float min[3], const float max[3])
 {
     float size = 0.0f;
     for (int k = 0; k < 3; k++)
@@ -309,7 +310,7 @@ static void place_groups(
         }
     }
     for (uint32_t i = 0; i < g->groups; i++)
-        places[i] = (struct place){hg_lod_morton(sum[i], min, max), i};
+        places[i] = (struct place){morton_of(sum[i], min, max), i};
     qsort(places, g->groups, sizeof *places, compare_places);
 }
 

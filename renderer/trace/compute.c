@@ -553,27 +553,6 @@ static enum hg_status sync(void *self, const struct hg_trace_layout *l, struct h
 
 // --- waves ---------------------------------------------------------------------------------------
 
-static enum hg_status dispatch(struct compute *c, const struct hg_gpu_bvh_wave *wave, bool any,
-    uint64_t *value, struct hg_error *err)
-{
-    struct hg_gpu *gpu = c->trace->gpu;
-    const struct hg_gpu_pipeline_params params = {
-        .compute = "trace_bvh.comp", .spec = {any, c->features}, .spec_count = 2};
-    struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
-    status = hg_gpu_cmd_pipeline(cmd, &params, err);
-    if (status != HG_OK) {
-        hg_gpu_discard(gpu, cmd);
-        return status;
-    }
-    hg_gpu_cmd_push(cmd, wave, sizeof *wave);
-    vkCmdDispatch(hg_gpu_cmd_handle(cmd), (wave->count + HG_BVH_GROUP - 1) / HG_BVH_GROUP, 1, 1);
-    hg_gpu_memory_barrier(cmd);
-    return hg_gpu_submit(gpu, cmd, value, err);
-}
-
 static enum hg_status submit(
     void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err)
 {
@@ -588,7 +567,11 @@ static enum hg_status submit(
     *(piece->any ? &wave.blocked : &wave.hits) = at.out;
     memcpy(&wave.origin, c->top_bvh.origin, sizeof wave.origin);
     memcpy(&wave.step, c->top_bvh.step, sizeof wave.step);
-    return dispatch(c, &wave, piece->any, value, err);
+    const struct hg_gpu_pipeline_params pipeline = {
+        .compute = "trace_bvh.comp", .spec = {piece->any, c->features}, .spec_count = 2};
+    const struct hg_trace_dispatch dispatch = {
+        &pipeline, &wave, sizeof wave, (piece->count + HG_BVH_GROUP - 1) / HG_BVH_GROUP};
+    return hg_trace_submit_dispatch(c->trace->gpu, &dispatch, value, err);
 }
 
 const struct hg_trace_ops hg_trace_compute = {.create = create,

@@ -48,6 +48,16 @@ struct hg_trace {
     struct hg_trace_stats stats;
 };
 
+// A compute kernel over `groups` groups of rays, with `push` as its constants.
+struct hg_trace_dispatch {
+    const struct hg_gpu_pipeline_params *pipeline;
+    const void *push;
+    uint32_t push_bytes, groups;
+};
+// Submits it without a wait; *value: as of hg_trace_ops.submit. Device errors.
+enum hg_status hg_trace_submit_dispatch(struct hg_gpu *gpu,
+    const struct hg_trace_dispatch *dispatch, uint64_t *value, struct hg_error *err) HG_MUST_CHECK;
+
 // Class of a draw as rays ask for it: HG_RAY_*.
 uint32_t hg_trace_mask(uint32_t draw_flags);
 // Invalid rays, which backends skip: not finite, without direction or interval.

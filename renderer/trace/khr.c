@@ -598,27 +598,6 @@ static enum hg_status sync(void *self, const struct hg_trace_layout *l, struct h
 
 // --- waves ---------------------------------------------------------------------------------------
 
-static enum hg_status dispatch(struct khr *k, const struct hg_gpu_khr_wave *wave, bool any,
-    uint64_t *value, struct hg_error *err)
-{
-    struct hg_gpu *gpu = k->trace->gpu;
-    const struct hg_gpu_pipeline_params params = {
-        .compute = "trace_khr.comp", .spec = {any}, .spec_count = 1};
-    struct hg_gpu_cmd *cmd;
-    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
-    if (status != HG_OK)
-        return status;
-    status = hg_gpu_cmd_pipeline(cmd, &params, err);
-    if (status != HG_OK) {
-        hg_gpu_discard(gpu, cmd);
-        return status;
-    }
-    hg_gpu_cmd_push(cmd, wave, sizeof *wave);
-    vkCmdDispatch(hg_gpu_cmd_handle(cmd), (wave->count + HG_KHR_GROUP - 1) / HG_KHR_GROUP, 1, 1);
-    hg_gpu_memory_barrier(cmd);
-    return hg_gpu_submit(gpu, cmd, value, err);
-}
-
 static enum hg_status submit(
     void *self, const struct hg_trace_piece *piece, uint64_t *value, struct hg_error *err)
 {
@@ -631,7 +610,11 @@ static enum hg_status submit(
         .scene = k->top.address,
         .count = piece->count};
     *(piece->any ? &wave.blocked : &wave.hits) = at.out;
-    return dispatch(k, &wave, piece->any, value, err);
+    const struct hg_gpu_pipeline_params pipeline = {
+        .compute = "trace_khr.comp", .spec = {piece->any}, .spec_count = 1};
+    const struct hg_trace_dispatch dispatch = {
+        &pipeline, &wave, sizeof wave, (piece->count + HG_KHR_GROUP - 1) / HG_KHR_GROUP};
+    return hg_trace_submit_dispatch(k->trace->gpu, &dispatch, value, err);
 }
 
 const struct hg_trace_ops hg_trace_khr = {.create = create,

@@ -44,7 +44,8 @@ static bool keeps_rays(const float m[12], double det)
     return true;
 }
 
-bool hg_trace_is_invertible(const float m[12])
+// False for matrices unsuitable for instances: not finite or (nearly) singular.
+static bool is_invertible(const float m[12])
 {
     double length[3];
     for (int i = 0; i < 3; i++) {
@@ -121,8 +122,7 @@ static void choose(const struct hg_trace_layout *l, struct hg_trace_body *body)
         const struct hg_ray_geometry_piece *p =
             &l->pieces[l->places[body->first_place + i].first_piece];
         // Matrices that change handedness have no valid interpolation.
-        invertible = invertible && hg_trace_is_invertible(p->world) &&
-                     hg_trace_is_invertible(p->previous) &&
+        invertible = invertible && is_invertible(p->world) && is_invertible(p->previous) &&
                      (determinant(p->world) > 0) == (determinant(p->previous) > 0);
         still = still && memcmp(p->world, p->previous, sizeof p->world) == 0;
         animated = animated || p->animated;

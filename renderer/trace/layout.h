@@ -70,7 +70,5 @@ static inline void hg_trace_to_world(const float m[12], const float p[3], float 
     for (int c = 0; c < 3; c++)
         out[c] = m[c] * p[0] + m[3 + c] * p[1] + m[6 + c] * p[2] + m[9 + c];
 }
-// False for matrices unsuitable for instances: not finite or (nearly) singular.
-bool hg_trace_is_invertible(const float world[12]);
 
 #endif

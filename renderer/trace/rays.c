@@ -196,8 +196,3 @@ struct hg_trace *hg_rays_trace(struct hg_rays_scene *s)
 {
     return s->trace;
 }
-
-uint32_t hg_rays_missing(const struct hg_rays_scene *s)
-{
-    return s->geometry != NULL ? hg_ray_geometry_missing(s->geometry) : 0;
-}

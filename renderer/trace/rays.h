@@ -59,8 +59,6 @@ enum hg_status hg_rays_open_shutter(
 
 const struct hg_ray_geometry *hg_rays_geometry(const struct hg_rays_scene *scene);
 struct hg_trace *hg_rays_trace(struct hg_rays_scene *scene);
-// Chunks of geometry that the newest sync went without and asked for.
-uint32_t hg_rays_missing(const struct hg_rays_scene *scene);
 
 struct hg_rays_stats {
     uint32_t scenes, references;

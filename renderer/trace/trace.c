@@ -55,6 +55,24 @@ struct hg_trace_addresses hg_trace_addresses(const struct hg_trace_piece *piece)
                           : w->hits->address + (w->first_hit + skip) * sizeof(struct hg_gpu_hit)};
 }
 
+enum hg_status hg_trace_submit_dispatch(struct hg_gpu *gpu,
+    const struct hg_trace_dispatch *dispatch, uint64_t *value, struct hg_error *err)
+{
+    struct hg_gpu_cmd *cmd;
+    enum hg_status status = hg_gpu_begin(gpu, &cmd, err);
+    if (status != HG_OK)
+        return status;
+    status = hg_gpu_cmd_pipeline(cmd, dispatch->pipeline, err);
+    if (status != HG_OK) {
+        hg_gpu_discard(gpu, cmd);
+        return status;
+    }
+    hg_gpu_cmd_push(cmd, dispatch->push, dispatch->push_bytes);
+    vkCmdDispatch(hg_gpu_cmd_handle(cmd), dispatch->groups, 1, 1);
+    hg_gpu_memory_barrier(cmd);
+    return hg_gpu_submit(gpu, cmd, value, err);
+}
+
 static enum hg_status create_backend(
     struct hg_trace *t, enum hg_trace_backend backend, struct hg_error *err)
 {

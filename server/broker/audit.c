@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "base/file.h"
+#include "base/json.h"
 #include "base/log.h"
-#include "server/broker/json.h"
 
 // A line that the end of an earlier daemon, or of the machine, has cut.
 static void end_cut_line(struct hg_audit *audit)
@@ -91,12 +91,11 @@ static void put_time(struct hg_writer *w)
 {
     struct timespec now;
     struct tm tm;
-    char date[32], text[96];
+    char date[32];
     clock_gettime(CLOCK_REALTIME, &now);
     gmtime_r(&now.tv_sec, &tm);
     strftime(date, sizeof date, "%Y-%m-%dT%H:%M:%S", &tm);
-    snprintf(text, sizeof text, "{\"time\":\"%s.%03ldZ\"", date, now.tv_nsec / 1000000);
-    hg_json_put(w, text);
+    hg_json_put(w, "{\"time\":\"%s.%03ldZ\"", date, now.tv_nsec / 1000000);
 }
 
 static void put_given(struct hg_writer *w, const char *key, const char *value)

@@ -5,7 +5,7 @@
 // of functions that it was given (hg_conn_events, hg_link_events).
 //
 // Layers, lowest first:
-//   json counters latency folder_lock
+//   counters latency folder_lock
 //   web_files                                    what HTTP serves
 //   loop options audit auth notify list peer_log disk_queue upload_folder    the system's side
 //   cache_folder                                 which one the daemon uses

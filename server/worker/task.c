@@ -23,7 +23,8 @@ static const char demo[] = "demo:"; // the built-in scene
 
 _Static_assert((int)HGP_up_axis_MINUS_Z + 1 == (int)HG_UP_MINUS_Z, "the same order, AUTO first");
 
-enum hg_up_axis hg_task_up_axis(enum hgp_up_axis up)
+// Axes of the protocol as the renderer numbers them.
+static enum hg_up_axis up_axis_of(enum hgp_up_axis up)
 {
     return (enum hg_up_axis)((int)up + 1);
 }
@@ -144,7 +145,7 @@ static enum hg_status load_asset(struct task *task)
         .root_count = options->asset_root_count,
         .asset_number = m->asset,
         .scene_index = m->has_scene_index ? m->scene_index : -1,
-        .up = hg_task_up_axis(m->has_up ? m->up : HGP_up_axis_AUTO),
+        .up = up_axis_of(m->has_up ? m->up : HGP_up_axis_AUTO),
         .point_scale = m->has_point_scale ? m->point_scale : 0,
         .point_diameter = m->has_point_diameter ? m->point_diameter : 0,
         .resident_limit_bytes = task->memory_bytes,
@@ -355,7 +356,7 @@ static enum hg_status examine_image(struct task *task)
     const enum hg_status status =
         hg_image_examine(&(struct hg_image_bytes){parts ? task->file.data : one->data,
                              parts ? task->file.size : one->size, "image"},
-            ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->told, &task->err);
+            ENCODE_FRAME_KEY_ATTRIBUTE, NULL, &task->summary, &task->err);
     hg_spill_end();
     return status;
 }

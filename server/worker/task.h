@@ -9,11 +9,8 @@
 
 enum task_kind { TASK_ASSET, TASK_ENVIRONMENT, TASK_COMPARE, TASK_IMAGE };
 
-// One file or comparison, with a thread of its own. While it runs its session's later messages
-// wait, so that every session sees its messages take effect in order.
-// Axes of the protocol as the renderer numbers them.
-enum hg_up_axis hg_task_up_axis(enum hgp_up_axis up);
-
+// One file or comparison, with a thread of its own. While it runs, later messages of its session
+// wait, so that messages of a session take effect in order.
 struct task {
     enum task_kind kind;
     struct reply_to to;
@@ -34,7 +31,7 @@ struct task {
     struct hg_asset *asset;
     struct hg_environment_file environment;
     double value;
-    struct hg_image_told told;
+    struct hg_image_summary summary; // IMAGE
     struct hg_writer diff;
     uint32_t width, height;
 };

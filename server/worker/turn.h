@@ -1,10 +1,10 @@
-// turn.h - whose turn it is: start-time fair queueing.
+// turn.h - start-time fair queueing.
 // Floor 6, private to server/worker. Thread: the one that owns the structs.
 //
-// Those that share something each have a virtual time, which grows by what they are served. The one
-// that would begin earliest is next, so that all that want more get shares by their weights,
-// whatever a step of each takes. Who comes back from a rest begins at the present virtual time: it
-// has not saved up what it did not use, and does not wait behind those that used more. Source:
+// Each participant has a virtual time, which grows by the service it gets over its weight. The one
+// with the least start time is served next, so all that are backlogged get shares by their weights,
+// whatever a single service takes. One that was idle starts at the present virtual time: it has
+// saved nothing up, and does not wait behind those that used more. Source:
 // Goyal, Vin and Cheng 1996, "Start-time Fair Queueing".
 #ifndef HG_SERVER_WORKER_TURN_H
 #define HG_SERVER_WORKER_TURN_H
@@ -23,7 +23,7 @@ struct turn {
     uint64_t end; // of its newest service
 };
 
-// When its next service begins; least is next.
+// Virtual start time of the next service; the least of all is served next.
 static inline uint64_t hg_turn_start(const struct turn_clock *clock, const struct turn *turn)
 {
     return turn->end > clock->now ? turn->end : clock->now;
@@ -35,7 +35,7 @@ static inline uint64_t hg_turn_cost(uint64_t ns, uint32_t weight)
     return ns * HG_TURN_WEIGHT / weight;
 }
 
-// It was served: `cost` is the time that took, more for those of less weight.
+// Notes a service. cost: its time by weight (hg_turn_cost).
 static inline void hg_turn_serve(struct turn_clock *clock, struct turn *turn, uint64_t cost)
 {
     clock->now = hg_turn_start(clock, turn);

@@ -346,7 +346,7 @@ static bool probes_rest(const struct hg_view *view)
 {
     struct hg_view_report report;
     hg_view_get_report(view, &report);
-    return report.probes_at_rest;
+    return report.field_is_settled;
 }
 
 static bool is_same(const struct hg_refbuf *a, const struct hg_refbuf *b)
@@ -444,7 +444,7 @@ static void test_lamp_switched(void **state)
     hg_view_destroy(view);
 }
 
-// Of a view that comes to rest one picture more is displayed once the field of rest is complete,
+// Of a view that comes to rest one picture more is displayed once the settled field is complete,
 // while light is still to be gathered.
 static void test_shown_on_the_way(void **state)
 {

@@ -115,7 +115,7 @@ static void test_room(void **state)
     struct gi_shot rays = inside;
     rays.gi = HG_GI_RAYS;
     struct hg_view *view = gi_open_view(rig, &inside);
-    hg_view_set_final(view, true); // the very first step is one of the field of rest
+    hg_view_set_final(view, true); // the very first step is one of the settled field
     gi_settle(view, 8);
     pixels[0] = gi_read_floats(view);
     pixels[1] = gi_take(rig, &rays);
@@ -129,7 +129,7 @@ static void test_room(void **state)
     }
 }
 
-// The same of the moving field, once it has come to rest.
+// The same of the dynamic field, once it has come to rest.
 static void test_room_in_motion(void **state)
 {
     struct rig *rig = *state;
@@ -204,7 +204,7 @@ static void test_walk(void **state)
     hg_view_destroy(view);
 }
 
-// The field of rest is a function of scene and camera, whatever was seen before, on any number of
+// The settled field is a function of scene and camera, whatever was seen before, on any number of
 // threads.
 static void test_same_bytes(void **state)
 {

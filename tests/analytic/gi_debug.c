@@ -1,4 +1,4 @@
-// gi_debug.c - debug views of light by way of surfaces and of shadows say what they should, and
+// gi_debug.c - debug views of global illumination and of shadows say what they should, and
 // counters what the schedule of the field says.
 #include <math.h>
 #include <string.h>

@@ -103,7 +103,7 @@ void gi_take_both(struct rig *rig, const struct gi_shot *shot, struct hg_refbuf 
     struct gi_shot rays = *shot;
     rays.gi = HG_GI_RAYS;
     struct hg_view *view = gi_open_view(rig, shot);
-    hg_view_set_final(view, true); // the very first step is one of the field of rest
+    hg_view_set_final(view, true); // the very first step is one of the settled field
     gi_settle(view, 8);
     out[0] = gi_read_floats(view);
     out[1] = gi_take(rig, &rays);

@@ -1,4 +1,4 @@
-// gi_rig.h - scenes and pictures of tests of light by way of surfaces.
+// gi_rig.h - scenes and pictures of tests of global illumination.
 #ifndef HG_TESTS_ANALYTIC_GI_RIG_H
 #define HG_TESTS_ANALYTIC_GI_RIG_H
 

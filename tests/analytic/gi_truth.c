@@ -1,5 +1,5 @@
 // gi_truth.c - settled pictures with gathered light against path tracing, region by region: rooms
-// where nearly all light has come by way of surfaces.
+// where nearly all light is indirect.
 //
 // Means of regions by paths are in references/gi_truth.txt. With GI_TRUTH_SAMPLES=N in the
 // environment scenes that are missing there are rendered with N samples per pixel and appended; to

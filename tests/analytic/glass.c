@@ -89,7 +89,7 @@ static struct hg_refbuf *take_moving(
     struct hg_view *view = gi_open_view(rig, &shot);
     struct hg_refbuf *bytes, *pixels;
     test_ok(hg_view_set_params(view, &params, &err), &err);
-    gi_settle(view, 8); // so that it moves in the light of the field of rest
+    gi_settle(view, 8); // so that it moves in the light of the settled field
     for (int i = MOVES; i >= 0; i--) {
         struct hg_view_camera camera = {.vfov_rad = 1.2f};
         memcpy(camera.eye, shot.eye, sizeof camera.eye);

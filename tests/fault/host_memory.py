@@ -180,7 +180,7 @@ class Test:
 
     def walk(self, path, out, refused="== 0", gi="none", **more):
         """Everything a viewer does; pictures go to `out`. Peaks in MiB and what was said. Where nothing is measured
-        paths alone follow rays: light by way of surfaces takes most of the time."""
+        paths alone follow rays: global illumination takes most of the time."""
         os.makedirs(out, exist_ok=True)
         script = f"{out}/script"
         with open(script, "w") as f:

@@ -19,7 +19,7 @@ them farther from a picture without noise than more samples would.
 scenario passes there when at most one path tracer has a smaller median distance to the others of
 them than we have; at least 70 % must pass. With names in place of "all" each of them must, unless
 explanations.txt has a line "path NAME: reason". --no-realtime leaves out the rest.
---gi WHICH: light by way of surfaces in real time; none, the default, is what rasterisers have.
+--gi WHICH: global illumination in real time; none, the default, is what rasterisers have.
 
 --candidate scores one engine's pictures in place of ours (no rendering): a rehearsal of the
 harness that shows how the engines themselves would rank.

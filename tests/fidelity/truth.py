@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Settled pictures with light by way of surfaces beside path-traced ones of the same scene.
+"""Settled pictures with global illumination beside path-traced ones of the same scene.
 
 usage: truth.py --helio PROGRAM --out DIR [--only NAME]...
        truth.py --helio PROGRAM --out DIR [--only NAME]... --make [--samples N] [--chunk N] [--threads N]

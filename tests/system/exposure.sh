@@ -21,7 +21,7 @@ is() { # key value
 told() { grep -q -- "$1" "$temp/out" || fail "'$1' is not said: $(tail -n 3 "$temp/out")"; }
 untold() { ! grep -q -- "$1" "$temp/out" || fail "'$1' is said: $(tail -n 3 "$temp/out")"; }
 start_daemon "$models"
-# Light by way of surfaces is not what is looked at here, and takes most of a picture's time.
+# Global illumination is not what is looked at here, and takes most of a picture's time.
 embedded() { # file options...: of the startup scene
     local file=$1
     shift

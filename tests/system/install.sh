@@ -37,7 +37,7 @@ if [ "${1:-}" = package ]; then
     install_package
     shared=(--isolation shared)
 else
-    look+=(--gi none --exposure 0) # most of what there is to compile is for light by way of surfaces and for metering
+    look+=(--gi none --exposure 0) # most of what there is to compile is for global illumination and for metering
     install_prefix
 fi
 here=$root$prefix

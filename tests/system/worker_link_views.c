@@ -398,7 +398,7 @@ static void test_next_place_of_nodes(void **state)
     link_expect(rig, link_ask(rig, 1, HGP_T_node_set, &go), HGP_T_ok);
 }
 
-// Pictures in motion are made of several where there is light by way of surfaces, unless a message
+// Pictures in motion are made of several where there is global illumination, unless a message
 // says otherwise: a view's size in motion is told only of such.
 static bool is_on_host(struct rig *rig)
 {

@@ -9,6 +9,7 @@
 
 #include "base/alloc.h"
 #include "base/bytes.h"
+#include "base/json.h"
 #include "base/sha256.h"
 #include "base/utf8.h"
 
@@ -230,6 +231,21 @@ static void test_utf8_clean(void **state)
     }
 }
 
+static void test_json(void **state)
+{
+    (void)state;
+    struct hg_writer w = {0};
+    char *text;
+    hg_json_put(&w, "{\"share\":%.2f", 0.5);
+    hg_json_put_text(&w, ",\"name\":", "a\"b\\c\n\x1f%s\xc3\xa9");
+    hg_json_put_number(&w, ",\"most\":", UINT64_MAX);
+    hg_json_put(&w, "}");
+    assert_int_equal(hg_json_take(&w, &text), HG_OK);
+    assert_string_equal(text, "{\"share\":0.50,\"name\":\"a\\\"b\\\\c\\u000a\\u001f%s\xc3\xa9\","
+                              "\"most\":18446744073709551615}");
+    hg_free(text);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -242,6 +258,7 @@ int main(void)
         cmocka_unit_test(test_sha256_vectors),
         cmocka_unit_test(test_utf8),
         cmocka_unit_test(test_utf8_clean),
+        cmocka_unit_test(test_json),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

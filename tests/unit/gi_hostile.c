@@ -1,4 +1,4 @@
-// gi_hostile.c - light by way of surfaces in hostile scenes, in motion and at rest: bounded time
+// gi_hostile.c - global illumination in hostile scenes, in motion and at rest: bounded time
 // and memory, and no number in a picture that is none.
 #include "base/alloc.h"
 #include "base/clock.h"

@@ -178,27 +178,27 @@ static void test_examine(void **state)
 {
     (void)state;
     struct hg_writer file = encode();
-    struct hg_image_told told;
+    struct hg_image_summary summary;
     struct hg_error err = {0};
     assert_int_equal(hg_image_examine(&(struct hg_image_bytes){file.data, file.size, "a.exr"},
-                         "heliograph:job", NULL, &told, &err),
+                         "heliograph:job", NULL, &summary, &err),
         HG_OK);
-    assert_string_equal(told.value, "0123abcd");
-    assert_int_equal(told.parts, 4);
-    assert_int_equal(told.width, WIDTH);
+    assert_string_equal(summary.value, "0123abcd");
+    assert_int_equal(summary.parts, 4);
+    assert_int_equal(summary.width, WIDTH);
     size_t step = file.size / 50;
     for (size_t size = 0; size < file.size; size += step) {
         uint8_t *cut = malloc(size ? size : 1);
         memcpy(cut, file.data, size);
         assert_int_not_equal(hg_image_examine(&(struct hg_image_bytes){cut, size, "a.exr"},
-                                 "heliograph:job", NULL, &told, &err),
+                                 "heliograph:job", NULL, &summary, &err),
             HG_OK);
-        assert_string_equal(told.value, "");
+        assert_string_equal(summary.value, "");
         free(cut);
     }
     file.data[file.size - file.size / 8] ^= 0x10;
     assert_int_not_equal(hg_image_examine(&(struct hg_image_bytes){file.data, file.size, "a.exr"},
-                             "heliograph:job", NULL, &told, &err),
+                             "heliograph:job", NULL, &summary, &err),
         HG_OK);
     hg_writer_finish(&file);
 }
@@ -215,7 +215,7 @@ static void test_examine_kinds(void **state)
         struct hg_image image;
         struct hg_writer file = {0};
         struct hg_error err = {0};
-        struct hg_image_told told;
+        struct hg_image_summary summary;
         assert_int_equal(hg_image_create(64, 48, formats[k], NULL, &image), HG_OK);
         if (formats[k] != HG_PIXEL_RGBA32F)
             for (size_t i = 0; i < image.size_bytes; i++)
@@ -226,14 +226,14 @@ static void test_examine_kinds(void **state)
             .attribute_count = sizeof attributes / sizeof *attributes};
         assert_int_equal(hg_image_encode(&image, &params, &file, &err), HG_OK);
         assert_int_equal(hg_image_examine(&(struct hg_image_bytes){file.data, file.size, "a"},
-                             "heliograph:job", NULL, &told, &err),
+                             "heliograph:job", NULL, &summary, &err),
             HG_OK);
-        assert_string_equal(told.value, "0123abcd");
-        assert_int_equal(told.width, 64);
+        assert_string_equal(summary.value, "0123abcd");
+        assert_int_equal(summary.width, 64);
         for (size_t cut = 1; cut < file.size; cut += file.size / 20 + 1) {
             assert_int_not_equal(
                 hg_image_examine(&(struct hg_image_bytes){file.data, file.size - cut, "a"},
-                    "heliograph:job", NULL, &told, &err),
+                    "heliograph:job", NULL, &summary, &err),
                 HG_OK);
         }
         hg_writer_finish(&file);

@@ -5,7 +5,6 @@
 #include <limits.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,8 +21,6 @@
 #include "client/cli/cli.h"
 #include "client/cli/bench/siege.h"
 
-extern char **environ;
-
 enum { TICK_MS = 100, LINE_BYTES = 64 * 1024 * 1024, END_NS = 2000000000 };
 
 struct bench {
@@ -36,36 +33,6 @@ struct bench {
 };
 
 // ---- the program -------------------------------------------------------------------------------
-
-// It gets the other end of a pipe as its standard output, a process group of its own, so that
-// Ctrl-C reaches only this program, and default signals.
-static int spawn(struct bench *b, const char *const *argv, int out)
-{
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    sigset_t all, none;
-    int failed = posix_spawn_file_actions_init(&actions);
-    if (failed)
-        return failed;
-    failed = posix_spawnattr_init(&attributes);
-    if (failed) {
-        posix_spawn_file_actions_destroy(&actions);
-        return failed;
-    }
-    sigfillset(&all);
-    sigemptyset(&none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setpgroup(&attributes, 0);
-    posix_spawnattr_setflags(
-        &attributes, POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETPGROUP);
-    failed = posix_spawn_file_actions_adddup2(&actions, out, STDOUT_FILENO);
-    if (!failed)
-        failed = posix_spawn(&b->pid, b->path, &actions, &attributes, (char *const *)argv, environ);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&actions);
-    return failed;
-}
 
 static enum hg_status start(
     struct bench *b, const struct hg_cli_args *args, const char *options, struct hg_error *err)
@@ -84,13 +51,13 @@ static enum hg_status start(
         return hg_error_set(
             err, hg_status_from_errno(errno), b->path, NULL, "no pipe: %s", strerror(errno));
     }
-    int failed = spawn(b, argv, ends[1]);
+    const int failed =
+        hg_program_spawn(b->path, argv, (const int[2]){ends[1], STDOUT_FILENO}, 0, &b->pid);
     hg_free(argv);
     close(ends[1]);
     b->fd = ends[0];
     if (!failed)
         return HG_OK;
-    b->pid = 0;
     return hg_error_set(err, HG_E_WORKER, b->path, NULL, "cannot start: %s", strerror(failed));
 }
 

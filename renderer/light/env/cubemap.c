@@ -38,7 +38,8 @@ static hg_v4 load4(const float *p)
     return v;
 }
 
-hg_v4 hg_equirect_sample(const struct hg_image *image, const float dir[3])
+// Bilinear radiance of an equirectangular image along a unit direction; wraps around in u.
+static hg_v4 sample_equirect(const struct hg_image *image, const float dir[3])
 {
     const int w = (int)image->width, h = (int)image->height;
     float u = atan2f(dir[2], dir[0]) * (float)(0.5 / HG_PI) + 0.5f;
@@ -77,7 +78,7 @@ static void fill_row(void *user, size_t index)
             float x = ((float)(i * n + k % n) + 0.5f - (float)n) * step - 1, d[3];
             float y = ((float)(row * n + k / n) + 0.5f - (float)n) * step - 1;
             hg_cubemap_direction(face, x, y, d);
-            sum += hg_equirect_sample(fill->image, d);
+            sum += sample_equirect(fill->image, d);
         }
         out[i] = sum * weight;
     }

@@ -39,7 +39,4 @@ float hg_cubemap_texel_solid_angle(uint32_t s, uint32_t x, uint32_t y);
 // Trilinear radiance along a direction (any length > 0), lod clamped to the levels.
 hg_v4 hg_cubemap_sample(const struct hg_cubemap *cube, const float dir[3], float lod);
 
-// Bilinear radiance of an equirectangular image along a unit direction; wraps around in u.
-hg_v4 hg_equirect_sample(const struct hg_image *image, const float dir[3]);
-
 #endif

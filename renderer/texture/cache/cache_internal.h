@@ -104,7 +104,5 @@ void hg_page_table_add(struct hg_page_cache *cache, const struct hg_page_set *se
 void hg_page_table_remove(
     struct hg_page_cache *cache, const struct hg_page_set *set, const struct page_place *place);
 void hg_page_table_set_entry(struct hg_page_cache *cache, uint32_t entry, uint32_t value);
-// Entry of a page of which nothing is there.
-uint32_t hg_page_table_nothing(const struct hg_page_set *set);
 
 #endif

@@ -67,7 +67,8 @@ bool hg_page_table_parent(
     return true;
 }
 
-uint32_t hg_page_table_nothing(const struct hg_page_set *set)
+// Entry of a page of which nothing is there.
+static uint32_t nothing_entry(const struct hg_page_set *set)
 {
     return set->nothing | HG_PAGE_NOTHING << HG_PAGE_COARSER_SHIFT;
 }
@@ -92,7 +93,7 @@ void hg_page_table_set_entry(struct hg_page_cache *cache, uint32_t entry, uint32
 void hg_page_table_clear(struct hg_page_cache *cache, const struct hg_page_set *set)
 {
     for (uint32_t i = 0; i < set->entries; i++)
-        cache->table.entries[set->table + i] = hg_page_table_nothing(set);
+        cache->table.entries[set->table + i] = nothing_entry(set);
     touch(cache, set->table, set->table + set->entries);
 }
 
@@ -152,7 +153,7 @@ void hg_page_table_remove(
     struct hg_page_cache *cache, const struct hg_page_set *set, const struct page_place *place)
 {
     struct page_place parent;
-    uint32_t entry = hg_page_table_nothing(set);
+    uint32_t entry = nothing_entry(set);
     if (hg_page_table_parent(set, place, &parent))
         entry = cache->table.entries[hg_page_table_entry(set, &parent)];
     const uint32_t coarser = entry >> HG_PAGE_COARSER_SHIFT;

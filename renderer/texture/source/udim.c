@@ -14,7 +14,8 @@ bool hg_udim_is_pattern(const char *path)
     return strstr(path, token) != NULL;
 }
 
-char *hg_udim_path(const char *pattern, uint32_t column, uint32_t row)
+// Path of the tile at `column` and `row` (0 at the bottom), freed with hg_free; NULL: no memory.
+static char *tile_path(const char *pattern, uint32_t column, uint32_t row)
 {
     const char *at = strstr(pattern, token);
     const size_t room = strlen(pattern) + 8;
@@ -35,7 +36,7 @@ static enum hg_status open_tile(const char *pattern, uint32_t column, uint32_t r
     struct hg_image_reader **out, struct hg_error *err)
 {
     *out = NULL;
-    char *path = hg_udim_path(pattern, column, row);
+    char *path = tile_path(pattern, column, row);
     if (path == NULL)
         return no_memory(pattern, err);
     const enum hg_status status = hg_image_reader_open(path, HG_MIPS_SIDE_PX, out, err);

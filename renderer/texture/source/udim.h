@@ -8,8 +8,6 @@
 enum { HG_UDIM_COLUMNS = 10, HG_UDIM_ROWS = 10 }; // tiles 1001..1100
 
 bool hg_udim_is_pattern(const char *path);
-// Path of the tile at `column` and `row` (0 at the bottom), freed with hg_free; NULL: no memory.
-char *hg_udim_path(const char *pattern, uint32_t column, uint32_t row);
 // HG_E_NOTFOUND: no tile at all; else what is wrong with a tile.
 enum hg_status hg_udim_identify(struct hg_store *store, const char *pattern,
     struct hg_source_info *out, struct hg_error *err) HG_MUST_CHECK;

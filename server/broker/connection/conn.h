@@ -60,7 +60,7 @@ struct hg_conn {
     struct hg_turn turn;
     bool peer_ended;
     bool starved; // something waits for room in its output
-    bool told;    // that the disk holds its answers
+    bool warned;  // that its answers wait for the disk
     struct hg_peer peer;
     struct hg_slot slot;
     struct hg_conn_auth auth;

@@ -25,14 +25,14 @@ static void check_idle(struct hg_conn *conn, uint64_t now_ns)
 }
 
 // Once, before what is held: else its client would see a picture that stands still, and no reason.
-static void tell_held(struct hg_conn *conn)
+static void warn_of_held(struct hg_conn *conn)
 {
     const struct hg_outq *q = &conn->out;
     char reason[200];
     if (!q->reached || !q->reached->status) {
-        conn->told = false;
-    } else if (!conn->told && conn->state == HG_CONN_OPEN && hg_outq_is_stopped(q)) {
-        conn->told = true;
+        conn->warned = false;
+    } else if (!conn->warned && conn->state == HG_CONN_OPEN && hg_outq_is_stopped(q)) {
+        conn->warned = true;
         snprintf(reason, sizeof reason,
             "the daemon's state cannot be written: %s; the answer to the newest edit, and all that "
             "comes behind it, waits until that is over",
@@ -73,7 +73,7 @@ static void check_time(struct hg_conn *conn, uint64_t now_ns)
             hg_conn_close(conn, &err, "handshake");
         return;
     }
-    tell_held(conn);
+    warn_of_held(conn);
     hg_outq_excuse(&conn->out, now_ns);
     if (conn->out.head && now_ns > conn->out.progress_ns + o->peer_timeout_ns) {
         hg_count(HG_COUNT_REFUSED_PEER_TIMEOUT);

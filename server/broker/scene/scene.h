@@ -25,7 +25,7 @@ struct hg_scene_camera {
     enum hgp_camera_change change; // why the holder is the holder
     uint64_t since_ns;             // the holder has it
     uint64_t moved_ns;             // the holder moved it last
-    uint64_t told_ns;              // the pose was told last
+    uint64_t sent_ns;              // the pose was sent to watchers last
     uint32_t mover;                // number of the session that made the pose
     struct hg_packet *pose;        // view_camera with all fields that count; NULL: never moved
 };

@@ -88,7 +88,7 @@ struct hg_join_ticket *hg_join_ticket_find(
     return found;
 }
 
-struct hg_join_ticket *hg_join_ticket_by_number(const struct hg_join_tickets *all, uint64_t number)
+static struct hg_join_ticket *find_by_number(const struct hg_join_tickets *all, uint64_t number)
 {
     for (uint32_t i = 0; i < all->count; i++)
         if (all->items[i].number == number)
@@ -110,7 +110,7 @@ uint64_t hg_join_ticket_use(struct hg_join_ticket *ticket, struct hg_state_log *
 uint64_t hg_join_ticket_remove(
     struct hg_join_tickets *all, struct hg_state_log *log, uint32_t number)
 {
-    struct hg_join_ticket *it = hg_join_ticket_by_number(all, number);
+    struct hg_join_ticket *it = find_by_number(all, number);
     if (!it)
         return 0;
     size_t behind = all->count - 1 - (size_t)(it - all->items);
@@ -145,7 +145,7 @@ void hg_join_tickets_record_all(const struct hg_join_tickets *all, struct hg_sta
 {
     for (uint32_t i = 0; i < all->count; i++)
         record(log, &all->items[i]);
-    if (all->last_number && !hg_join_ticket_by_number(all, all->last_number))
+    if (all->last_number && !find_by_number(all, all->last_number))
         hg_state_put_ticket_end(log, all->last_number); // numbers are not given again
 }
 
@@ -173,7 +173,7 @@ enum hg_status hg_join_ticket_restore(
     take_text(it.scene, sizeof it.scene, record->scene);
     take_text(it.label, sizeof it.label, record->label);
     take_text(it.roots, sizeof it.roots, record->roots);
-    struct hg_join_ticket *old = hg_join_ticket_by_number(all, it.number);
+    struct hg_join_ticket *old = find_by_number(all, it.number);
     if (all->last_number < it.number)
         all->last_number = it.number;
     if (old)

@@ -36,7 +36,6 @@ enum hg_status hg_join_ticket_make(struct hg_join_tickets *all, struct hg_state_
 // NULL: there is none. Takes the same time wherever it is found.
 struct hg_join_ticket *hg_join_ticket_find(
     const struct hg_join_tickets *all, const uint8_t hash[32]);
-struct hg_join_ticket *hg_join_ticket_by_number(const struct hg_join_tickets *all, uint64_t number);
 // Whether it lets another session in.
 bool hg_join_ticket_is_good(const struct hg_join_ticket *ticket, uint64_t now_s);
 // Counts a use. Returns the log's position.

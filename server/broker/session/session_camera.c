@@ -247,7 +247,7 @@ static void tell_pose(struct hg_session_table *table, struct hg_shared_scene *sc
 {
     struct hg_packet *packet = encode_moved(&scene->people.camera);
     scene->people.camera.pose_due = packet == NULL;
-    scene->people.camera.told_ns = table->loop->now_ns;
+    scene->people.camera.sent_ns = table->loop->now_ns;
     for (struct hg_session *it = scene->people.first; it && packet; it = it->share.next)
         if (it->conn && it->share.watch.camera && !hg_conn_is_slow(it->conn))
             hg_conn_send_packet(it->conn, 0, hg_packet_ref(packet));
@@ -271,7 +271,7 @@ static void take_pose(struct hg_session *s, struct hg_session_view *view, struct
     camera->mover = s->number;
     camera->pose_due = true;
     give_all(s->scene, view);
-    if (now_ns - camera->told_ns >= pose_interval_ns)
+    if (now_ns - camera->sent_ns >= pose_interval_ns)
         tell_pose(s->table, s->scene);
 }
 

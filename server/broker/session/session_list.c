@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/json.h"
 #include "base/sha256.h"
-#include "server/broker/json.h"
 #include "server/broker/session/session_view.h"
 
 static void put_session(struct hg_writer *w, const struct hg_session *s)
@@ -71,13 +71,13 @@ void hg_session_list_write(struct hg_writer *w, const struct hg_session_table *t
     const char *separator = "";
     hg_json_put(w, "{\"sessions\":[");
     for (const struct hg_session *it = table->first; it; it = it->next, separator = ",") {
-        hg_json_put(w, separator);
+        hg_json_put(w, "%s", separator);
         put_session(w, it);
     }
     hg_json_put(w, "],\"scenes\":[");
     separator = "";
     for (const struct hg_shared_scene *it = table->scenes.first; it; it = it->next) {
-        hg_json_put(w, separator);
+        hg_json_put(w, "%s", separator);
         put_scene(w, it);
         separator = ",";
     }
@@ -86,7 +86,7 @@ void hg_session_list_write(struct hg_writer *w, const struct hg_session_table *t
     for (uint32_t i = 0; i < table->pool->count; i++) {
         if (!table->pool->links[i].whose.wanted)
             continue;
-        hg_json_put(w, separator);
+        hg_json_put(w, "%s", separator);
         put_worker(w, &table->pool->links[i]);
         separator = ",";
     }
@@ -144,10 +144,10 @@ void hg_session_list_quarantine(struct hg_session *asker, uint32_t request)
         if (!it->tenant[0] ||
             hg_quarantine_find(asker->table->quarantine, it->tenant, it->key, now_ns) != it)
             continue;
-        hg_json_put(&w, separator);
+        hg_json_put(&w, "%s", separator);
         put_entry(&w, it, now_ns);
         separator = ",";
     }
-    hg_json_put(&w, separator[0] == '{' ? "{\"quarantine\":[]}" : "]}");
+    hg_json_put(&w, "%s", separator[0] == '{' ? "{\"quarantine\":[]}" : "]}");
     hg_session_list_answer(asker, request, &w, "quarantine_query");
 }

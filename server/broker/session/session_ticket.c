@@ -1,3 +1,4 @@
+#include "base/json.h"
 #include "server/broker/session/session_ticket.h"
 
 #include <fnmatch.h>
@@ -6,7 +7,6 @@
 #include <string.h>
 #include <time.h>
 
-#include "server/broker/json.h"
 #include "server/broker/session/session_allow.h"
 #include "server/broker/session/session_audit.h"
 #include "server/broker/session/session_end.h"
@@ -193,11 +193,11 @@ void hg_session_ticket_list(struct hg_session *s, uint32_t request)
     for (uint32_t i = 0; i < all->count; i++) {
         if (!may_see(s, &all->items[i]))
             continue;
-        hg_json_put(&w, separator);
+        hg_json_put(&w, "%s", separator);
         put_ticket(&w, s->table, &all->items[i], (uint64_t)time(NULL));
         separator = ",";
     }
-    hg_json_put(&w, separator[0] == '{' ? "{\"tickets\":[]}" : "]}");
+    hg_json_put(&w, "%s", separator[0] == '{' ? "{\"tickets\":[]}" : "]}");
     hg_session_list_answer(s, request, &w, "join_query");
 }
 

@@ -151,8 +151,8 @@ static bool follows_failure(const struct hg_session *s, const struct hgp_upload 
     return s->failed && m->offset && memcmp(s->failed->hash, m->hash, 32) == 0;
 }
 
-void hg_session_upload_failed(
-    struct hg_session *s, const uint8_t hash[32], const struct hg_error *err)
+// Keeps the reason for the pieces that follow.
+static void note_failure(struct hg_session *s, const uint8_t hash[32], const struct hg_error *err)
 {
     if (!s->failed && !(s->failed = hg_calloc(1, sizeof *s->failed)))
         return; // pieces behind it are refused for their place
@@ -163,7 +163,7 @@ void hg_session_upload_failed(
 static void refuse(
     struct hg_session *s, uint32_t request, const uint8_t hash[32], const struct hg_error *err)
 {
-    hg_session_upload_failed(s, hash, err);
+    note_failure(s, hash, err);
     if (s->conn)
         hg_conn_fail(s->conn, request, err);
 }
@@ -362,7 +362,7 @@ void hg_session_upload_check_times(struct hg_session *s, uint64_t now_ns)
             "%llu bytes",
             (double)timeout_ns * 1e-9, (unsigned long long)hg_upload_offset(upload),
             (unsigned long long)hg_upload_total(upload));
-        hg_session_upload_failed(s, hg_upload_hash(upload), &err);
+        note_failure(s, hg_upload_hash(upload), &err);
         hg_conn_fail(s->conn, 0, &err);
         hg_upload_abort(upload);
         s->uploads[i] = NULL;

@@ -30,9 +30,6 @@ bool hg_session_upload_has(struct hg_session *session, const uint8_t hash[32]);
 // has its share. HG_E_LIMIT.
 enum hg_status hg_session_upload_may_keep(struct hg_session *session, const char *what,
     const struct hgp_asset_file *files, uint32_t count, struct hg_error *err) HG_MUST_CHECK;
-// Keeps why one failed, for its other pieces.
-void hg_session_upload_failed(
-    struct hg_session *session, const uint8_t hash[32], const struct hg_error *err);
 // Gives those up that have stopped.
 void hg_session_upload_check_times(struct hg_session *session, uint64_t now_ns);
 // Those that are committed are stored all the same; no answer is sent.

@@ -131,7 +131,7 @@ static void reset_signals(void)
     sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
-// Never returns. Whatever fails is told by `report`, which a program that starts closes.
+// Never returns. Failures are sent to `report`, which a program that starts closes.
 static void become_worker(const struct hg_worker_start *start, enum hg_confine_level level,
     uid_t uid, gid_t gid, int report)
 {
@@ -422,15 +422,15 @@ static bool send_request(int fd, const struct request *request, int link)
     return sendmsg(fd, &message, MSG_NOSIGNAL) == (ssize_t)sizeof *request;
 }
 
-static void tell(const struct answer *answer)
+static void log_confinement(const struct answer *answer)
 {
     static const char *const levels[] = {[HG_CONFINE_NONE] = "no namespaces",
         [HG_CONFINE_FILES] = "namespaces, but none for processes",
         [HG_CONFINE_ALL] = "namespaces for users, files, network, IPC and processes"};
-    static bool told;
-    if (told || answer->level >= HG_CONFINE_LEVELS)
+    static bool logged;
+    if (logged || answer->level >= HG_CONFINE_LEVELS)
         return;
-    told = true;
+    logged = true;
     if (answer->step[0])
         hg_warn(WORKER, "workers have %s: the system does not allow more (%s: %s)",
             levels[answer->level], answer->step, strerror(answer->step_failed));
@@ -465,7 +465,7 @@ int hg_launcher_run(struct hg_launcher *launcher, const struct hg_worker_start *
     answer.step[STEP_BYTES - 1] = 0;
     if (!answer.failed) {
         *pid = answer.pid;
-        tell(&answer);
+        log_confinement(&answer);
     }
     return answer.failed;
 }

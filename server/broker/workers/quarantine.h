@@ -33,18 +33,18 @@ struct hg_quarantine {
     struct hg_quarantine_entry entries[HG_QUARANTINE_ENTRIES];
 };
 
-// NULL: nothing is known against it (any more).
+// NULL: it is neither suspected nor refused.
 const struct hg_quarantine_entry *hg_quarantine_find(
     const struct hg_quarantine *q, const char *tenant, const uint8_t key[32], uint64_t now_ns);
-// Something of the tenant is there that has this name.
+// Whether an entry of the tenant has this name.
 bool hg_quarantine_has(const struct hg_quarantine *q, const char *tenant, const char *what);
 bool hg_quarantine_refuses(const struct hg_quarantine_entry *entry, uint64_t now_ns);
-// A worker died while it was loaded; `alone`: and nothing else ran.
+// A worker died while the file was loaded; alone: nothing else ran, so it is refused from now on.
 void hg_quarantine_note(
     struct hg_quarantine *q, const struct hg_quarantine_entry *file, bool alone, uint64_t now_ns);
 // Forgets those whose key begins with these hexadecimal digits; returns how many.
 uint32_t hg_quarantine_clear(struct hg_quarantine *q, const char *digits, size_t length);
-// It was loaded well.
+// The file was loaded well: it is forgotten.
 void hg_quarantine_forget(struct hg_quarantine *q, const char *tenant, const uint8_t key[32]);
 // The state log: one of its records of a file, the end of one, and all that is known as records.
 void hg_quarantine_restore(

@@ -1,13 +1,12 @@
-// suspect.h - by what a request that ends a worker is known again, in whatever session it comes.
+// suspect.h - identifies a request that ended a worker, so that it is recognised in any session.
 // Floor 6 (broker). Thread: the loop.
 //
-//   asset_load, environment_set   each file of it, by its hash or path: files beside it do not
-//   help.
-//                                 Of more than HG_SUSPECT_FILES the first, and that there are so
-//                                 many
-//   mesh_set, texture_set,        their data, without ids, which differ from session to session; of
+//   asset_load, environment_set   each of its files, by hash or path, so that other files beside it
+//                                 make no difference; of more than HG_SUSPECT_FILES the first ones
+//                                 and their number
+//   mesh_set, texture_set,        their data without ids, which differ from session to session; of
 //   compare, image_query          much data a part
-//   queries of a named scene      all that was asked, and the scene's name
+//   queries of a named scene      the whole query, and the scene's name
 //
 // Nothing of frames and small edits is kept: what is wrong with them is the scene.
 #ifndef HG_BROKER_SUSPECT_H

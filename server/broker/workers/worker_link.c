@@ -189,7 +189,7 @@ void hg_link_check_time(struct hg_link *link)
     } else if (is_silent(link)) {
         hg_link_fail(link, "gives no sign of life (worker-timeout)");
     } else if (link->hang.busy_ns > o->hang_timeout_ns) {
-        link->hang.fatal = link->hang.told;
+        link->hang.fatal = link->hang.named;
         hg_link_fail(link, "hangs in one piece of work (hang-timeout)");
     }
 }
@@ -265,13 +265,13 @@ static void take_own(struct hg_link *link, uint16_t type, const union hgp_any *m
         link->pulse_ns = hg_loop_awake_ns(link->loop);
         link->hang.busy_ns = m->pulse.busy_ns;
         link->rss_bytes = m->pulse.rss_bytes;
-        link->hang.told &= m->pulse.busy_ns > 0;
+        link->hang.named &= m->pulse.busy_ns > 0;
         return;
     case HGP_T_busy:
         link->hang = (struct hg_link_hang){.channel = m->busy.channel,
             .request = m->busy.request,
             .view = m->busy.view,
-            .told = true};
+            .named = true};
         return;
     case HGP_T_error:
         take_last_words(link, &m->error);

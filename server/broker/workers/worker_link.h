@@ -79,7 +79,7 @@ struct hg_link_feed {
 struct hg_link_hang {
     uint64_t busy_ns; // how long, with the newest pulse
     uint32_t channel, request, view;
-    bool told;  // in what
+    bool named; // channel, request and view are known
     bool fatal; // it was ended for that
 };
 

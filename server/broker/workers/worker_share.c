@@ -60,7 +60,9 @@ struct hg_worker_share hg_machine_share(
     return (struct hg_worker_share){.memory_bytes = bytes, .weight = weight};
 }
 
-int hg_weight_nice(uint32_t weight, uint32_t heaviest)
+// How much a process of that weight gives way to one of the heaviest: 0 to 19. The kernel gives a
+// thread 1.25 times the time of one that is nicer by one (sched(7)).
+static int nice_of(uint32_t weight, uint32_t heaviest)
 {
     if (weight >= heaviest)
         return 0;
@@ -128,7 +130,7 @@ void hg_worker_share_apply(const struct hg_machine *machine, const struct hg_opt
     }
     if (share->memory_bytes && strcmp(o->sandbox, "off") != 0)
         limit_data(pid, share->memory_bytes);
-    const int steps = hg_weight_nice(share->weight, share->heaviest);
+    const int steps = nice_of(share->weight, share->heaviest);
     const int nice = steps + getpriority(PRIO_PROCESS, 0) + (int)o->worker_nice;
     give_way(pid, !steps ? 0 : nice > 19 ? 19 : nice);
 }

@@ -30,9 +30,6 @@ uint64_t hg_machine_most_bytes(const struct hg_machine *machine, const struct hg
 // Of a worker beside others whose weights add up to `others`.
 struct hg_worker_share hg_machine_share(const struct hg_machine *machine,
     const struct hg_options *options, uint32_t weight, uint64_t others);
-// How much a process of that weight gives way to one of the heaviest: 0 to 19. The kernel gives a
-// thread 1.25 times the time of one that is nicer by one (sched(7)).
-int hg_weight_nice(uint32_t weight, uint32_t heaviest);
 // Puts it into effect. What the worker has already stays allowed, so that it is not ended by
 // another one that comes.
 void hg_worker_share_apply(const struct hg_machine *machine, const struct hg_options *options,

@@ -17,7 +17,8 @@ struct av1 {
     aom_codec_pts_t frames;
 };
 
-int hg_av1_quantiser(uint8_t quality)
+// Quantiser 18..63 of a quality 1..100.
+static int quantiser_of(uint8_t quality)
 {
     return 63 - (45 * (quality - 1) + 49) / 99;
 }
@@ -47,7 +48,9 @@ static void describe(const uint8_t *p, char codec[ENCODER_CODEC_BYTES])
         (unsigned)level, level > 7 && tier ? 'H' : 'M');
 }
 
-void hg_av1_codec(const uint8_t *data, size_t size, char codec[ENCODER_CODEC_BYTES])
+// "av01.0.05M.08" from the sequence header of a temporal unit; "" where there is none.
+// Source: AV1 Codec ISO Media File Format Binding 1.2, section 5; AV1 bitstream, 5.3 and 5.5.
+static void codec_string(const uint8_t *data, size_t size, char codec[ENCODER_CODEC_BYTES])
 {
     enum { SEQUENCE_HEADER = 1 };
     codec[0] = 0;
@@ -78,7 +81,7 @@ void hg_av1_close(void *state)
 
 static void set_quantiser(struct av1 *s, uint8_t quality)
 {
-    s->config.rc_min_quantizer = s->config.rc_max_quantizer = (unsigned)hg_av1_quantiser(quality);
+    s->config.rc_min_quantizer = s->config.rc_max_quantizer = (unsigned)quantiser_of(quality);
 }
 
 static bool fill_config(struct av1 *s, uint8_t quality)
@@ -182,6 +185,6 @@ enum hg_status hg_av1_encode(void *state, const struct encode_request *request,
     if (!done || (!out->data.size && !out->data.failed))
         return hg_error_set(err, HG_E_INTERNAL, "av1", NULL, "the encoder failed");
     if (!out->depends && !out->data.failed)
-        hg_av1_codec(out->data.data, out->data.size, out->codec);
+        codec_string(out->data.data, out->data.size, out->codec);
     return HG_OK;
 }

@@ -13,10 +13,4 @@ enum hg_status hg_av1_encode(void *state, const struct encode_request *request,
     struct encode_output *out, struct hg_error *err);
 void hg_av1_close(void *state);
 
-// Quantiser 18..63 of a quality 1..100.
-int hg_av1_quantiser(uint8_t quality);
-// "av01.0.05M.08" from the sequence header of a temporal unit; "" where there is none.
-// Source: AV1 Codec ISO Media File Format Binding 1.2, section 5; AV1 bitstream, 5.3 and 5.5.
-void hg_av1_codec(const uint8_t *data, size_t size, char codec[ENCODER_CODEC_BYTES]);
-
 #endif

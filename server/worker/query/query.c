@@ -369,15 +369,15 @@ void hg_query_compared(const struct request *r, struct task *task)
 
 void hg_query_image_examined(const struct request *r, struct task *task)
 {
-    const struct hg_image_told *told = &task->told;
+    const struct hg_image_summary *summary = &task->summary;
     if (task->status) {
         hg_reply_error(r->to, &task->err);
         return;
     }
-    json_t *root = json_pack("{s:s, s:I, s:I, s:I}", "format", told->file_format, "width",
-        (json_int_t)told->width, "height", (json_int_t)told->height, "parts",
-        (json_int_t)told->parts);
-    if (root && told->value[0])
-        json_object_set_new(root, "job", json_string(told->value));
+    json_t *root = json_pack("{s:s, s:I, s:I, s:I}", "format", summary->file_format, "width",
+        (json_int_t)summary->width, "height", (json_int_t)summary->height, "parts",
+        (json_int_t)summary->parts);
+    if (root && summary->value[0])
+        json_object_set_new(root, "job", json_string(summary->value));
     answer_json(r, root);
 }

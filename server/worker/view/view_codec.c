@@ -17,7 +17,7 @@ void hg_codec_set_list(struct view_slot *view, struct hgp_bytes codecs)
         memcpy(list->items, codecs.data, list->count);
     list->refused = list->slow = list->slow_times = 0;
     list->narrow_rate = 0;
-    list->told = -1;
+    list->announced = -1;
 }
 
 void hg_codec_resized(struct view_slot *view)
@@ -119,9 +119,9 @@ void hg_codec_tell(
     const struct render_state *s, const struct session *session, struct view_slot *view)
 {
     struct view_subscription *sub = &view->subscription;
-    if (!sub->codecs.count || sub->codecs.told == (int)sub->motion)
+    if (!sub->codecs.count || sub->codecs.announced == (int)sub->motion)
         return;
-    sub->codecs.told = (int)sub->motion;
+    sub->codecs.announced = (int)sub->motion;
     hg_reply_send((struct reply_to){.w = s->w, .channel = session->channel}, HGP_T_view_codec,
         &(struct hgp_view_codec){.view = view->number, .encoding = sub->motion});
 }

@@ -22,7 +22,7 @@ static void choose_exposure(
         params->exposure_mode = HG_EXPOSURE_FIXED;
 }
 
-// Without light by way of surfaces pictures in motion are those of one sample, as ever, unless a
+// Without global illumination pictures in motion are those of one sample, as ever, unless a
 // message says otherwise.
 static void choose_temporal(
     const struct hgp_view_set *m, const struct view_slot *view, struct hg_view_params *params)

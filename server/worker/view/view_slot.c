@@ -48,7 +48,7 @@ enum hg_status hg_view_slot_create(struct render_state *s, struct session *sessi
 #define STANDARD_U32(a, standard)   standard
 #define STANDARD_F32(a, standard)   standard
 #define STANDARD_ENUM(a, standard)  HGP_##a##_##standard
-#define STANDARD_BYTES(a, standard) {.told = -1}
+#define STANDARD_BYTES(a, standard) {.announced = -1}
     view->subscription = (struct view_subscription){
 #define HGP_VIEW_DELIVERY(kind, field, a, b, standard, doc) .field = STANDARD_##kind(a, standard),
 #include "protocol/view_params.def"

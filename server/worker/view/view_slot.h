@@ -50,7 +50,7 @@ struct view_codecs {
     uint64_t slow_until_ns; // when those are tried again
     uint32_t slow_times;    // that some were, since the size is as it is
     double narrow_rate; // bytes/s at which frames that are no video were poor; 0 = they were not
-    int told;           // encoding that the client was told, or -1
+    int announced;      // encoding that the client was informed of, or -1
 };
 
 // Frame delivery to a subscriber.

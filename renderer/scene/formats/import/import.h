@@ -51,7 +51,5 @@ float hg_import_file_unit(const struct hg_import *im);
 void *hg_import_alloc(struct hg_import *im, uint64_t count, size_t size) HG_MUST_CHECK;
 enum hg_status hg_import_fail(
     struct hg_import *im, enum hg_status status, const char *where, const char *reason);
-// Node of the asset by name; NULL when there is none.
-struct hg_node *hg_import_find_node(const struct hg_import *im, const char *name);
 
 #endif

@@ -23,7 +23,8 @@ static void to_matrix(const struct aiMatrix4x4 *from, float m[16]) // rows to co
     m[15] = 1;
 }
 
-struct hg_node *hg_import_find_node(const struct hg_import *im, const char *name)
+// Node of the asset by name; NULL when there is none.
+static struct hg_node *find_node(const struct hg_import *im, const char *name)
 {
     for (uint32_t i = 0; i < im->asset->node_count; i++)
         if (strcmp(im->asset->nodes[i]->head.name, name) == 0)
@@ -157,7 +158,7 @@ static enum hg_status make_skin(
     if (!skin->inverse_bind)
         return im->err->status;
     for (unsigned b = 0; b < from->mNumBones; b++) {
-        struct hg_node *joint = hg_import_find_node(im, from->mBones[b]->mName.data);
+        struct hg_node *joint = find_node(im, from->mBones[b]->mName.data);
         if (!joint)
             return hg_import_fail(
                 im, HG_E_FORMAT, from->mBones[b]->mName.data, "a bone without a node");
@@ -268,7 +269,7 @@ static enum hg_status add_node(
 static struct hg_node *add_looking(struct hg_import *im, const char *name,
     const struct aiVector3D *at, const struct aiVector3D *forward, const struct aiVector3D *up)
 {
-    struct hg_node *parent = hg_import_find_node(im, name);
+    struct hg_node *parent = find_node(im, name);
     struct hg_node *node = hg_asset_add_node(im->asset, name);
     if (!node)
         return NULL;
@@ -521,7 +522,7 @@ static enum hg_status add_animation(
         return hg_import_fail(im, HG_E_NOMEM, NULL, "no memory for an animation");
     for (unsigned i = 0; i < from->mNumChannels; i++) {
         const struct aiNodeAnim *c = from->mChannels[i];
-        struct hg_node *node = hg_import_find_node(im, c->mNodeName.data);
+        struct hg_node *node = find_node(im, c->mNodeName.data);
         if (!node)
             continue;
         split_matrix(node);

@@ -83,8 +83,7 @@ struct hg_ply {
 
 // Reads up to the end of "end_header". HG_E_FORMAT.
 enum hg_status hg_ply_read_header(struct hg_ply *ply) HG_MUST_CHECK;
-// Bytes that one instance takes at least.
-uint64_t hg_ply_least_bytes(const struct hg_ply *ply, const struct hg_ply_element *e);
+// Bytes of one value.
 uint32_t hg_ply_type_bytes(enum hg_ply_type type);
 // Makes mesh, material and parts from what was read.
 enum hg_status hg_ply_make_asset(struct hg_ply *ply) HG_MUST_CHECK;

@@ -182,7 +182,8 @@ static enum hg_status read_line(
     return HG_OK;
 }
 
-uint64_t hg_ply_least_bytes(const struct hg_ply *ply, const struct hg_ply_element *e)
+// Bytes that one instance of an element takes at least: lists may be empty.
+static uint64_t least_bytes(const struct hg_ply *ply, const struct hg_ply_element *e)
 {
     const struct hg_ply_property *p = (const struct hg_ply_property *)ply->properties.items;
     uint64_t bytes = 0;
@@ -202,7 +203,7 @@ static enum hg_status check_counts(struct hg_ply *ply)
     const struct hg_ply_element *elements = (const struct hg_ply_element *)ply->elements.items;
     for (uint64_t i = 0; i < ply->elements.count; i++) {
         const struct hg_ply_element *e = &elements[i];
-        const uint64_t least = hg_ply_least_bytes(ply, e);
+        const uint64_t least = least_bytes(ply, e);
         if (least && e->count > left / least)
             return hg_mesh_file_fail(&ply->file, HG_E_FORMAT, e->header_offset,
                 "%llu elements of at least %llu bytes do not fit in the %llu bytes that are left",

@@ -1,5 +1,5 @@
-// glance.c - see glance.h.
-#include "renderer/frame/glance.h"
+// motion_meter.c - see motion_meter.h.
+#include "renderer/frame/motion_meter.h"
 
 #include <float.h>
 #include <math.h>
@@ -11,13 +11,13 @@
 #include "renderer/frame/meter.h"
 #include "renderer/math/vec.h"
 
-#define MOST_RAYS (HG_GLANCE_SIDE_PX * HG_GLANCE_SIDE_PX)
-static_assert(MOST_RAYS <= HG_GI_MOST_SIGHTS, "");
+#define MOST_RAYS (HG_MOTION_METER_SIDE_PX * HG_MOTION_METER_SIDE_PX)
+static_assert(MOST_RAYS <= HG_GI_MOST_CAMERA_RAYS, "");
 
 // What exposure.h reads.
 struct picture {
     float color[MOST_RAYS * 4], albedo[MOST_RAYS * 3], emission[MOST_RAYS * 3];
-    struct hg_gi_sight sights[MOST_RAYS];
+    struct hg_gi_camera_hit hits[MOST_RAYS];
     struct hg_gpu_ray rays[MOST_RAYS];
     uint32_t width, height;
 };
@@ -63,7 +63,7 @@ static float value_of(struct picture *p, double sun_stops)
 {
     const uint32_t count = p->width * p->height;
     for (uint32_t i = 0; i < count; i++) {
-        const struct hg_gi_sight *s = &p->sights[i];
+        const struct hg_gi_camera_hit *s = &p->hits[i];
         for (int c = 0; c < 3; c++) {
             p->albedo[3 * i + (uint32_t)c] = s->albedo[c];
             p->emission[3 * i + (uint32_t)c] = s->emission[c];
@@ -85,37 +85,37 @@ static bool is_due(struct hg_view_state *view)
     struct hg_view_exposure *e = &view->exposure;
     const uint64_t now = hg_clock_now_ns();
     const bool cuts = e->cut && e->adapts;
-    if (!cuts && now - e->glanced_ns < HG_GLANCE_NS)
+    if (!cuts && now - e->motion_metered_ns < HG_MOTION_METER_NS)
         return false;
-    e->glanced_ns = now;
+    e->motion_metered_ns = now;
     return view->gi.field != HG_GI_NO_FIELD && hg_meter_is_due(view);
 }
 
-// What a camera of the present scene is exposed for.
-static enum hg_status glance(struct hg_view_state *view, const struct hg_view_camera_state *eye,
+// The exposure (*ev, stops) that a camera of the present scene is metered for.
+static enum hg_status meter(struct hg_view_state *view, const struct hg_view_camera_state *eye,
     float *ev, struct hg_error *err)
 {
     struct hg_lighting_sources sources;
     struct picture *p = hg_calloc(1, sizeof *p);
     if (p == NULL)
         return hg_error_set(err, HG_E_NOMEM, "exposure", NULL, "out of host memory");
-    hg_meter_size(&view->settings, HG_GLANCE_SIDE_PX, &p->width, &p->height);
+    hg_meter_size(&view->settings, HG_MOTION_METER_SIDE_PX, &p->width, &p->height);
     const struct hg_camera_setup camera =
         hg_scene_gpu_camera(view->scene_gpu, eye, p->width, p->height);
     aim(&camera, p);
     hg_lighting_sources(view->lighting, &sources);
-    const struct hg_gi_look look = {
+    const struct hg_gi_camera_rays rays = {
         view->gi.field, hg_gi_view_id(view), &sources, p->rays, p->width * p->height};
-    const enum hg_status status = hg_gi_see(view->scene_gpu->gi, &look, p->sights, err);
+    const enum hg_status status = hg_gi_trace_camera(view->scene_gpu->gi, &rays, p->hits, err);
     if (status == HG_OK)
         *ev = value_of(p, hg_meter_sun_stops(view->scene_gpu->scene));
     hg_free(p);
     return status;
 }
 
-// Glances know nothing of what surfaces mirror, nor of the noise of few paths. What one would be
-// off for the camera that rested is taken from those that follow, the less the more they differ
-// from it.
+// This meter knows nothing of what surfaces mirror, nor of the noise of few paths. Its error for
+// the camera that rested last, of which the meter at rest has the value, corrects the values that
+// follow, the less the more they differ from that one.
 static enum hg_status compare(struct hg_view_state *view, struct hg_error *err)
 {
     struct hg_exposure_rest *rest = &view->exposure.rest;
@@ -123,13 +123,13 @@ static enum hg_status compare(struct hg_view_state *view, struct hg_error *err)
         rest->known = rest->compared = false;
     if (!rest->known || rest->compared)
         return HG_OK;
-    const enum hg_status status = glance(view, &rest->camera, &rest->glance_ev, err);
+    const enum hg_status status = meter(view, &rest->camera, &rest->motion_ev, err);
     rest->compared = status == HG_OK;
-    rest->off = rest->ev - rest->glance_ev;
+    rest->off = rest->ev - rest->motion_ev;
     return status;
 }
 
-enum hg_status hg_glance_step(struct hg_view_state *view, struct hg_error *err)
+enum hg_status hg_motion_meter_step(struct hg_view_state *view, struct hg_error *err)
 {
     const struct hg_exposure_rest *rest = &view->exposure.rest;
     if (!is_due(view))
@@ -138,9 +138,9 @@ enum hg_status hg_glance_step(struct hg_view_state *view, struct hg_error *err)
     float ev = 0.0f;
     enum hg_status status = compare(view, err);
     if (status == HG_OK)
-        status = glance(view, &view->camera, &ev, err);
+        status = meter(view, &view->camera, &ev, err);
     if (status == HG_OK && rest->compared)
-        ev += rest->off * exp2f(-fabsf(ev - rest->glance_ev));
+        ev += rest->off * exp2f(-fabsf(ev - rest->motion_ev));
     if (status == HG_OK)
         hg_meter_take(view, ev);
     hg_view_stats_add_stage(&view->stats, "meter", hg_clock_now_ns() - start);

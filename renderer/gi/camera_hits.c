@@ -1,4 +1,4 @@
-#include "renderer/gi/sights.h"
+#include "renderer/gi/camera_hits.h"
 
 #include <math.h>
 #include <string.h>
@@ -10,13 +10,13 @@
 #define AT_ONCE 64 // rays that one job looks at
 
 struct job {
-    const struct hg_gi_sights *s;
+    const struct hg_gi_camera_hits *s;
     struct hg_gi_lit *points; // [count]
-    struct hg_gi_sight *out;
+    struct hg_gi_camera_hit *out;
     uint32_t count;
 };
 
-// Where a ray met the front of a surface light is to be known.
+// The point to be lit where ray i met the front of a surface.
 static void meet(const struct job *j, uint32_t i)
 {
     const struct hg_gpu_ray *ray = (const struct hg_gpu_ray *)j->s->rays->mapped + i;
@@ -25,7 +25,7 @@ static void meet(const struct job *j, uint32_t i)
     const float way[3] = {ray->direction_ws.x, ray->direction_ws.y, ray->direction_ws.z};
     const float length = sqrtf(hg_dot3(way, way));
     struct hg_gi_lit *p = &j->points[i];
-    struct hg_gi_sight *out = &j->out[i];
+    struct hg_gi_camera_hit *out = &j->out[i];
     struct hg_gi_surface surface;
     p->skipped = true;
     if (hit->draw == HG_HIT_NONE)
@@ -34,7 +34,7 @@ static void meet(const struct job *j, uint32_t i)
     if (surface.back)
         return;
     p->skipped = false;
-    // In a picture that is metered neighbours should not share their chances.
+    // Neighbouring rays should not share their random numbers.
     p->xi = (float)(i * 2654435769u >> 8) * (1.0f / 16777216.0f);
     hg_mad3(from, way, hit->t, p->position);
     hg_copy3(surface.normal, p->normal);
@@ -67,8 +67,9 @@ static enum hg_status light(const struct job *j, struct hg_gi_direct *direct, st
     return status;
 }
 
-enum hg_status hg_gi_sights_see(const struct hg_gi_sights *s, const struct hg_gpu_ray *rays,
-    uint32_t count, struct hg_gi_sight *out, struct hg_error *err)
+enum hg_status hg_gi_camera_hits_find(const struct hg_gi_camera_hits *s,
+    const struct hg_gpu_ray *rays, uint32_t count, struct hg_gi_camera_hit *out,
+    struct hg_error *err)
 {
     struct job job = {.s = s, .out = out, .count = count};
     const size_t room = count > 0 ? count : 1;
