@@ -78,7 +78,7 @@ static const struct {
 static void handle_message(const struct request *r, uint16_t type)
 {
     struct hg_error err = {0};
-    if (hg_session_message_handle(r, type))
+    if (hg_worker_session_message_handle(r, type))
         return;
     if (!r->session) {
         hg_error_set(&err, HG_E_STATE, "message", NULL, "no session is attached to channel %u",
@@ -104,7 +104,7 @@ static void decode_and_handle(struct render_state *s, struct command *c)
     struct hgp_fault fault = {0};
     struct request r = {
         .s = s,
-        .session = hg_session_find(s, c->header.channel),
+        .session = hg_worker_session_find(s, c->header.channel),
         .to = reply_to(s, c),
         .payload = c->payload,
         .received_ns = c->received_ns,
@@ -138,17 +138,17 @@ static void finish_replay(struct render_state *s, struct session *session)
 {
     const uint32_t channel = session->channel;
     struct command *c;
-    while (session && session->restoring && (c = hg_session_resume(session))) {
+    while (session && session->restoring && (c = hg_worker_session_resume(session))) {
         decode_and_handle(s, c);
         hg_worker_free_command(s->w, c);
-        session = hg_session_find(s, channel);
+        session = hg_worker_session_find(s, channel);
     }
 }
 
 static bool out_of_room(struct render_state *s, struct session *session, struct command *c)
 {
     struct hg_error err = {0};
-    if (!hg_session_hold(session, c, &err))
+    if (!hg_worker_session_hold(session, c, &err))
         return false;
     if (!session->task) { // there will be room soon
         s->blocked = c;
@@ -175,7 +175,7 @@ static void finish_task(const struct request *r, struct task *task)
 static void handle_finished_task(struct render_state *s, struct task *task)
 {
     const struct reply_to to = task->to;
-    struct session *session = hg_session_find(s, to.channel);
+    struct session *session = hg_worker_session_find(s, to.channel);
     s->tasks--;
     if (session && session->task == task) {
         const struct request r = {.s = s,
@@ -192,7 +192,7 @@ static void handle_finished_task(struct render_state *s, struct task *task)
 // What came out of the inbox: most wait for their session's turn. False: nothing more is taken now.
 static bool take(struct render_state *s, struct watch *watch, struct command *c)
 {
-    struct session *session = c->payload ? hg_session_find(s, c->header.channel) : NULL;
+    struct session *session = c->payload ? hg_worker_session_find(s, c->header.channel) : NULL;
     s->blocked = NULL;
     if (c->payload && !is_immediate(session, c->header.type))
         return !out_of_room(s, session, c);
@@ -225,7 +225,7 @@ static void shut_down(struct render_state *s)
     if (s->blocked)
         hg_worker_free_command(s->w, s->blocked);
     while (s->sessions)
-        hg_session_message_detach(s, s->sessions);
+        hg_worker_session_message_detach(s, s->sessions);
     while (s->tasks) { // cancelled; each comes back once
         struct command *c = hg_queue_pop(&s->w->inbox, UINT64_MAX);
         if (c && c->task)
@@ -258,15 +258,15 @@ static void run_messages(struct render_state *s, struct watch *watch, uint32_t c
     struct session *session;
     struct command *c;
     uint64_t ns = 0;
-    while (ns < messages_ns && !ends(s) && (session = hg_session_find(s, channel)) &&
-           (c = hg_session_resume(session))) {
+    while (ns < messages_ns && !ends(s) && (session = hg_worker_session_find(s, channel)) &&
+           (c = hg_worker_session_resume(session))) {
         hg_watch_begin(watch, (struct watch_work){channel, c->header.request, 0});
         decode_and_handle(s, c);
         hg_worker_free_command(s->w, c);
         ns = hg_clock_now_ns() - start_ns;
     }
     hg_watch_end(watch);
-    session = hg_session_find(s, channel);
+    session = hg_worker_session_find(s, channel);
     if (session)
         hg_schedule_charge_messages(s, session, ns);
 }

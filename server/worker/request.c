@@ -10,7 +10,7 @@ void hg_request_ok(const struct request *r)
 
 void hg_request_edited(const struct request *r)
 {
-    hg_session_edited(r->session);
+    hg_worker_session_edited(r->session);
     hg_request_ok(r);
 }
 

@@ -41,7 +41,7 @@ static void release_tenant(struct render_state *s, struct tenant *tenant)
     hg_free(tenant);
 }
 
-enum hg_status hg_session_set_tenant(
+enum hg_status hg_worker_session_set_tenant(
     struct render_state *s, struct session *session, const struct hgp_session_tenant *m)
 {
     struct hg_refbuf *roots = m->has_roots ? hg_refbuf_create((size_t)m->roots.size + 1) : NULL;
@@ -63,7 +63,7 @@ enum hg_status hg_session_set_tenant(
 
 // ---- sessions -----------------------------------------------------------------------------------
 
-struct session *hg_session_find(struct render_state *s, uint32_t channel)
+struct session *hg_worker_session_find(struct render_state *s, uint32_t channel)
 {
     for (struct session *it = s->sessions; it; it = it->next)
         if (it->channel == channel)
@@ -71,11 +71,11 @@ struct session *hg_session_find(struct render_state *s, uint32_t channel)
     return NULL;
 }
 
-enum hg_status hg_session_create(struct render_state *s, uint32_t channel,
+enum hg_status hg_worker_session_create(struct render_state *s, uint32_t channel,
     const struct hgp_session_attach *m, struct session **out, struct hg_error *err)
 {
     *out = NULL;
-    if (hg_session_find(s, channel))
+    if (hg_worker_session_find(s, channel))
         return hg_error_set(
             err, HG_E_EXISTS, "session_attach", "channel", "cannot attach the session");
     struct session *session = hg_calloc(1, sizeof *session);
@@ -102,7 +102,7 @@ enum hg_status hg_session_create(struct render_state *s, uint32_t channel,
     return HG_OK;
 }
 
-void hg_session_destroy(struct render_state *s, struct session *session)
+void hg_worker_session_destroy(struct render_state *s, struct session *session)
 {
     if (session->task)
         atomic_store(&session->task->cancel, true); // comes back later and finds no session
@@ -121,14 +121,14 @@ void hg_session_destroy(struct render_state *s, struct session *session)
     hg_free(session);
 }
 
-void hg_session_edited(struct session *session)
+void hg_worker_session_edited(struct session *session)
 {
     session->scene->dirty = true;
     if (!session->batch_depth)
         hg_scene_slot_publish(session->scene);
 }
 
-void hg_session_close_batch(struct session *session)
+void hg_worker_session_close_batch(struct session *session)
 {
     if (!session->batch_depth)
         return;
@@ -139,7 +139,8 @@ void hg_session_close_batch(struct session *session)
 
 // ---- messages that wait -------------------------------------------------------------------------
 
-enum hg_status hg_session_hold(struct session *session, struct command *c, struct hg_error *err)
+enum hg_status hg_worker_session_hold(
+    struct session *session, struct command *c, struct hg_error *err)
 {
     const uint64_t bytes = session->waiting_bytes + c->header.length;
     if (session->waiting_count >= WAITING_LIMIT || bytes > WAITING_LIMIT_BYTES)
@@ -154,12 +155,12 @@ enum hg_status hg_session_hold(struct session *session, struct command *c, struc
     return HG_OK;
 }
 
-bool hg_session_is_waiting(const struct session *session)
+bool hg_worker_session_is_waiting(const struct session *session)
 {
     return session->waiting && !session->task;
 }
 
-struct command *hg_session_resume(struct session *session)
+struct command *hg_worker_session_resume(struct session *session)
 {
     struct command *c = session->task ? NULL : session->waiting;
     if (!c)

@@ -42,30 +42,30 @@ struct session {
     uint64_t file_bytes;    // of all of it, as its first part said; 0 = none has begun
 };
 
-struct session *hg_session_find(struct render_state *s, uint32_t channel); // may be NULL
+struct session *hg_worker_session_find(struct render_state *s, uint32_t channel); // may be NULL
 // HG_E_EXISTS: the channel has one; HG_E_NOMEM.
-enum hg_status hg_session_create(struct render_state *s, uint32_t channel,
+enum hg_status hg_worker_session_create(struct render_state *s, uint32_t channel,
     const struct hgp_session_attach *m, struct session **out, struct hg_error *err) HG_MUST_CHECK;
 // After its views. A task that runs comes back later and finds no session.
-void hg_session_destroy(struct render_state *s, struct session *session);
+void hg_worker_session_destroy(struct render_state *s, struct session *session);
 
 // Makes a revision of an edit, unless a batch is open.
-void hg_session_edited(struct session *session);
+void hg_worker_session_edited(struct session *session);
 // Commits the changes of the session's open batch as a revision, if there is one.
-void hg_session_close_batch(struct session *session);
+void hg_worker_session_close_batch(struct session *session);
 
 // Its turns are those of this tenant from here on, the tenant has that weight, and its files lie
 // under these roots. HG_E_NOMEM: all stays as it was.
-enum hg_status hg_session_set_tenant(struct render_state *s, struct session *session,
+enum hg_status hg_worker_session_set_tenant(struct render_state *s, struct session *session,
     const struct hgp_session_tenant *m) HG_MUST_CHECK;
 
 // Keeps a message until its turn comes, and the running task has ended. HG_E_BUSY: too many wait;
 // it stays the caller's.
-enum hg_status hg_session_hold(
+enum hg_status hg_worker_session_hold(
     struct session *session, struct command *c, struct hg_error *err) HG_MUST_CHECK;
 // Is one of them due? Not while a task runs.
-bool hg_session_is_waiting(const struct session *session);
+bool hg_worker_session_is_waiting(const struct session *session);
 // The oldest of them; NULL while a task runs, and when none waits.
-struct command *hg_session_resume(struct session *session);
+struct command *hg_worker_session_resume(struct session *session);
 
 #endif

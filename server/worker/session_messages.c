@@ -8,7 +8,7 @@ static void attach(const struct request *r)
     const struct hgp_session_attach *m = &r->message->session_attach;
     struct hg_error err = {0};
     struct session *session;
-    if (hg_session_create(r->s, r->to.channel, m, &session, &err)) {
+    if (hg_worker_session_create(r->s, r->to.channel, m, &session, &err)) {
         hg_reply_error(r->to, &err);
         return;
     }
@@ -17,12 +17,12 @@ static void attach(const struct request *r)
     hg_reply_ok(r->to, session->scene->scene->revision);
 }
 
-void hg_session_message_detach(struct render_state *s, struct session *session)
+void hg_worker_session_message_detach(struct render_state *s, struct session *session)
 {
-    hg_session_close_batch(session);
+    hg_worker_session_close_batch(session);
     while (session->views)
         hg_view_slot_destroy(s, session, session->views);
-    hg_session_destroy(s, session);
+    hg_worker_session_destroy(s, session);
 }
 
 static void end_replay(struct session *session, uint64_t revision)
@@ -42,19 +42,20 @@ static void answer_scene(const struct request *r)
             .id_count = r->session->id_count});
 }
 
-bool hg_session_message_handle(const struct request *r, uint16_t type)
+bool hg_worker_session_message_handle(const struct request *r, uint16_t type)
 {
     switch (type) {
     case HGP_T_session_attach:
         attach(r);
         return true;
     case HGP_T_session_tenant:
-        if (r->session && hg_session_set_tenant(r->s, r->session, &r->message->session_tenant))
+        if (r->session &&
+            hg_worker_session_set_tenant(r->s, r->session, &r->message->session_tenant))
             hg_warn(SESSION, "no memory for the turns of a tenant");
         return true;
     case HGP_T_session_detach:
         if (r->session)
-            hg_session_message_detach(r->s, r->session);
+            hg_worker_session_message_detach(r->s, r->session);
         return true;
     case HGP_T_replay_end:
         if (r->session)

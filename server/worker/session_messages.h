@@ -7,8 +7,8 @@
 
 // These need no session, but for scene_open: where r->session is NULL that is not handled, and
 // false.
-bool hg_session_message_handle(const struct request *r, uint16_t type);
+bool hg_worker_session_message_handle(const struct request *r, uint16_t type);
 // Destroys the session with its views.
-void hg_session_message_detach(struct render_state *s, struct session *session);
+void hg_worker_session_message_detach(struct render_state *s, struct session *session);
 
 #endif

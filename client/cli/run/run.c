@@ -102,6 +102,24 @@ static enum hg_status read_script(struct runs *r, uint32_t i, struct hg_error *e
     return status;
 }
 
+// Pictures can be written: their folders are there, which no line of a script makes.
+static enum hg_status check_frames(const struct hg_cli_script *script, struct hg_error *err)
+{
+    for (size_t i = 0; i < script->count; i++) {
+        const struct hg_cli_step *s = &script->steps[i];
+        struct hg_cli_format format = hg_cli_run_png;
+        struct hg_error why = {0};
+        if (s->kind != HG_CLI_STEP_FRAME || !s->path ||
+            (!hg_cli_format_of(s->path, NULL, &format, &why) &&
+                !hg_cli_check_output(format.path, &why)))
+            continue;
+        char place[300];
+        snprintf(place, sizeof place, "%.280s:%u", s->file, s->line);
+        return hg_error_set(err, why.status, place, NULL, "%s: %s", s->path, why.reason);
+    }
+    return HG_OK;
+}
+
 static enum hg_status check_options(const struct hg_cli_options *o, struct hg_error *err)
 {
     if (o->arg_count == 0)
@@ -264,6 +282,8 @@ static enum hg_cli_exit read_scripts(struct runs *r)
     uint32_t i = 0;
     while (!status && i < r->o->arg_count) {
         status = read_script(r, i, &err);
+        if (!status)
+            status = check_frames(&r->scripts[i], &err);
         i += !status;
     }
     if (!status)

@@ -134,7 +134,7 @@ void hg_edit_asset_loaded(const struct request *r, struct task *task)
         return;
     }
     light_demo(r->session->scene, asset);
-    hg_session_edited(r->session);
+    hg_worker_session_edited(r->session);
     send_notices(r, asset);
     answer_loaded(r, asset);
 }

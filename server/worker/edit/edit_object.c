@@ -548,6 +548,6 @@ void hg_handle_batch_end(const struct request *r)
         hg_reply_error(r->to, &err);
         return;
     }
-    hg_session_close_batch(r->session);
+    hg_worker_session_close_batch(r->session);
     hg_request_ok(r);
 }

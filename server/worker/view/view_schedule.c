@@ -134,7 +134,7 @@ static bool may_wait(const struct session *session, const struct view_slot *view
 // Until when what the client says is known.
 static uint64_t heard_ns(const struct session *session, const struct view_slot *view)
 {
-    return hg_session_is_waiting(session) ? view->progress.began_ns : hg_clock_now_ns();
+    return hg_worker_session_is_waiting(session) ? view->progress.began_ns : hg_clock_now_ns();
 }
 
 // Whether a picture in motion may begin: it is drawn when it can be sent, of what is newest then.
@@ -296,7 +296,7 @@ static struct view_slot *choose_view(struct session *session, uint64_t *wait_ns)
 // Messages come before views, so that what is rendered is the newest state, but not for ever.
 static bool takes_message(const struct session *session, const struct view_slot *view)
 {
-    return hg_session_is_waiting(session) && (!view || session->messages_ns < MESSAGES_NS);
+    return hg_worker_session_is_waiting(session) && (!view || session->messages_ns < MESSAGES_NS);
 }
 
 // Tenants first, then their sessions; at equal times what moves, or messages.

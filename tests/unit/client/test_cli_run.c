@@ -41,6 +41,8 @@ static void test_run(void **state)
     expect_file("q.xml", "errors=\"1\"");
     write_script("load gone.gltf\nframe b.bmp\n"); // before the first line runs
     expect_run(2, "t.hs:2: b.bmp: the name ends in none of", "", "$HELIO run t.hs");
+    write_script("load gone.gltf\nframe none/b.png\n");
+    expect_run(2, "t.hs:2: none/b.png: its folder", "", "$HELIO run t.hs");
     write_script("load s.gltf\nset node eys visible off\n");
     expect_run(2, "no node of that name; did you mean 'eye'?", "", "$HELIO run t.hs");
     write_script("load s.gltf\ncamera node nose\n");
