@@ -130,7 +130,7 @@ static struct hg_path_request request_of(const struct hg_view_state *view, bool 
         .filter = FILTER_BOX,
         .filter_radius_px = 0.5f,
         .max_bounces = glass ? GLASS_BOUNCE : MOST_BOUNCE,
-        .denoise = !glass, // the film has what the denoiser is guided by
+        .denoise = true, // the film has what the denoiser is guided by
         .frame_s = s->path.frame_s};
     if (glass)
         request.region = hg_glass_region(view);
@@ -243,8 +243,47 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
     return status;
 }
 
-// What paths by way of glass brought, as it is: it has hardly any noise, as they end at the first
-// surface that scatters.
+// Of each channel of a film the part of the picture that glass may be seen in.
+static float *crop(
+    const float *film, const struct hg_view_settings *s, const struct hg_picture_region *part)
+{
+    const size_t channels = HG_PATH_GUIDE_CHANNELS + HG_PATH_GUIDE_LIGHT;
+    const size_t row = part->width;
+    float *out = hg_calloc(channels * row * part->height, sizeof *out);
+    for (size_t i = 0; i < channels * part->height && out != NULL; i++) {
+        const size_t channel = i / part->height, y = part->y + i % part->height;
+        memcpy(out + i * row, film + (channel * s->height + y) * s->width + part->x,
+            row * sizeof *out);
+    }
+    return out;
+}
+
+static enum hg_status filter_glass(struct hg_view_state *view, const struct hg_picture_region *part,
+    float *colors, struct hg_error *err)
+{
+    const uint32_t samples = samples_of(&view->settings);
+    const uint64_t start = hg_clock_now_ns();
+    struct hg_gi_gather_input input = {.width = part->width,
+        .height = part->height,
+        .samples = samples,
+        .first_half = first_half(samples)};
+    struct hg_path_gathered film;
+    enum hg_status status = hg_path_read_gathered(view->gi.gather.path, &film, err);
+    if (status != HG_OK)
+        return status;
+    float *sums = crop(film.sums, &view->settings, part);
+    if (sums == NULL)
+        return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    input.sums = sums;
+    input.halves = sums + HG_PATH_GUIDE_CHANNELS * (size_t)part->width * part->height;
+    status = hg_gi_gather_glass(view->context->jobs, &input, view->settings.height, colors, err);
+    hg_free(sums);
+    hg_view_stats_add_stage(&view->stats, "gather filter", hg_clock_now_ns() - start);
+    return status;
+}
+
+// What paths by way of glass brought: as they end at the first surface that scatters, clear glass
+// has hardly any noise, and is left as it is.
 static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
@@ -256,6 +295,8 @@ static enum hg_status take_glass(struct hg_view_state *view, struct hg_error *er
     enum hg_status status =
         whole != NULL ? hg_path_read(view->gi.gather.path, COLOR, 4, &colors, err)
                       : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
+    if (status == HG_OK)
+        status = filter_glass(view, &part, (float *)(void *)colors->data, err);
     for (uint32_t y = 0; y < part.height && status == HG_OK; y++)
         memcpy(whole + 4 * ((size_t)(part.y + y) * s->width + part.x),
             colors->data + (size_t)y * part.width * TEXEL_BYTES, (size_t)part.width * TEXEL_BYTES);

@@ -23,8 +23,7 @@
 #define ASKED_CELL    8u // px
 #define LAMP_PRIOR   0.02f
 #define LAMP_FILLED  0.1f // worth of a pixel that has its share of a lamp from others
-#define STRIP        8  // rows that are filtered together
-#define LEAST_ALBEDO  1e-4f // of a channel, that its light is divided by
+#define STRIP         8    // rows that are filtered together
 #define ENOUGH_ALBEDO 0.02f // of the brightest channel, from which on a pixel counts in full
 
 // How far neighbours may differ.
@@ -40,6 +39,7 @@
 #define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
 #define LOBE_SHARE       1.0f  // and half the squared share of alpha by which their normals may
 #define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
+#define GLASS_REACH      2.0f  // deviations of luminance, by way of glass
 
 static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN, GREEN}; // planes that are averaged
 
@@ -299,9 +299,10 @@ static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
 }
 
 // What one neighbour of each pixel [begin, end) is worth to it; indices begin at the first pixel of
-// a row. mirrored, looks (at light): constants of the caller, which a loop without them is for.
+// a row. lobe, looks (at light): constants of the caller, which a loop without them is for.
+enum lobe { NO_LOBE, MIRRORS, TRANSMITS };
 __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gather *w, size_t row,
-    size_t begin, size_t end, const struct tap *tap, const struct row *out, bool mirrored,
+    size_t begin, size_t end, const struct tap *tap, const struct row *out, enum lobe lobe,
     bool looks)
 {
     float *const *light = w->from[w->kind];
@@ -320,7 +321,11 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
     const float dx = tap->dx, dy = tap->dy, px = tap->px, kernel = tap->kernel;
     const bool sharp = w->kind == SUNLIT || (w->kind == LAMPLIT && w->lamp_asked >= 1);
     const bool gradual = w->kind == SCATTERED && w->step > w->widest;
-    const float deviations = sharp ? SUNLIT_REACH : gradual ? QUIET_REACH : LIGHT_REACH;
+    const float deviations = w->glass_px > 0 ? GLASS_REACH
+                             : sharp         ? SUNLIT_REACH
+                             : gradual       ? QUIET_REACH
+                                             : LIGHT_REACH;
+    const float glass_px = w->glass_px;
     HG_SIMD_APART
     for (ptrdiff_t x = (ptrdiff_t)begin; x < (ptrdiff_t)end; x++) {
         const ptrdiff_t q = x + to;
@@ -343,8 +348,9 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
                 deviations * sqrtf(variance[x] + variance[q]) + 1e-2f * lx + 1e-7f;
             weight *= approach_zero(fabsf(lx - lq) / deviation);
         }
-        if (mirrored) {
-            const float reach = px / (ROUGH_PX * rough[x] + 0.1f);
+        if (lobe != NO_LOBE) {
+            const float reach = lobe == TRANSMITS ? px / (glass_px * rough[x] * rough[x] + 0.1f)
+                                                  : px / (ROUGH_PX * rough[x] + 0.1f);
             const float other = fabsf(rough[x] - rough[q]) * (1 / ROUGH_REACH);
             const float width = rough[x] * rough[x] + LOBE_LEAST;
             const float bend = (1 - cosine) / (LOBE_SHARE * width * width);
@@ -356,22 +362,26 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
     }
 }
 
-#define WEIGH(name, mirrored, looks)                                                               \
+#define WEIGH(name, lobe, looks)                                                                   \
     HG_SIMD_LOOP static void name(const struct hg_gi_gather *w, size_t row, size_t begin,          \
         size_t end, const struct tap *tap, const struct row *out)                                  \
     {                                                                                              \
-        weigh(w, row, begin, end, tap, out, mirrored, looks);                                      \
+        weigh(w, row, begin, end, tap, out, lobe, looks);                                          \
     }
-WEIGH(weigh_scattered, false, false)
-WEIGH(weigh_scattered_light, false, true)
-WEIGH(weigh_mirrored, true, false)
-WEIGH(weigh_mirrored_light, true, true)
+WEIGH(weigh_scattered, NO_LOBE, false)
+WEIGH(weigh_scattered_light, NO_LOBE, true)
+WEIGH(weigh_mirrored, MIRRORS, false)
+WEIGH(weigh_mirrored_light, MIRRORS, true)
+WEIGH(weigh_glass, TRANSMITS, false)
+WEIGH(weigh_glass_light, TRANSMITS, true)
 
 static void weigh_tap(const struct hg_gi_gather *w, size_t row, size_t begin, size_t end,
     const struct tap *tap, const struct row *out)
 {
     const bool looks = w->kind >= SUNLIT || w->step >> BLIND > 0;
-    if (w->kind == MIRRORED)
+    if (w->kind == MIRRORED && w->glass_px > 0)
+        (looks ? weigh_glass_light : weigh_glass)(w, row, begin, end, tap, out);
+    else if (w->kind == MIRRORED)
         (looks ? weigh_mirrored_light : weigh_mirrored)(w, row, begin, end, tap, out);
     else
         (looks ? weigh_scattered_light : weigh_scattered)(w, row, begin, end, tap, out);
@@ -491,7 +501,7 @@ static uint32_t widest_step(const struct hg_gi_gather_input *in)
     return part_of_height(in, part);
 }
 
-static void filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, uint32_t most)
+void hg_gi_gather_filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, uint32_t most)
 {
     w->kind = kind;
     for (w->step = 1; w->step <= most; w->step *= 2) {
@@ -507,10 +517,8 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
     const uint32_t widest = widest_step(&w->in);
     const uint32_t noisy = w->in.samples > QUIET_SAMPLES ? widest : part_of_height(&w->in, FINEST);
     w->widest = widest;
-    hg_jobs_for(jobs, height, prepare_row, w);
     for (int kind = 0; kind < LAMPLIT; kind++) {
-        swap_planes(w, kind, VARIANCE);
-        filter_kind(w, jobs, kind,
+        hg_gi_gather_filter_kind(w, jobs, kind,
             kind == SUNLIT      ? SUNLIT_STEP
             : kind == SCATTERED ? noisy
                                 : widest);
@@ -519,7 +527,7 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
         w->lamp_asked = asked_per_pixel(w);
         if (w->lamp_asked > 0) {
             hg_jobs_for(jobs, height, lamp_row, w);
-            filter_kind(
+            hg_gi_gather_filter_kind(
                 w, jobs, LAMPLIT, w->lamp_asked < 1 ? FEW_ASKED * LAMPLIT_STEP : LAMPLIT_STEP);
         }
         hg_jobs_for(jobs, height, hg_gi_gather_pack_lamp_row, w);
@@ -585,8 +593,8 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
     return HG_OK;
 }
 
-enum hg_status hg_gi_gather_filter(
-    struct hg_gi_gather *w, struct hg_jobs *jobs, uint32_t *words, struct hg_error *err)
+enum hg_status hg_gi_gather_prepare(
+    struct hg_gi_gather *w, struct hg_jobs *jobs, struct hg_error *err)
 {
     const size_t light = lay_out(w, NULL, NULL);
     const size_t rows = strips_of(w) * (LIGHT_PLANES + 1) * w->in.width;
@@ -595,6 +603,18 @@ enum hg_status hg_gi_gather_filter(
         return no_memory(err);
     lay_out(w, w->more, w->to);
     w->rows = w->more + light;
+    hg_jobs_for(jobs, w->in.height, prepare_row, w);
+    for (int kind = 0; kind < LAMPLIT; kind++)
+        swap_planes(w, kind, VARIANCE);
+    return HG_OK;
+}
+
+enum hg_status hg_gi_gather_filter(
+    struct hg_gi_gather *w, struct hg_jobs *jobs, uint32_t *words, struct hg_error *err)
+{
+    const enum hg_status status = hg_gi_gather_prepare(w, jobs, err);
+    if (status != HG_OK)
+        return status;
     w->out = words;
     filter(w, jobs);
     return HG_OK;

@@ -34,6 +34,18 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
 // (shaders/shared/gi.h). The same bytes for any number of threads. Once. HG_E_NOMEM.
 enum hg_status hg_gi_gather_filter(struct hg_gi_gather *gather, struct hg_jobs *jobs,
     uint32_t *words, struct hg_error *err) HG_MUST_CHECK;
+
+// Light by way of glass: that of pixels which show frosted glass is filtered as above, what clear
+// glass shows stays as it is, to the byte.
+//
+//   input   as above, of paths by way of glass, of a part of the picture; lamps are not used
+//   height  px, of the picture
+//   colors  [height][width][4] in and out: mean radiance that `input` is of, and coverage
+//
+// The same bytes for any number of threads. HG_E_NOMEM.
+enum hg_status hg_gi_gather_glass(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+    uint32_t height, float *colors, struct hg_error *err) HG_MUST_CHECK;
+
 // Samples that the picture is to have, at most `samples`, by blocks of pixels
 // (shaders/shared/sample_blocks.h): fewer where surfaces are alike all over, down to
 // HG_GI_LEAST_SAMPLES. counts: [rows][columns of blocks].

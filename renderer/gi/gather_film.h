@@ -7,6 +7,7 @@
 #include "renderer/math/vec.h"
 
 #define ALIKE_DEPTH 0.05f // as a share of the depth
+#define LEAST_ALBEDO 1e-4f // of a channel, that its light is divided by
 #define LAMP_UNKNOWN 0.5f  // share of a lamp that no sample asked for
 
 // Light of one kind: radiance; of what scatters also the environment's part of it had nothing been
@@ -30,6 +31,7 @@ struct hg_gi_gather {
     int kind;
     uint32_t lamp;    // number of those that are filtered
     float lamp_asked; // samples of a pixel that asked for it, where it reaches; 0: none
+    float glass_px;   // by way of glass: px that light may come from, times alpha; else 0
     uint32_t *out;
 };
 
@@ -37,6 +39,13 @@ static inline size_t hg_gi_gather_pixels(const struct hg_gi_gather *w)
 {
     return (size_t)w->in.width * w->in.height;
 }
+
+// Memory of `to`, slopes, and variances of the surroundings. HG_E_NOMEM. Then the filter itself, by
+// steps of 1, 2, 4 ... px, at most `most`.
+enum hg_status hg_gi_gather_prepare(
+    struct hg_gi_gather *gather, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+void hg_gi_gather_filter_kind(
+    struct hg_gi_gather *gather, struct hg_jobs *jobs, int kind, uint32_t most);
 
 // The words of all pixels, out of `from`; uses `to`. By jobs for rows of a picture.
 void hg_gi_gather_part_row(void *gather, size_t y);      // first: the environment's share

@@ -174,11 +174,13 @@ static enum hg_status begin_scene(struct hg_path *p, struct hg_error *err)
 }
 
 // Where tiles stop by their noise, each depends on its neighbours and on the mean of the picture;
-// denoised pixels depend on those far around. Such pictures are made whole, whatever is read.
+// denoised pixels depend on those far around. Such pictures are made whole, whatever is read. Paths
+// that gather have the denoiser's channels alone.
 static bool needs_whole(const struct hg_path_request *request)
 {
     const struct hg_picture_region r = request->region;
-    return request->settings.noise > 0.0f || request->settings.denoise != 0 ||
+    const bool denoises = request->settings.denoise != 0 && !request->gather.on;
+    return request->settings.noise > 0.0f || denoises ||
            (r.width == request->width && r.height == request->height);
 }
 

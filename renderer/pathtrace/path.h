@@ -47,7 +47,7 @@ struct hg_path_settings {
 // (HG_PATH_GATHERS of shaders/shared/path.h). The film is read by hg_path_read_gathered.
 struct hg_path_gather {
     bool on;
-    bool glass;  // to transmissive surfaces, of which the colour is read; else to opaque ones
+    bool glass; // to transmissive surfaces, of which the colour is read, too; else to opaque ones
     // Numbers of lamps, at most HG_GATHERED_LAMPS, where there are such as shadow maps are for: of
     // each is told what of its light arrives. 0: there are none.
     uint32_t lamps;

@@ -1,6 +1,6 @@
 // glass.c - what smooth glass shows of a closed room: a ball, a pane and a thin-walled bubble,
-// against path tracing, under a sky that is brighter than the room and must not be seen; and a ball
-// of paper around a lamp.
+// against path tracing, under a sky that is brighter than the room and must not be seen; a frosted
+// pane; and a ball of paper around a lamp.
 #include <math.h>
 #include <string.h>
 
@@ -185,6 +185,45 @@ static void test_rooms(void **state)
     }
 }
 
+// What neighbours differ by in green, over the mean, near the left edge of the picture.
+static double noise_of(const struct hg_refbuf *pixels)
+{
+    const float *p = (const float *)(const void *)pixels->data;
+    double sum = 0, squares = 0, count = 0;
+    for (int y = GI_HEIGHT / 2 - 6; y < GI_HEIGHT / 2 + 6; y++)
+        for (int x = 3; x < 11; x++, count++) {
+            const double own = (double)p[4 * (y * GI_WIDTH + x) + 1];
+            const double apart = (double)p[4 * (y * GI_WIDTH + x + 1) + 1] - own;
+            sum += own;
+            squares += apart * apart;
+        }
+    return sqrt(squares * count) / sum;
+}
+
+// A frosted pane has hardly any noise; paths go to the pixels that it is seen in alone.
+static void test_frosted(void **state)
+{
+    struct rig *rig = *state;
+    hall(rig);
+    struct hg_material *m = glass(rig, 0);
+    m->roughness = 0.4f;
+    const float corners[4][3] = {
+        {-1.45f, 0.9f, 0.4f}, {-0.8f, 0.9f, 0.4f}, {-0.8f, 2, 0.4f}, {-1.45f, 2, 0.4f}};
+    rig_quad(rig, m, corners);
+    struct gi_shot with = shot;
+    with.gi = HG_GI_RAYS;
+    struct hg_view *view = gi_open_view(rig, &with);
+    gi_settle(view, 8);
+    struct hg_refbuf *pixels = gi_read_floats(view);
+    const struct hg_path_stats *stats = view->state.gi.gather.stats;
+    const double noise = noise_of(pixels);
+    print_message("frosted: neighbours differ by %.4f\n", noise);
+    assert_true(noise < 0.1); // 0.34 as paths bring it
+    assert_true(stats[1].paths < stats[0].paths);
+    hg_refbuf_unref(pixels);
+    hg_view_destroy(view);
+}
+
 // Mean of green over the 4 x 4 pixels in the middle.
 static double middle_of(const struct hg_refbuf *pixels)
 {
@@ -309,6 +348,7 @@ int main(int argc, char **argv) // argv[1]: only tests of this name
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rooms),
+        cmocka_unit_test(test_frosted),
         cmocka_unit_test(test_furnace),
         cmocka_unit_test(test_lampshade),
         cmocka_unit_test(test_counters),

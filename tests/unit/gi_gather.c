@@ -500,6 +500,89 @@ static void test_lamps_in_turn(void **state)
     film_finish(&f);
 }
 
+// Noisy light by way of glass before a steady one of its own: from left to right clear glass,
+// frosted glass, and frosted glass that turns away and has other light.
+enum { FROSTED = 64, TURNS = 192 };
+
+static void put_glass(struct film *f, float *colors)
+{
+    for (size_t at = 0; at < PIXELS; at++) {
+        const size_t x = at % WIDTH;
+        const float light[2] = {noise((uint32_t)at) < 0.25f ? 4 : 0.2f,
+            noise((uint32_t)(at + PIXELS)) < 0.25f ? 4 : 0.2f};
+        const float mean = x < TURNS ? 0.5f * (light[0] + light[1]) : 3;
+        put_surface(f, at, 2, x < TURNS ? 2 : 0);
+        put3(f, HG_PATH_GUIDE_ALBEDO, at, 0);
+        put_light(f, at, 0, mean);
+        if (x < FROSTED)
+            f->sums[HG_PATH_GUIDE_ROUGHNESS * PIXELS + at] = 0;
+        for (size_t c = 0; c < 3; c++) {
+            if (x < TURNS)
+                f->halves[(HG_PATH_GUIDE_SPECULAR + c) * PIXELS + at] =
+                    0.5f * light[0] * (float)(SAMPLES / 2);
+            colors[4 * at + c] = 0.5f * mean + 0.25f;
+        }
+        colors[4 * at + 3] = 1;
+    }
+}
+
+static void filter_glass(const struct film *f, float *colors)
+{
+    struct hg_error err = {0};
+    const struct hg_gi_gather_input input = {.width = WIDTH,
+        .height = HEIGHT,
+        .samples = SAMPLES,
+        .first_half = SAMPLES / 2,
+        .sums = f->sums,
+        .halves = f->halves};
+    assert_int_equal(hg_gi_gather_glass(f->jobs, &input, HEIGHT, colors, &err), HG_OK);
+}
+
+// Clear glass keeps its bytes, frosted glass its light, without the noise and within its edges.
+static void test_glass(void **state)
+{
+    enum { FLOATS = 4 * PIXELS };
+    struct film one, two;
+    double sum[2] = {0}, squares[2] = {0}, count = 0;
+    (void)state;
+    film_init(&one, 1);
+    film_init(&two, 2);
+    float *colors[3]; // as they were, filtered by one thread and by two
+    for (int i = 0; i < 3; i++) {
+        colors[i] = hg_calloc(FLOATS, sizeof(float));
+        assert_non_null(colors[i]);
+        put_glass(i < 2 ? &one : &two, colors[i]);
+    }
+    filter_glass(&one, colors[1]);
+    filter_glass(&two, colors[2]);
+    assert_memory_equal(colors[1], colors[2], FLOATS * sizeof(float));
+    for (size_t at = 0; at < PIXELS; at++) {
+        const size_t x = at % WIDTH;
+        assert_true(colors[1][4 * at + 3] == 1);
+        if (x < FROSTED)
+            assert_memory_equal(&colors[0][4 * at], &colors[1][4 * at], 4 * sizeof(float));
+        if (x >= TURNS)
+            assert_true(fabsf(colors[1][4 * at + 1] - 1.75f) <= 0.01f);
+        for (int i = 0; i < 2 && x >= FROSTED && x < TURNS; i++) {
+            const double light = (double)colors[i][4 * at + 1];
+            sum[i] += light;
+            squares[i] += light * light;
+            count += 0.5;
+        }
+    }
+    const double mean = sum[1] / count, expected = sum[0] / count;
+    const double deviation = sqrt(squares[1] / count - mean * mean);
+    const double was = sqrt(squares[0] / count - expected * expected);
+    print_message(
+        "glass: mean %.4f of %.4f, deviation %.4f of %.4f\n", mean, expected, deviation, was);
+    assert_true(fabs(mean - expected) <= 0.01 * expected);
+    assert_true(deviation <= 0.25 * was);
+    for (int i = 0; i < 3; i++)
+        hg_free(colors[i]);
+    film_finish(&one);
+    film_finish(&two);
+}
+
 static uint32_t block_at(const uint32_t *counts, size_t x, size_t y)
 {
     return counts[y / HG_SAMPLE_BLOCK_HEIGHT * HG_SAMPLE_BLOCK_COLUMNS(WIDTH) +
@@ -574,6 +657,7 @@ int main(void)
         cmocka_unit_test(test_sun),
         cmocka_unit_test(test_lamps),
         cmocka_unit_test(test_lamps_in_turn),
+        cmocka_unit_test(test_glass),
         cmocka_unit_test(test_samples),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
