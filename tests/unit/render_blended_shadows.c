@@ -64,16 +64,24 @@ static double floor_light(struct rig *rig, double *deviation)
     return sum;
 }
 
-// Share of light that arrives, in the first picture and in the settled one.
-static void check_share(struct rig *rig, bool lamp, const float alpha[ALPHAS])
+// The settled floor without plates.
+static double lit_floor(struct rig *rig, bool lamp)
 {
     const float none[ALPHAS] = {0};
-    const double want = (1 - (double)alpha[0]) * (1 - (double)alpha[1]);
     double off;
     open_scene(rig, lamp, none);
     rig_settle(rig, 8);
     const double lit = floor_light(rig, &off);
     rig_close_scene(rig);
+    return lit;
+}
+
+// Share of light that arrives, in the first picture and in the settled one.
+static void check_share(struct rig *rig, bool lamp, const float alpha[ALPHAS])
+{
+    const double lit = lit_floor(rig, lamp);
+    const double want = (1 - (double)alpha[0]) * (1 - (double)alpha[1]);
+    double off;
     open_scene(rig, lamp, alpha);
     rig_step(rig, 1);
     const double first = floor_light(rig, &off) / lit;
@@ -122,13 +130,10 @@ static void test_panes(void **state)
         double want;
     } panes[] = {{0.5f, 1, 0, 0, 0.48}, {1, 0.5f, 0, 0, 0.48}, {1, 1, 0, 0, 1}, {1, 1, 0.1f, 0, 0},
         {1, 1, 0, 0.2f, 0}, {1, 1, 0, 0.4f, 1}};
-    const float none[ALPHAS] = {0}, alpha[ALPHAS] = {1, 0};
+    const float alpha[ALPHAS] = {1, 0};
     struct rig *rig = *state;
+    const double lit = lit_floor(rig, false);
     double off;
-    open_scene(rig, false, none);
-    rig_settle(rig, 8);
-    const double lit = floor_light(rig, &off);
-    rig_close_scene(rig);
     for (uint32_t i = 0; i < sizeof panes / sizeof *panes; i++) {
         open_scene(rig, false, alpha);
         make_pane(
@@ -176,15 +181,12 @@ static void test_edit(void **state)
 // scene.
 static void test_looks(void **state)
 {
-    const float none[ALPHAS] = {0}, alpha[ALPHAS] = {0.5f, 0};
+    const float alpha[ALPHAS] = {0.5f, 0};
     const struct hg_node_look looks[] = {{.node = 2, .set = HG_LOOK_HIDDEN, .hidden = true},
         {.node = 2, .set = HG_LOOK_ALPHA, .alpha = 0.3f}};
     struct rig *rig = *state;
+    const double lit = lit_floor(rig, false);
     double off;
-    open_scene(rig, false, none);
-    rig_settle(rig, 8);
-    const double lit = floor_light(rig, &off);
-    rig_close_scene(rig);
     for (uint32_t i = 0; i < 2; i++) {
         const struct hg_view_overrides overrides = {.items = &looks[i], .count = 1};
         open_scene(rig, false, alpha);

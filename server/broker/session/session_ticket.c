@@ -1,4 +1,3 @@
-#include "base/json.h"
 #include "server/broker/session/session_ticket.h"
 
 #include <fnmatch.h>
@@ -7,6 +6,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/json.h"
 #include "server/broker/session/session_allow.h"
 #include "server/broker/session/session_audit.h"
 #include "server/broker/session/session_end.h"

@@ -85,7 +85,7 @@ struct hg_link_hang {
 
 // Whom it works for. Of the pool.
 struct hg_link_owner {
-    char tenant[129]; // "" = nobody yet
+    char tenant[129]; // "" = none yet
     bool wanted;      // a process is kept running
     uint32_t scene_count;
     uint64_t idle_ns; // since when there is no scene in it
