@@ -3,7 +3,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "client/cli/suggest.h"
 #include "protocol/layout.h"
+#include "protocol/view_params.h"
 
 enum hg_status hg_words_error(struct hg_error *err, const char *fmt, ...)
 {
@@ -218,16 +220,29 @@ static enum hg_status take_bool(
     return hg_words_error(err, "%s: yes or no is missing", word);
 }
 
-static enum hg_status take_enum(
-    struct hg_words *w, const char *enum_name, uint32_t *out, struct hg_error *err)
+static enum hg_status refuse_enum(
+    const char *word, const struct hgp_enum_table *values, const char *text, struct hg_error *err)
+{
+    struct hg_suggestion near = hg_suggest_begin(text, strlen(text));
+    char choices[192] = "";
+    for (size_t i = 0, used = 0; i < values->count && used < sizeof choices; i++) {
+        char name[HGP_WORD_BYTES];
+        hgp_enum_word(values->name, values->values[i].value, name);
+        hg_suggest_offer(&near, name, strlen(name));
+        used += (size_t)snprintf(choices + used, sizeof choices - used, "%s%s", i ? "|" : "", name);
+    }
+    return hg_words_error(
+        err, "%s: '%s' is none of %s%s", word, text, choices, hg_suggest_text(&near).text);
+}
+
+static enum hg_status take_enum(struct hg_words *w, const char *word,
+    const struct hgp_enum_table *values, uint32_t *out, struct hg_error *err)
 {
     const char *text;
-    enum hg_status status = hg_words_take(w, enum_name, &text, err);
+    enum hg_status status = hg_words_take(w, word, &text, err);
     if (status)
         return status;
-    return hgp_enum_value(enum_name, text, out)
-               ? HG_OK
-               : hg_words_error(err, "'%s' is not a %s", text, enum_name);
+    return hgp_enum_value(values->name, text, out) ? HG_OK : refuse_enum(word, values, text, err);
 }
 
 static enum hg_status take_value(struct hg_words *w, const char *word,
@@ -242,7 +257,7 @@ static enum hg_status take_value(struct hg_words *w, const char *word,
     case HGP_K_BOOL:
         return take_bool(w, word, value, err);
     case HGP_K_ENUM:
-        return take_enum(w, field->limit.values->name, value, err);
+        return take_enum(w, word, field->limit.values, value, err);
     case HGP_K_VEC3:
     case HGP_K_VEC4:
         return take_floats(w, word, (uint32_t)hgp_kind_floats(field->kind), value, err);
