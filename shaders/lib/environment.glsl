@@ -197,20 +197,34 @@ vec3 hg_environment_mirror(hg_bsdf b, vec2 xi)
     return normalize(b.t * l.x + b.s * l.y + b.base.n * abs(l.z));
 }
 
+// The mean over some facets: pictures in motion have one sample of a pixel, those at rest many.
+#define HG_MIRROR_FACETS 8
+vec3 hg_environment_mirrored(hg_bsdf b, vec2 xi)
+{
+    float r2 = b.base.roughness * b.base.roughness;
+    bool brushed = HG_HAS(HG_FEATURE_ANISOTROPY) && HG_AMBIENT_PROBES && (hg_frame.flags & HG_FRAME_FINE) == 0u;
+    int count = brushed ? HG_MIRROR_FACETS : 1;
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < count; i++) {
+        vec2 at = fract(xi + float(i) * vec2(1.0 / float(HG_MIRROR_FACETS), 0.618034));
+        vec3 r = hg_environment_mirror(b, at);
+        sum += hg_environment_reflected(normalize(mix(r, b.base.n, r2 * r2)), b.base.roughness);
+    }
+    return sum / float(count);
+}
+
 // hg_environment_brdf for all lobes but transmission. xi: two random numbers of the sample.
 vec3 hg_environment_bsdf(hg_bsdf b, float occlusion, vec2 xi)
 {
     bool probes = HG_AMBIENT_PROBES;
     if (hg_frame.lighting.env_kind == HG_ENV_KIND_NONE && !probes)
         return vec3(0.0);
-    vec3 r = hg_environment_mirror(b, xi);
-    float r2 = b.base.roughness * b.base.roughness, shade = 1.0;
+    float shade = 1.0;
     if (occlusion < 1.0)
         shade = hg_specular_occlusion(b.base.n_dot_v, occlusion, b.base.alpha);
     vec3 irradiance =
         (probes ? hg_probes_irradiance : hg_environment_irradiance(b.base.n)) * occlusion;
-    vec3 lobe = normalize(mix(r, b.base.n, r2 * r2));
-    vec3 radiance = hg_environment_reflected(lobe, b.base.roughness) * shade;
+    vec3 radiance = hg_environment_mirrored(b, xi) * shade;
     vec3 sum = hg_bsdf_single_albedo(b, hg_bsdf_cosine(b, b.v_ts), b.below_v) * radiance;
     sum += (b.base.f_ms * b.several_v + b.base.diffuse * b.enter_v) * irradiance;
     if (HG_HAS(HG_FEATURE_DIFFUSE_TRANSMISSION))
