@@ -129,12 +129,20 @@ void hg_gi_environment_peak(const struct hg_gi_environment *e,
 
 // --- lookup --------------------------------------------------------------------------------------
 
-void hg_gi_environment_even(const struct hg_gi_environment *e,
+static void to_environment(
     const struct hg_lighting_sources *from, const float direction[3], float out[3])
 {
     const float c = from->env_rotation_cos, s = from->env_rotation_sin;
-    const float d[3] = {
-        c * direction[0] - s * direction[2], direction[1], s * direction[0] + c * direction[2]};
+    out[0] = c * direction[0] - s * direction[2];
+    out[1] = direction[1];
+    out[2] = s * direction[0] + c * direction[2];
+}
+
+void hg_gi_environment_even(const struct hg_gi_environment *e,
+    const struct hg_lighting_sources *from, const float direction[3], float out[3])
+{
+    float d[3];
+    to_environment(from, direction, d);
     const bool image = from->env_kind == HG_ENV_KIND_IMAGE && from->env_faces;
     const float *texel = image ? from->env_faces + (size_t)cube_texel(d, from->env_side) * 3 : NULL;
     const float share = image && e->has_peaks ? even_share(e, texel) : 1;
@@ -142,4 +150,29 @@ void hg_gi_environment_even(const struct hg_gi_environment *e,
         out[k] = from->env_kind == HG_ENV_KIND_NONE
                      ? 0
                      : from->env_color[k] * (image ? texel[k] * share : 1);
+}
+
+void hg_gi_environment_irradiance(
+    const struct hg_lighting_sources *from, const float normal[3], float out[3])
+{
+    const bool image = from->env_kind == HG_ENV_KIND_IMAGE && from->env_irradiance;
+    const uint32_t pitch = HG_IRRADIANCE_SIZE + 2;
+    float d[3], at[2];
+    to_environment(from, normal, d);
+    hg_octahedral2((const float[3]){d[0], d[2], d[1]}, at); // up is in the middle
+    const float x = (at[0] * 0.5f + 0.5f) * HG_IRRADIANCE_SIZE + 0.5f;
+    const float y = (at[1] * 0.5f + 0.5f) * HG_IRRADIANCE_SIZE + 0.5f;
+    const uint32_t column = (uint32_t)hg_clampf(x, 0, HG_IRRADIANCE_SIZE);
+    const uint32_t row = (uint32_t)hg_clampf(y, 0, HG_IRRADIANCE_SIZE);
+    const float fx = x - (float)column, fy = y - (float)row;
+    for (int k = 0; k < 3; k++)
+        out[k] = from->env_kind == HG_ENV_KIND_NONE ? 0 : from->env_color[k];
+    if (!image)
+        return;
+    const float *texel = &from->env_irradiance[row * pitch + column].x;
+    for (int k = 0; k < 3; k++) {
+        const float low = texel[k] + fx * (texel[k + 4] - texel[k]);
+        const float *above = texel + pitch * 4;
+        out[k] *= low + fy * (above[k] + fx * (above[k + 4] - above[k]) - low);
+    }
 }

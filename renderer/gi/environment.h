@@ -23,6 +23,10 @@ void hg_gi_environment_finish(struct hg_gi_environment *environment);
 // Radiance from a direction without peaks.
 void hg_gi_environment_even(const struct hg_gi_environment *environment,
     const struct hg_lighting_sources *sources, const float direction[3], float out[3]);
+// Irradiance over pi of all of it on a plane with this normal (unit), if nothing is in the way: as
+// hg_environment_irradiance of lib/environment.glsl.
+void hg_gi_environment_irradiance(
+    const struct hg_lighting_sources *sources, const float normal[3], float out[3]);
 // A direction to a peak (unit) by three numbers in [0, 1), with a chance in proportion to its
 // light, and the illuminance of all of them if they were there. Only where has_peaks.
 void hg_gi_environment_peak(const struct hg_gi_environment *environment,

@@ -209,6 +209,7 @@ HG_SIMD_LOOP static void add_light(struct hg_gi_irradiance *to, const struct hg_
         for (int k = 0; k < 3; k++) {
             to->light[k][t] += w * ray->light[k];
             to->surfaces[k][t] += w * hit * ray->light[k];
+            to->even[k][t] += w * ray->even[k];
         }
     }
 }
@@ -315,13 +316,18 @@ static void reach_of(const struct hg_gi_moment *m, float *mean, float *variance)
     *variance = w > 0 ? hg_maxf(m->squared / w - *mean * *mean, 1e-4f) : 1;
 }
 
-static void set_means(struct hg_gi_field *f, uint32_t probe)
+// sky: as of hg_gi_brought.
+static void set_means(struct hg_gi_field *f, uint32_t probe, const float sky[3][IRRADIANCE_TEXELS])
 {
     struct hg_gi_means *to = &f->means[probe];
     const struct hg_gi_irradiance *from = &f->irradiance[probe];
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
-        for (int c = 0; c < 3; c++)
-            to->light[t][c] = from->weight[t] > 0 ? from->light[c][t] / from->weight[t] : 0;
+        const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
+        for (int c = 0; c < 3; c++) {
+            const float seen = from->light[c][t] - from->surfaces[c][t], all = from->even[c][t];
+            const float share = all > 0 ? hg_clampf(seen / all, 0, 1) : 0;
+            to->light[t][c] = from->surfaces[c][t] * scale + share * sky[c][t];
+        }
         to->light[t][3] = from->weight[t];
     }
     for (uint32_t t = 0; t < MOMENT_TEXELS; t++)
@@ -330,18 +336,21 @@ static void set_means(struct hg_gi_field *f, uint32_t probe)
 }
 
 // Light that comes in one direction, as sums over `count` rays from all around have it; emitter: a
-// surface sent it.
+// surface sends it, else the environment.
 HG_SIMD_LOOP static void add_peak(struct hg_gi_irradiance *to, const struct hg_gi_peak *peak,
     float scale, bool emitter, const struct hg_gi_lobes *lobes)
 {
-    const float *d = peak->direction, surface = emitter ? 1.0f : 0.0f;
+    const float *d = peak->direction, even = emitter ? 0.0f : 1.0f,
+                seen = peak->hidden ? 0.0f : 1.0f;
+    const float surface = emitter ? seen : 0.0f;
     const float(*directions)[IRRADIANCE_TEXELS] =
         (const float(*)[IRRADIANCE_TEXELS])lobes->irradiance;
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float c = d[0] * directions[0][t] + d[1] * directions[1][t] + d[2] * directions[2][t];
         const float w = (c > 0 ? c : 0) * scale;
         for (int k = 0; k < 3; k++) {
-            to->light[k][t] += w * peak->light[k];
+            to->light[k][t] += w * seen * peak->light[k];
+            to->even[k][t] += w * even * peak->light[k];
             to->surfaces[k][t] += w * surface * peak->light[k];
             to->emitters[k][t] += w * surface * peak->light[k];
         }
@@ -371,7 +380,7 @@ void hg_gi_probe_gather(
         add_peak(to, &brought->peaks[i], each / (float)brought->peak_count, false, lobes);
     for (uint32_t i = 0; i < brought->emitter_count; i++)
         add_peak(to, &brought->emitters[i], each / (float)brought->emitter_count, true, lobes);
-    set_means(f, probe);
+    set_means(f, probe, brought->sky);
 }
 
 #define DARK 1e-6 // of the brightest probe's light: darker ones count as that
@@ -544,7 +553,7 @@ void hg_gi_probe_copy(
 
 void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
 {
-    static const float middle[3] = {0.5f, 0.5f, 0.5f};
+    static const float middle[3] = {0.5f, 0.5f, 0.5f}, no_sky[3][IRRADIANCE_TEXELS];
     const float weight = SEED_WEIGHT * 8 * 0.25f; // the mean of max(0, cos) over the sphere is 1/4
     struct hg_gi_irradiance *to = &f->irradiance[probe];
     struct hg_gi_point point;
@@ -565,7 +574,7 @@ void hg_gi_probe_seed(struct hg_gi_field *f, uint32_t probe)
         to->weight[t] = weight;
     }
     f->updates[probe] = SEED_WEIGHT;
-    set_means(f, probe);
+    set_means(f, probe, no_sky);
 }
 
 // --- the device ----------------------------------------------------------------------------------
@@ -592,17 +601,17 @@ static void pack_probe(void *user, size_t probe)
     uint32_t *between = f->words + (size_t)f->count * (1 + 3 * IRRADIANCE_TEXELS + MOMENT_TEXELS) +
                         probe * IRRADIANCE_TEXELS;
     const struct hg_gi_irradiance *from = &f->irradiance[probe];
+    const float(*means)[4] = (const float(*)[4])f->means[probe].light;
     f->words[probe] = place_word(f, (uint32_t)probe);
     if (!f->stale[probe])
         return;
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
-        irradiance[t] = hg_gi_rgb9e5(
-            from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
-        between[t] = hg_gi_rgb9e5(fmaxf(from->light[0][t] - from->emitters[0][t], 0) * scale,
-            fmaxf(from->light[1][t] - from->emitters[1][t], 0) * scale,
-            fmaxf(from->light[2][t] - from->emitters[2][t], 0) * scale);
+        irradiance[t] = hg_gi_rgb9e5(means[t][0], means[t][1], means[t][2]);
+        between[t] = hg_gi_rgb9e5(fmaxf(means[t][0] - from->emitters[0][t] * scale, 0),
+            fmaxf(means[t][1] - from->emitters[1][t] * scale, 0),
+            fmaxf(means[t][2] - from->emitters[2][t] * scale, 0));
         reflection[2 * t] = hg_gi_rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
             from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);

@@ -18,6 +18,7 @@ struct hg_gi_irradiance {
     float light[3][HG_PROBE_IRRADIANCE_TEXELS];    // radiance
     float surfaces[3][HG_PROBE_IRRADIANCE_TEXELS]; // of rays that hit
     float emitters[3][HG_PROBE_IRRADIANCE_TEXELS]; // of emitters that rays met
+    float even[3][HG_PROBE_IRRADIANCE_TEXELS];     // of the environment, if nothing were in the way
     float sky[HG_PROBE_IRRADIANCE_TEXELS];         // 1 of rays that missed
     float weight[HG_PROBE_IRRADIANCE_TEXELS];
 };
@@ -100,18 +101,23 @@ void hg_gi_probe_position(const struct hg_gi_field *field, uint32_t probe, float
 // been updated a few times.
 void hg_gi_probe_relocate(struct hg_gi_field *field, uint32_t probe, const struct hg_gi_ray *rays,
     uint32_t count, bool last);
-// What a ray to a peak of the environment, or to an emitter, brought: illuminance across the
-// direction.
+// What a ray to a peak of the environment, or to an emitter, brings if nothing hides it:
+// illuminance across the direction.
 struct hg_gi_peak {
     float direction[3], light[3];
+    bool hidden;
 };
 struct hg_gi_brought { // rays from all around; those to peaks and to emitters, of whose light the
                        // mean counts
+    float sky[3][HG_PROBE_IRRADIANCE_TEXELS]; // irradiance over pi of the environment, if nothing
+                                              // is in the way, by texel
     const struct hg_gi_ray *rays;
     const struct hg_gi_peak *peaks, *emitters;
     uint32_t count, peak_count, emitter_count;
 };
-// Adds rays to sums of light that are multiplied by `keep` first, and to the moments.
+// Adds rays to sums of light that are multiplied by `keep` first, and to the moments. What of the
+// environment reaches the probe is the share that its rays see of what they would meet with nothing
+// in the way, times `sky`: where all of it is seen that has no noise (ratio estimator).
 void hg_gi_probe_gather(
     struct hg_gi_field *field, uint32_t probe, const struct hg_gi_brought *brought, float keep);
 

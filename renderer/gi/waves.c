@@ -18,6 +18,7 @@ struct run {
     struct hg_gi_wave wave;
     struct hg_gi_waves *waves;
     uint32_t peaks, emitters; // rays to them, of each probe
+    float sky[3][HG_PROBE_IRRADIANCE_TEXELS]; // as of hg_gi_brought
 };
 
 // --- life ----------------------------------------------------------------------------------------
@@ -281,8 +282,9 @@ static void shade_ray(const struct run *w, size_t i)
     *out = (struct hg_gi_ray){.distance = FLT_MAX,
         .direction = {ray->direction_ws.x, ray->direction_ws.y, ray->direction_ws.z}};
     bool receives = false;
+    hg_gi_environment_even(&w->waves->environment, w->wave.sources, out->direction, out->even);
     if (hit->draw == HG_HIT_NONE) {
-        hg_gi_environment_even(&w->waves->environment, w->wave.sources, out->direction, out->light);
+        hg_copy3(out->even, out->light);
     } else {
         struct hg_gi_surface surface;
         hg_gi_surface_at(&w->waves->surfaces, hit, out->direction, &surface);
@@ -337,15 +339,32 @@ static void gather_probe(void *user, size_t index)
     const uint32_t *hidden = (const uint32_t *)w->waves->peak_blocked.mapped + index * straight;
     struct hg_gi_peak *peaks = w->waves->peaks + index * straight;
     for (uint32_t i = 0; i < straight; i++)
-        for (int c = 0; c < 3 && hidden[i]; c++)
-            peaks[i].light[c] = 0;
-    const struct hg_gi_brought brought = {
-        rays, peaks, peaks + w->peaks, w->wave.rays, w->peaks, w->emitters};
+        peaks[i].hidden = hidden[i];
+    struct hg_gi_brought brought = {.rays = rays,
+        .peaks = peaks,
+        .emitters = peaks + w->peaks,
+        .count = w->wave.rays,
+        .peak_count = w->peaks,
+        .emitter_count = w->emitters};
+    memcpy(brought.sky, w->sky, sizeof brought.sky);
     hg_gi_probe_gather(w->wave.field, probe, &brought, keep_of(w, probe));
     w->wave.field->updates[probe]++;
 }
 
 // --- waves ---------------------------------------------------------------------------------------
+
+static void find_sky(struct run *w)
+{
+    const struct hg_gi_lobes *lobes = &w->wave.field->lobes;
+    for (uint32_t t = 0; t < HG_PROBE_IRRADIANCE_TEXELS; t++) {
+        const float way[3] = {
+            lobes->irradiance[0][t], lobes->irradiance[1][t], lobes->irradiance[2][t]};
+        float light[3];
+        hg_gi_environment_irradiance(w->wave.sources, way, light);
+        for (int c = 0; c < 3; c++)
+            w->sky[c][t] = light[c];
+    }
+}
 
 static void count(const struct run *w)
 {
@@ -374,6 +393,8 @@ enum hg_status hg_gi_waves_run(
     w.peaks = has_peaks ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
     w.emitters = has_emitters ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
     sync_around(waves, wave->rays);
+    if (!wave->places)
+        find_sky(&w);
     hg_jobs_for(jobs, wave->count, cast_probe, &w);
     struct hg_trace_wave batch = {
         .rays = &waves->probe_rays, .hits = &waves->probe_hits, .count = wave->count * wave->rays};

@@ -170,14 +170,22 @@ static uint32_t find(const struct hg_irradiance_cells *cells, uint64_t key)
 
 // --- asking --------------------------------------------------------------------------------------
 
+static void add_scaled(
+    const struct hg_irradiance_sums *from, float scale, struct hg_irradiance_sums *to)
+{
+    const float *in = from->gathered;
+    float *out = to->gathered;
+    for (int k = 0; k < (int)SUMS; k++)
+        out[k] += scale * in[k];
+}
+
 static void fade(struct hg_irradiance_sums *s, float most)
 {
-    const float scale = s->samples > most ? most / s->samples : 1;
-    for (int c = 0; c < 3; c++) {
-        s->gathered[c] *= scale;
-        s->without[c] *= scale;
-    }
-    s->samples *= scale;
+    if (s->samples <= most)
+        return;
+    const struct hg_irradiance_sums before = *s;
+    *s = (struct hg_irradiance_sums){0};
+    add_scaled(&before, most / before.samples, s);
 }
 
 // An empty slot, else that of the cell that was not asked for longest.
@@ -315,37 +323,32 @@ struct hg_irradiance_turn hg_irradiance_take_turn(struct hg_irradiance_cells *ce
 }
 
 void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
-    const float gathered[3], const float without[3])
+    const struct hg_irradiance_sums *sample)
 {
     const uint32_t both[2] = {place->cell, place->larger};
+    struct hg_irradiance_sums one = *sample;
+    one.samples = 1;
     for (int i = 0; i < 2; i++) {
         if (both[i] == HG_IRRADIANCE_NONE)
             continue;
         struct hg_irradiance_sums *s = &cells->cells[both[i]].sums;
         fade(s, MOST_SAMPLES - 1);
-        for (int c = 0; c < 3; c++) {
-            s->gathered[c] += gathered[c];
-            s->without[c] += without[c];
-        }
-        s->samples += 1;
+        add_scaled(&one, 1, s);
     }
 }
 
 // --- lookup --------------------------------------------------------------------------------------
 
 // As at most so many samples.
-static void add_sums(
-    const struct hg_irradiance_cells *cells, uint32_t slot, float most, float out[8])
+static void add_sums(const struct hg_irradiance_cells *cells, uint32_t slot, float most,
+    struct hg_irradiance_sums *out)
 {
     if (slot == HG_IRRADIANCE_NONE)
         return;
     const struct hg_irradiance_cell *c = &cells->cells[slot];
-    const float *in = c->sums.gathered;
     if (c->light != cells->light)
         most = most < OLD_SAMPLES ? most : OLD_SAMPLES;
-    const float weight = c->sums.samples > most ? most / c->sums.samples : 1;
-    for (int k = 0; k < (int)SUMS; k++)
-        out[k] += weight * in[k];
+    add_scaled(&c->sums, c->sums.samples > most ? most / c->sums.samples : 1, out);
 }
 
 // Of the cells at the eight corners, then of what is around them: most have the same around.
@@ -387,8 +390,8 @@ static void add_corners(const struct hg_irradiance_cells *cells, const struct cu
             __builtin_prefetch(&cells->cells[slots[i]].sums);
     }
     for (int i = 0; i < 8; i++) {
-        add_sums(cells, slots[i], MOST_SAMPLES, c->sums[i]);
-        add_sums(cells, slots[8 + i], LARGER_SAMPLES, c->sums[i]);
+        add_sums(cells, slots[i], MOST_SAMPLES, &c->sums[i]);
+        add_sums(cells, slots[8 + i], LARGER_SAMPLES, &c->sums[i]);
     }
 }
 
@@ -416,7 +419,8 @@ void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
 {
     const float scale = 1 / cells->sides[point->level];
     struct cube low = {.level = point->level, .axis = axis_of(point->normal)};
-    float f[3], sums[8] = {0};
+    float f[3];
+    *out = (struct hg_irradiance_sums){0};
     for (int a = 0; a < 3; a++) {
         const float at = point->position[a] * scale - 0.5f;
         low.at[a] = cube_of(at);
@@ -426,8 +430,6 @@ void hg_irradiance_look_up(const struct hg_irradiance_cells *cells,
     for (int i = 0; i < 8; i++) {
         const float w =
             (i & 1 ? f[0] : 1 - f[0]) * (i & 2 ? f[1] : 1 - f[1]) * (i & 4 ? f[2] : 1 - f[2]);
-        for (int k = 0; k < 8; k++)
-            sums[k] += w * c->sums[i][k];
+        add_scaled(&c->sums[i], w, out);
     }
-    memcpy(out, sums, sizeof *out);
 }

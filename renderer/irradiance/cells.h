@@ -24,11 +24,14 @@
 #define HG_IRRADIANCE_LEVELS 32
 #define HG_IRRADIANCE_NONE   UINT32_MAX
 
-// Sums over samples and their number. Of diffuse light: what rays gathered (irradiance over pi),
-// what was there without them. Of a rough lobe: radiance of surfaces times weight; weight, and that
-// of rays that met nothing.
+// Sums over samples and their number. Of diffuse light, irradiance over pi: what rays gathered from
+// surfaces, what was there without them, what of the environment they saw, and all of it if nothing
+// were in the way; weights, and how much near things left unoccluded times these. Of a rough lobe:
+// radiance of surfaces times weight; weight, and the environment's luminance that rays saw, and all
+// of it.
 struct hg_irradiance_sums {
     float gathered[3], without[3], samples;
+    float seen[3], all[3], weight, unoccluded;
 };
 
 struct hg_irradiance_cell {
@@ -97,9 +100,9 @@ struct hg_irradiance_turn {
 };
 struct hg_irradiance_turn hg_irradiance_take_turn(struct hg_irradiance_cells *cells, uint32_t cell);
 
-// To cells of one kind (diffuse, lobe) from one thread at a time.
+// To cells of one kind (diffuse, lobe) from one thread at a time. One sample, whatever it says.
 void hg_irradiance_add(struct hg_irradiance_cells *cells, const struct hg_irradiance_place *place,
-    const float gathered[3], const float without[3]);
+    const struct hg_irradiance_sums *sample);
 // What lookups found, for the next ones, whose points may lie between the same cells. Zeroed:
 // nothing. Of one set of cells, to which nothing is added meanwhile, and one eye.
 struct hg_irradiance_corners {
@@ -107,7 +110,7 @@ struct hg_irradiance_corners {
     int level;
     uint32_t axis;
     bool are_known;
-    float sums[8][8]; // of each corner: struct hg_irradiance_sums, as much of it as counts; 0
+    struct hg_irradiance_sums sums[8]; // of each corner, as much of it as counts
 };
 #define HG_IRRADIANCE_LOOKUPS 32
 struct hg_irradiance_lookups {

@@ -27,6 +27,8 @@
 #define WIDER      2                     // levels from a cell to the cube that has a guide
 #define GREY       0.02f // of the brightest channel, that a dark one is taken to have
 #define MOST_RATIO 16.0f
+#define MOST_NEAR  2.0f // times as unoccluded as its cells that a texel may be
+#define NEAR_FROM  4.0f // that counts wholly where as many times what is hidden would be all
 #define FAR        1e6f  // metres to where orthographic cameras see lobes from
 #define CANDIDATES 32u   // that are asked for together
 #define BATCH      256u  // rays of a job
@@ -42,13 +44,16 @@ struct sample {
     struct hg_irradiance_direction direction;
     float position[3];
     float without[3]; // probe light
+    float unoccluded; // share of the cosine lobe that nothing near occludes
+    float even[3];    // radiance of the environment that way, without its peaks
     float brought[3]; // radiance
     float over;       // its cosine, over pi
     float emitted[3]; // what an emitter sent that rays of their own bring
     float straight[3]; // irradiance over pi of a peak of the environment or an emitter, if nothing
                        // is in the way
-    uint32_t patch;   // of what it met
-    bool lost, open;  // behind the triangle; met nothing
+    uint32_t patch;    // of what it met
+    bool to_peak;      // straight is of a peak
+    bool lost, open;   // behind the triangle; met nothing
 };
 
 // A texel whose turn it is.
@@ -278,6 +283,7 @@ static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradi
     const float cosine = hg_dot3(direction, on->facet) > 0 ? hg_dot3(direction, on->normal) : 0;
     for (int c = 0; c < 3; c++)
         s->straight[c] = cosine > 0 ? light[c] * cosine * (1 / (float)HG_PI) : 0;
+    s->to_peak = true;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->straight.mapped + i;
     *ray = ray_of(s, direction);
     ray->t_max = cosine > 0 ? FLT_MAX : -1;
@@ -331,6 +337,13 @@ static void surface_at(
     out->rough &= w->p->lobes;
 }
 
+// By the ambient occlusion of probe light.
+static float unoccluded_of(const uint32_t light[4])
+{
+    const uint32_t bits = light[3] & HG_PROBE_LIGHT_OPEN_MASK;
+    return (float)bits * (1 / (float)HG_PROBE_LIGHT_OPEN_MASK);
+}
+
 // Interpolated normals may lie far off their triangle. What comes from behind that is lost, as it
 // is in path mode.
 static void send(const struct work *w, uint32_t i)
@@ -345,7 +358,9 @@ static void send(const struct work *w, uint32_t i)
     (void)find_point(w, s->at, &point, &depth);
     surface_at(w, s->at, &on);
     hg_mad3(point.position, on.facet, LIFT * depth, s->position);
-    hg_gi_rgb9e5_read(w->p->looked_up[4 * ((size_t)s->at[1] * w->columns + s->at[0])], s->without);
+    const uint32_t *light = w->p->looked_up + 4 * ((size_t)s->at[1] * w->columns + s->at[0]);
+    hg_gi_rgb9e5_read(light[0], s->without);
+    s->unoccluded = unoccluded_of(light);
     const bool guided =
         s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on.normal, &d);
     hg_irradiance_choose(&s->turn, &on, guided ? &d : NULL, &s->direction);
@@ -375,9 +390,9 @@ static void meet(const struct work *w, uint32_t i)
     struct sample *s = &r->samples[i];
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)r->hits.mapped + i;
     struct hg_gi_surface surface;
+    hg_gi_environment_even(w->p->world.environment, w->p->sources, s->direction.way, s->even);
     if (s->open)
-        hg_gi_environment_even(
-            w->p->world.environment, w->p->sources, s->direction.way, s->brought);
+        hg_copy3(s->even, s->brought);
     if (s->open || s->lost)
         return;
     hg_gi_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
@@ -415,16 +430,24 @@ static void number_patches(struct hg_irradiance *r)
     }
 }
 
+// The environment as rays meet it is noise where it is uneven, and so is what they see of it: the
+// quotient, by which its irradiance is multiplied, is not where all of it is seen.
 static void add_diffuse(const struct work *w, const struct sample *s, bool straight)
 {
-    float gathered[3], without[3];
+    const float weight = s->direction.diffuse;
+    struct hg_irradiance_sums sum = {.weight = weight, .unoccluded = weight * s->unoccluded};
     const float most = fmaxf(s->without[0], fmaxf(s->without[1], s->without[2]));
+    float all = 0;
     for (int c = 0; c < 3; c++) {
-        gathered[c] = s->direction.diffuse * s->brought[c] + (straight ? s->straight[c] : 0);
-        without[c] = s->direction.diffuse * (s->without[c] + GREY * most);
+        const float peak = s->to_peak ? s->straight[c] : 0, emitter = s->straight[c] - peak;
+        sum.gathered[c] = (s->open ? 0 : weight * s->brought[c]) + (straight ? emitter : 0);
+        sum.without[c] = weight * (s->without[c] + GREY * most);
+        sum.all[c] = weight * s->even[c] + peak;
+        sum.seen[c] = (s->open ? weight * s->even[c] : 0) + (straight ? peak : 0);
+        all += sum.gathered[c] + sum.all[c];
     }
-    if (most > 0 && gathered[0] + gathered[1] + gathered[2] < FLT_MAX)
-        hg_irradiance_add(&w->r->cells, &s->diffuse, gathered, without);
+    if (most > 0 && all < FLT_MAX)
+        hg_irradiance_add(&w->r->cells, &s->diffuse, &sum);
 }
 
 // The prefiltered environment is multiplied by the share of its light that is seen: of a sky that
@@ -432,13 +455,12 @@ static void add_diffuse(const struct work *w, const struct sample *s, bool strai
 static void add_lobe(const struct work *w, const struct sample *s)
 {
     const float weight = s->direction.mirrored;
-    float sky[3], light[3];
-    hg_gi_environment_even(w->p->world.environment, w->p->sources, s->direction.way, sky);
+    const float all = weight * hg_luminance(s->even), seen = s->open ? all : 0;
+    struct hg_irradiance_sums sum = {.without = {weight, seen, all}};
     for (int c = 0; c < 3; c++)
-        light[c] = s->open ? 0 : weight * (s->brought[c] + s->emitted[c]);
-    const float all = weight * hg_luminance(sky), seen = s->open ? all : 0;
-    if (weight > 0 && light[0] + light[1] + light[2] + all < FLT_MAX)
-        hg_irradiance_add(&w->r->cells, &s->lobe, light, (const float[3]){weight, seen, all});
+        sum.gathered[c] = s->open ? 0 : weight * (s->brought[c] + s->emitted[c]);
+    if (weight > 0 && sum.gathered[0] + sum.gathered[1] + sum.gathered[2] + all < FLT_MAX)
+        hg_irradiance_add(&w->r->cells, &s->lobe, &sum);
 }
 
 // Three that know nothing of each other, each in the order of samples.
@@ -498,22 +520,29 @@ static enum hg_status gather(struct work *w, struct hg_error *err)
 
 // --- what they change ----------------------------------------------------------------------------
 
+// Light of surfaces as much more or less than probe light as in the cells; the environment's as
+// much as is seen of it there, in more or less near occlusion.
 static void apply_diffuse(const struct work *w, const struct hg_irradiance_point *point,
-    struct hg_irradiance_lookups *lookups, uint32_t *word)
+    struct hg_irradiance_lookups *lookups, uint32_t words[4])
 {
     struct hg_irradiance_sums sums;
-    float light[3];
+    float light[3], sky[3];
     hg_irradiance_look_up(&w->r->cells, point, lookups, &sums);
     if (!(sums.samples > 0))
         return;
-    hg_gi_rgb9e5_read(*word, light);
+    hg_gi_rgb9e5_read(words[0], light);
+    hg_gi_environment_irradiance(w->p->sources, point->normal, sky);
     const float most = fmaxf(light[0], fmaxf(light[1], light[2]));
+    const float relative = unoccluded_of(words) * sums.weight / fmaxf(sums.unoccluded, FLT_MIN);
+    const float near = fminf(relative, MOST_NEAR);
     for (int c = 0; c < 3; c++) {
         const float ratio = fminf(sums.gathered[c] / fmaxf(sums.without[c], FLT_MIN), MOST_RATIO);
-        const float grey = light[c] + GREY * most;
-        light[c] = (sums.samples * ratio * grey + BELIEVED * light[c]) / (sums.samples + BELIEVED);
+        const float share = sums.seen[c] / fmaxf(sums.all[c], FLT_MIN);
+        const float detail = 1 + (near - 1) * fminf((1 - share) * NEAR_FROM, 1);
+        const float found = ratio * (light[c] + GREY * most) + fminf(share * detail, 1) * sky[c];
+        light[c] = (sums.samples * found + BELIEVED * light[c]) / (sums.samples + BELIEVED);
     }
-    *word = hg_gi_rgb9e5(light[0], light[1], light[2]);
+    words[0] = hg_gi_rgb9e5(light[0], light[1], light[2]);
 }
 
 // What a rough surface mirrors: light of surfaces, and the share of the environment in the upper

@@ -580,7 +580,8 @@ void hg_lighting_sources(const struct hg_lighting *l, struct hg_lighting_sources
         .env_rotation_cos = b->env_rotation_cos,
         .env_rotation_sin = b->env_rotation_sin,
         .env_faces = l->params.shared->env.coarse,
-        .env_side = HG_ENV_COARSE_SIDE};
+        .env_side = HG_ENV_COARSE_SIDE,
+        .env_irradiance = l->params.shared->env.host_irradiance};
 }
 
 void hg_lighting_stats(const struct hg_lighting *l, struct hg_lighting_stats *out)

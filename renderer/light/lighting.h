@@ -155,6 +155,7 @@ struct hg_lighting_sources {
     const float
         *env_faces; // IMAGE: [6][env_side^2][3], in Vulkan's order of faces, rows from the top
     uint32_t env_side;
+    const struct hg_vec4 *env_irradiance; // IMAGE: [(HG_IRRADIANCE_SIZE + 2)^2] as shaders have it
 };
 void hg_lighting_sources(const struct hg_lighting *lighting, struct hg_lighting_sources *out);
 

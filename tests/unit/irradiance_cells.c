@@ -49,12 +49,12 @@ static uint32_t ask(const struct hg_irradiance_point *point)
 // So many samples of light and of half as much without.
 static void fill(const struct hg_irradiance_point *point, float light, int samples)
 {
-    const float gathered[3] = {light, 2 * light, 3 * light};
-    const float without[3] = {light / 2, light, 3 * light / 2};
+    const struct hg_irradiance_sums sample = {
+        .gathered = {light, 2 * light, 3 * light}, .without = {light / 2, light, 3 * light / 2}};
     for (int i = 0; i < samples; i++) {
         struct hg_irradiance_place place;
         assert_true(find(point, &place));
-        hg_irradiance_add(&cells, &place, gathered, without);
+        hg_irradiance_add(&cells, &place, &sample);
     }
 }
 

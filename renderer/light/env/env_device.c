@@ -165,6 +165,18 @@ static void release(struct hg_env_device *env, struct hg_gpu *gpu)
     hg_gpu_buffer_destroy(gpu, &env->irradiance);
 }
 
+// For rays on the host.
+static enum hg_status keep_irradiance(const struct hg_environment_map *map, struct hg_vec4 **out)
+{
+    const size_t count = (size_t)HG_ENVIRONMENT_PITCH * HG_ENVIRONMENT_PITCH;
+    if (!*out)
+        *out = hg_calloc(count, sizeof **out);
+    if (!*out)
+        return HG_E_NOMEM;
+    memcpy(*out, map->irradiance, count * sizeof **out);
+    return HG_OK;
+}
+
 // Means of the sharpest level.
 static enum hg_status make_coarse(const struct hg_environment_map *map, float **out)
 {
@@ -235,6 +247,7 @@ void hg_env_device_finish(struct hg_env_device *env, struct hg_gpu *gpu)
 {
     release(env, gpu);
     hg_free(env->coarse);
+    hg_free(env->host_irradiance);
     *env = (struct hg_env_device){0};
 }
 
@@ -356,7 +369,8 @@ enum hg_status hg_env_device_sync(struct hg_env_device *env, const struct hg_env
         env->prefilter_ns = hg_clock_now_ns() - begin;
         status = upload(env, maker->gpu, &made.map, &made.radiance, err);
     }
-    if (!status && make_coarse(&made.map, &env->coarse))
+    if (!status &&
+        (make_coarse(&made.map, &env->coarse) || keep_irradiance(&made.map, &env->host_irradiance)))
         status = hg_error_set(err, HG_E_NOMEM, "environment", NULL, "no memory for a coarse copy");
     if (!status) {
         memcpy(env->key, key, 32);

@@ -25,6 +25,7 @@ struct hg_env_device {
     bool from_cache;
     float *coarse; // [6][HG_ENV_COARSE_SIDE^2][3] radiance, for rays on the host; faces as in
                    // cubemap.h
+    struct hg_vec4 *host_irradiance; // what `irradiance` holds, for the same
 };
 
 // Black 1x1 images, so that bindings are always valid.
