@@ -166,6 +166,7 @@ class App {
         new ResizeObserver(() => view.resize()).observe(canvas);
         this.watchPixelRatio();
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
+        view.setHidden(document.hidden); // a tab may be opened in the background
         addEventListener("pagehide", () => this.leave());
         // A page that the browser kept, and shows again as it was left.
         addEventListener("pageshow", (e) => {

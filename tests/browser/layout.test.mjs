@@ -6,7 +6,7 @@ import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, models, openBrowser, openPage, until, waitExact, waitFor, waitPicture } from "./rig.mjs";
 
 const MODEL = "morph.glb"; // it has an animation, so its bar is there
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -392,6 +392,23 @@ test("a held key acts once", async () => {
     await page.keyboard.up("Space");
     assert.equal(await evaluate(() => window.helio.timeline.isPlaying), true);
     await evaluate(() => window.helio.timeline.pause());
+});
+
+test("a tab that is opened in the background takes no pictures before it is looked at", async () => {
+    const cdp = await browser.target().createCDPSession();
+    const { targetId } = await cdp.send("Target.createTarget", { background: true,
+        url: `${daemon.origin}/#scene=tests&ticket=${daemon.tokens.edit}&gi=NONE&samples=1` });
+    const target = await browser.waitForTarget((t) => t._targetId === targetId, { timeout: WAIT_MS });
+    const tab = await target.page();
+    await waitFor(tab, () => window.helio?.view.isStarted && window.helio.scene.total);
+    assert.deepEqual(await tab.evaluate(() => [document.hidden, window.helio.view.isIdle]), [true, true]);
+    // An answer that comes behind all that came before it: no frame was among them.
+    await tab.evaluate(() => window.helio.connection.call("stats_query", { view: 1 }));
+    assert.equal((await tab.$eval("#picture", (c) => c.dataset.frame)), undefined);
+    await tab.bringToFront();
+    await waitExact(tab);
+    await tab.close();
+    await page.bringToFront();
 });
 
 test("a screenshot that takes long can be cancelled, and so it is at the server", async () => {
