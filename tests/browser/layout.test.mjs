@@ -411,6 +411,45 @@ test("a tab that is opened in the background takes no pictures before it is look
     await page.bringToFront();
 });
 
+test("a gamepad moves the camera and presses buttons", async () => {
+    // A gamepad as the browser describes it; each change of it counts until the condition holds.
+    await evaluate(() => {
+        const none = () => Array.from({ length: 17 }, () => ({ value: 0, pressed: false }));
+        window.pad = { connected: true, axes: [0, 0, 0, 0], buttons: none() };
+        navigator.getGamepads = () => [null, window.pad];
+        window.dispatchEvent(new Event("gamepadconnected"));
+    });
+    const look = () => evaluate(() => structuredClone(window.helio.view.camera));
+    const hold = async (name, index, value, condition) => {
+        const before = await look();
+        await evaluate((n, i, v) => {
+            window.pad[n][i] = n === "axes" ? v : { value: v, pressed: true };
+        }, name, index, value);
+        await until(async () => condition(before, await look()), `${name} ${index}`);
+        await evaluate((n, i) => { window.pad[n][i] = n === "axes" ? 0 : { value: 0, pressed: false }; }, name, index);
+    };
+    const apart = (a, b) => Math.hypot(...a.map((v, i) => v - b[i]));
+    await hold("axes", 2, 1, (a, b) => apart(a.eye, b.eye) > 0.1 && apart(a.target, b.target) === 0);
+    await hold("axes", 1, -1, (a, b) => apart(a.target, b.target) > 0.1);
+    await hold("buttons", 7, 1, (a, b) => b.eye[1] - a.eye[1] > 0.1);
+    const press = async (index, condition) => {
+        await evaluate((i) => { window.pad.buttons[i] = { value: 1, pressed: true }; }, index);
+        await waitFor(page, condition);
+        await evaluate((i) => { window.pad.buttons[i] = { value: 0, pressed: false }; }, index);
+        await waitFor(page, () => !window.helio.controls.padHeld.size);
+    };
+    await press(1, () => window.helio.controls.mode === "fly");
+    await press(1, () => window.helio.controls.mode === "walk");
+    const level = (await look()).eye[1];
+    await hold("axes", 1, -1, (a, b) => apart(a.eye, b.eye) > 0.1);
+    assert.ok(Math.abs((await look()).eye[1] - level) < 1e-6, "walking stays level");
+    await press(1, () => window.helio.controls.mode === "orbit");
+    await press(0, () => window.helio.flight);
+    await waitFor(page, () => !window.helio.flight);
+    await evaluate(() => { window.pad.connected = false; });
+    await waitExact(page);
+});
+
 test("a screenshot that takes long can be cancelled, and so it is at the server", async () => {
     await page.setViewport({ width: 1000, height: 600 });
     // With an answer that never comes, for it may come before the click.
