@@ -163,6 +163,7 @@ class App {
         view.addEventListener("params", () => this.updateView());
         scene.addEventListener("changed", () => this.onScene());
         scene.addEventListener("assets", () => this.refreshScene());
+        scene.addEventListener("environment", () => this.viewPanel.updateEnvironment(scene.environment));
         new ResizeObserver(() => view.resize()).observe(canvas);
         this.watchPixelRatio();
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));

@@ -83,7 +83,7 @@ export class ViewPanel {
         };
         this.sunAt = [-40, 50];
         rows.env = selectRow("Light from", [["AUTO", "Scene"], ["SKY", "Sky and sun"],
-            ["COLOR", "Even light"], ["NONE", "Nothing"]], (kind) => {
+            ["FILE", "Picture"], ["COLOR", "Even light"], ["NONE", "Nothing"]], (kind) => {
             on.environment(kind === "COLOR" ? { kind, color: [0.8, 0.8, 0.8] } : { kind });
             this.showSun(kind);
         });
@@ -106,6 +106,8 @@ export class ViewPanel {
         this.envHint = h("p", { class: "hint",
             text: "Drop an .hdr or .exr picture on the page to be lit by it." });
         this.showSun("AUTO");
+        this.fileOption = rows.env.input.querySelector("[value=FILE]");
+        this.fileOption.hidden = true; // until the scene has had one
         return section("Environment", false, ...["env", "sunAzimuth", "sunHeight", "intensity"]
             .map((k) => rows[k].row), this.meterHint, rows.turn.row, this.envHint);
     }
@@ -115,6 +117,24 @@ export class ViewPanel {
     }
 
     backgroundSection() {
+    // Shows what the scene's environment is, whoever has chosen it; null: not known.
+    updateEnvironment(environment) {
+        if (!environment)
+            return;
+        const { rows } = this;
+        const { kind, intensity = 1, rotation_rad = 0, sun_direction: sun = [0, 0, 0] } = environment;
+        const degrees = (rad) => Math.round(rad * 180 / Math.PI);
+        this.fileOption.hidden &&= kind !== "FILE";
+        rows.env.set(kind);
+        this.showSun(kind);
+        rows.intensity.set(Math.log2(Math.max(intensity, 1e-9)));
+        rows.turn.set(degrees(Math.atan2(Math.sin(rotation_rad), Math.cos(rotation_rad))));
+        if (Math.hypot(...sun) > 0)
+            this.sunAt = [degrees(Math.atan2(sun[0], sun[2])), degrees(Math.asin(sun[1] / Math.hypot(...sun)))];
+        rows.sunAzimuth.set(this.sunAt[0]);
+        rows.sunHeight.set(this.sunAt[1]);
+    }
+
         const { on, rows } = this;
         rows.background = selectRow("Background", choices(["ENV", "BLUR", "COLOR", "DISPLAY"],
             { ENV: "Environment", BLUR: "Out of focus", COLOR: "Lit colour",

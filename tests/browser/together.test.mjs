@@ -75,6 +75,27 @@ test("who may only look is not offered to open files", async () => {
     assert.deepEqual([await offered(host), await offered(guest)], [true, false]);
 });
 
+test("the panel shows the environment as it is, whoever has chosen it", async () => {
+    const shown = (p) => p.evaluate(() => Object.fromEntries(["env", "intensity", "turn", "sunAzimuth", "sunHeight"]
+        .map((row) => [row, window.helio.viewPanel.rows[row].input.value])));
+    const before = await shown(guest);
+    assert.equal(before.env, "AUTO");
+    const sun = [Math.cos(0.5) * Math.sin(1), Math.sin(0.5), Math.cos(0.5) * Math.cos(1)];
+    await host.evaluate((sun_direction) => window.helio.setEnvironment(
+        { kind: "SKY", intensity: 4, rotation_rad: -Math.PI / 2, sun_direction }), sun);
+    const wanted = { env: "SKY", intensity: "2", turn: "-90", sunAzimuth: "57", sunHeight: "29" };
+    assert.deepEqual(await shown(host), wanted);
+    await waitFor(guest, () => window.helio.viewPanel.rows.env.input.value === "SKY");
+    assert.deepEqual(await shown(guest), wanted);
+    await host.reload();
+    await waitFor(host, () => window.helio?.scene.environment);
+    assert.deepEqual(await shown(host), wanted);
+    await guest.evaluate(() => window.helio.setEnvironment({ kind: "NONE" })); // refused: it may only look
+    assert.deepEqual(await shown(guest), wanted);
+    await host.evaluate(() => window.helio.setEnvironment({ kind: "AUTO", intensity: 1, rotation_rad: 0 }));
+    await waitFor(guest, () => window.helio.viewPanel.rows.env.input.value === "AUTO");
+});
+
 test("the holder of the shared camera is notified of a request, and hands it over", async () => {
     const press = (page, label) => page.evaluate((text) => [...document.querySelectorAll("button")]
         .find((b) => b.textContent === text).click(), label);
