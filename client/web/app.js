@@ -81,8 +81,8 @@ class App {
         }, close("view"));
         this.scenePanel = new ScenePanel($("panel-scene"), this.scene, {
             select: (id) => this.inspector.select(id), toggle: (id, on) => this.setVisible(id, on),
-            focus: (id) => this.fit(id), camera: (id) => this.follow(id),
-            variant: (asset, name) => this.attempt(() => this.scene.setVariant(asset, name)),
+            isShown: (node) => this.isShown(node.node), focus: (id) => this.fit(id), camera: (id) => this.follow(id),
+            variant: (asset, name) => this.setVariant(asset, name), variantHere: (asset) => this.looks.variants.get(asset),
             canEdit: () => this.connection.canEdit,
             warnings: (list) => this.showWarnings(list),
         }, close("scene"));
@@ -166,8 +166,8 @@ class App {
         scene.addEventListener("environment", () => this.viewPanel.updateEnvironment(scene.environment));
         new ResizeObserver(() => view.resize()).observe(canvas);
         this.watchPixelRatio();
-        document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         view.setHidden(document.hidden); // a tab may be opened in the background
+        document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         addEventListener("pagehide", () => this.leave());
         // A page that the browser kept, and shows again as it was left.
         addEventListener("pageshow", (e) => {
@@ -579,11 +579,27 @@ class App {
         return this.attempt(() => this.scene.setEnvironment(fields));
     }
 
+    isShown(id) {
+        return !this.looks.hidden.has(id) && (this.scene.nodes.get(id)?.visible ?? true);
+    }
+
+    // Who may not edit the scene changes this view alone.
     setVisible(id, isVisible) {
         return this.attempt(async () => {
-            await this.scene.setVisible(id, isVisible);
+            if (this.connection.canEdit)
+                await this.scene.setVisible(id, isVisible);
+            else if (isVisible && !this.looks.hidden.has(id))
+                toast("It is hidden in the scene, and your access is view only.");
+            else
+                await this.looks.setHidden(id, !isVisible);
+            this.scenePanel.tree.draw();
             this.inspector.showCard();
         });
+    }
+
+    setVariant(asset, name) {
+        return this.attempt(() => this.connection.canEdit ? this.scene.setVariant(asset, name)
+            : this.looks.setVariant(asset, name));
     }
 
     updateView() {

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, shownPixels, until, waitFor, waitPicture } from "./rig.mjs";
 
 const daemon = new Daemon();
 let browser, host, guest;
@@ -73,6 +73,42 @@ test("who may only look is not offered to open files", async () => {
     const offered = (page) => page.evaluate(() => [...document.querySelectorAll("button")]
         .some((b) => b.title === "Open files" && !b.hidden));
     assert.deepEqual([await offered(host), await offered(guest)], [true, false]);
+});
+
+test("who may only look hides nodes and chooses variants for its own view", async () => {
+    const panel = (p) => p.$eval("#panel-scene", (e) => e.textContent);
+    const shown = (p) => p.evaluate(() => [...window.helio.scene.nodes.values()].map((n) => window.helio.isShown(n.node)));
+    const settled = () => waitFor(guest, () => {
+        const { settled, exact, revision, seq } = document.querySelector("#picture").dataset;
+        return settled === "true" && exact === "true" && Number(seq) === window.helio.view.seq && revision;
+    });
+    const pixels = async () => { await settled(); return (await shownPixels(guest)).toString("base64"); };
+    const changes = async (before, action) => {
+        await action();
+        let now;
+        await until(async () => (now = await pixels()) !== before, "the picture changes");
+        return now;
+    };
+    const variant = (option) => guest.evaluate((wanted) => {
+        const select = [...document.querySelectorAll("#panel-scene label")]
+            .map((l) => l.textContent === "Variant, here" && document.getElementById(l.htmlFor)).find(Boolean);
+        select.value = [...select.options].find((o) => o.textContent === wanted).value;
+        select.dispatchEvent(new Event("change"));
+    }, option);
+    await guest.bringToFront();
+    await guest.evaluate(() => window.helio.panels.set("scene", true));
+    await waitFor(guest, () => document.querySelector("#panel-scene").textContent.includes("Variant, here"));
+    const first = await pixels();
+    const red = await changes(first, () => variant("red"));
+    assert.equal(await changes(red, () => variant("As in the scene")), first);
+    const mesh = () => guest.click("#panel-scene [aria-label*='mesh'] .icon-button");
+    const without = await changes(first, mesh);
+    assert.ok((await shown(guest)).includes(false));
+    assert.ok(!(await shown(host)).includes(false), "the scene itself is as it was");
+    assert.doesNotMatch(await guest.$eval("#toasts", (t) => t.textContent), /needs the role/);
+    assert.equal(await changes(without, mesh), first);
+    assert.doesNotMatch(await panel(host), /Variant, here/);
+    await guest.evaluate(() => window.helio.panels.set("scene", false));
 });
 
 test("the panel shows the environment as it is, whoever has chosen it", async () => {
