@@ -28,14 +28,16 @@ after(async () => {
     await daemon.finish();
 });
 
+const dropFile = (page, name, bytes) => page.evaluate((file, base64) => {
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], file));
+    window.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
+}, name, Buffer.from(bytes).toString("base64"));
+
 // The host drops a file, in place of what is there.
 async function open(name, bytes) {
     await host.bringToFront();
-    await host.evaluate((file, base64) => {
-        const transfer = new DataTransfer();
-        transfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], file));
-        window.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
-    }, name, Buffer.from(bytes).toString("base64"));
+    await dropFile(host, name, bytes);
     if (await host.evaluate(() => window.helio.scene.assets.length)) {
         await host.waitForSelector("dialog[open] button[value=replace]");
         await host.click("dialog[open] button[value=replace]");
@@ -130,6 +132,41 @@ test("the panel shows the environment as it is, whoever has chosen it", async ()
     assert.deepEqual(await shown(guest), wanted);
     await host.evaluate(() => window.helio.setEnvironment({ kind: "AUTO", intensity: 1, rotation_rad: 0 }));
     await waitFor(guest, () => window.helio.viewPanel.rows.env.input.value === "AUTO");
+});
+
+test("a picture that is dropped lights the scene for all", async () => {
+    await host.bringToFront();
+    await dropFile(host, "room.hdr", readFileSync(join(models, "room.hdr")));
+    for (const page of [host, guest])
+        await waitFor(page, () => window.helio.viewPanel.rows.env.input.value === "FILE");
+    await host.evaluate(() => window.helio.setEnvironment({ kind: "AUTO" }));
+});
+
+test("a note that is pinned is seen by others, who may not remove it", async () => {
+    await host.evaluate(() => window.helio.fit(0n));
+    await waitPicture(host, (d) => d.settled === "true");
+    await host.focus("#picture");
+    await host.keyboard.press("KeyN");
+    await until(async () => { // in the middle, once the picture shows something there
+        await host.focus("#picture");
+        await host.keyboard.press("Enter");
+        return host.waitForSelector("dialog[open] #note", { timeout: 3000 }).catch(() => null);
+    }, "the dialog of a note");
+    await host.type("#note", "<b>loose</b> & bent");
+    await host.click("dialog[open] button[value=pin]");
+    await guest.bringToFront();
+    await guest.waitForSelector(".pin");
+    await guest.click(".pin");
+    const card = await guest.$eval("#card", (c) => [c.innerText, [...c.querySelectorAll("button")]
+        .find((b) => b.textContent === "Remove").disabled]);
+    assert.match(card[0], /<b>loose<\/b> & bent[^]*edit/);
+    assert.equal(card[1], true);
+    await host.bringToFront();
+    await host.click(".pin");
+    await host.evaluate(() => [...document.querySelectorAll("#card button")]
+        .find((b) => b.textContent === "Remove").click());
+    await guest.bringToFront();
+    await waitFor(guest, () => !document.querySelector(".pin"));
 });
 
 test("the holder of the shared camera is notified of a request, and hands it over", async () => {
