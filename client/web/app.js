@@ -39,7 +39,9 @@ class App {
         url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         this.connection = new Connection(url.href, CLIENT);
         this.connection.token = this.link.ticket;
-        this.connection.ticket = takeResume();
+        this.address = [this.link.scene, this.link.load];
+        this.kept = takeResume(this.link); // of the page before, when this tab was loaded again
+        this.connection.ticket = this.kept.ticket;
         this.canvas = $("picture");
         this.scene = new Scene(this.connection);
         this.view = new View(this.connection, this.canvas, $("warp"));
@@ -186,15 +188,29 @@ class App {
         }, { once: true });
     }
 
-    // A session that came in by a join ticket goes on when the page is loaded again: the ticket
-    // may be good once only.
+    // A session goes on when the page is loaded again where it came in by a join ticket, which may be good once
+    // only, or has edits, files that were dropped among them, that might end with it.
     leave() {
-        if (this.view.sent)
-            keepCamera(this.link, this.view.camera);
-        if (this.connection.joined)
-            keepResume(this.connection.ticket);
-        else
-            this.connection.close();
+        const { connection, scene, view, looks, people } = this;
+        if (view.sent)
+            keepCamera(this.link, view.camera);
+        if (!connection.ticket || !(connection.joined || scene.isEdited || this.isKept)) {
+            connection.close();
+            return;
+        }
+        const { codecs, ...params } = view.params;
+        keepResume(connection.joined ? null : this.address, connection.ticket,
+            { params, seq: view.seq, looks: looks.state, isFollowing: people.isFollowing });
+    }
+
+    // The session of the page before goes on here.
+    takeUp({ params, seq, looks, isFollowing }) {
+        this.isKept = true;
+        this.view.seq = seq;
+        this.view.params = { ...this.view.params, ...params };
+        this.looks.restore(looks);
+        this.people.isFollowing = isFollowing;
+        this.updateView();
     }
 
     // ---- connection ----------------------------------------------------------------------------
@@ -242,7 +258,11 @@ class App {
 
     async onOpened(resumed) {
         try {
+            const { look } = this.kept;
+            this.kept.look = null;
             if (resumed) {
+                if (look)
+                    this.takeUp(look);
                 this.scene.setRange(resumed);
                 await this.view.resume();
                 announce("Connected again");
@@ -251,7 +271,10 @@ class App {
             }
             this.wasOpen = true;
             const watched = this.people.watch(); // first, so that no edit is missed
-            this.refreshScene();
+            this.refreshScene().then(() => {
+                if (look && this.looks.selected !== null)
+                    this.inspector.select(this.looks.selected);
+            });
             await watched;
         } catch (error) {
             if (error.status !== "closed")

@@ -36,6 +36,20 @@ export class Looks {
             this.sendClip();
     }
 
+    // For restore, in a page that goes on with this view.
+    get state() {
+        const { cuts, caps, box, selected } = this;
+        return { cuts, caps, box, selected: selected === null ? null : String(selected), hidden: [...this.hidden].map(String),
+            variants: [...this.variants] };
+    }
+
+    restore({ cuts, caps, box, selected, hidden, variants }) {
+        Object.assign(this, { cuts, caps, box, selected: selected === null ? null : BigInt(selected),
+            hidden: new Set(hidden.map(BigInt)), variants: new Map(variants) });
+        this.capRow?.set(caps);
+        this.update();
+    }
+
     async call(name, fields) {
         if (!this.view.isStarted)
             return;
@@ -64,7 +78,8 @@ export class Looks {
     }
 
     sendOverrides() {
-        const there = [...this.hidden].filter((node) => this.scene.nodes.has(node));
+        const { nodes: known } = this.scene; // none before they are listed
+        const there = [...this.hidden].filter((node) => !known.size || known.has(node));
         const nodes = new Set(this.selected === null ? there : [...there, this.selected]);
         const overrides = [...nodes].map((node) => {
             const hidden = this.hidden.has(node), selected = node === this.selected;

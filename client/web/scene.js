@@ -30,6 +30,7 @@ export class Scene extends EventTarget {
         this.revision = 0n;
         this.listed = -1n;
         this.isWanted = false;
+        this.isEdited = false; // by this page, but for what its link loads
         this.setTold(false);
         this.loads = 0; // edits that loaded or removed assets
         this.loader = 0n; // session that loaded an asset last; 0 = not known
@@ -84,6 +85,7 @@ export class Scene extends EventTarget {
     async loadFiles(files, onProgress) {
         const sent = await upload(this.connection, files, onProgress);
         onProgress("Opening", null);
+        this.isEdited = true;
         return this.load({ files: sent }, onProgress);
     }
 
@@ -225,6 +227,7 @@ export class Scene extends EventTarget {
     // ---- edits ---------------------------------------------------------------------------------
 
     async edit(name, message) {
+        this.isEdited = true;
         const { revision } = await this.connection.call(name, message);
         // What this page did itself needs no new list.
         if (this.listed === this.revision)

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, shownPixels, until, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, shownPixels, until, waitExact, waitFor, waitPicture } from "./rig.mjs";
 
 const daemon = new Daemon();
 let browser, host, guest;
@@ -198,6 +198,36 @@ test("the holder of the shared camera is notified of a request, and hands it ove
     await press(admin, "Unlock");
     await waitFor(guest, () => !window.helio.people.shared.locked);
     await admin.browserContext().close();
+});
+
+test("a page with edits that is loaded again goes on as it was", async () => {
+    const solo = await openPage(await browser.createBrowserContext(), link("", "edit"));
+    await solo.waitForSelector("#empty:not([hidden])");
+    await dropFile(solo, "panes.glb", readFileSync(join(models, "panes.glb")));
+    await waitExact(solo);
+    await solo.evaluate(async () => {
+        const { helio } = window;
+        await helio.setParams({ tonemap: "AGX" });
+        helio.looks.change(0, { isOn: true, isFlipped: true });
+        await helio.inspector.select(helio.scene.roots[0].node);
+    });
+    await waitFor(solo, () => window.helio.looks.box && !window.helio.looks.timer);
+    await waitExact(solo);
+    for (let i = 0; i < 2; i++) { // again and again
+        const session = await solo.evaluate(() => String(window.helio.connection.session));
+        await solo.reload();
+        await waitFor(solo, () => window.helio?.scene.assets.length === 1);
+        await waitExact(solo);
+        await waitFor(solo, () => !document.querySelector("#card").hidden);
+        assert.deepEqual(await solo.evaluate(() => [String(window.helio.connection.session),
+            window.helio.viewPanel.rows.tonemap.input.value, window.helio.looks.rows[0].on.input.checked]), [session, "AGX", true]);
+    }
+    await solo.evaluate(() => { location.hash = "#scene=elsewhere"; });
+    await until(() => solo.evaluate(() => window.helio?.scene.name === "elsewhere").catch(() => false), // it is loaded again
+        "another link opens another scene");
+    await solo.waitForSelector("#empty:not([hidden])");
+    assert.deepEqual(solo.complaints, []);
+    await solo.browserContext().close();
 });
 
 test("guests may come by the link before the host does", async () => {
