@@ -49,6 +49,8 @@ export class Opening {
                 app.scene.setEnvironmentFile(chosen.files, onProgress));
             return;
         }
+        if (chosen.others?.length)
+            toast(`${chosen.name} is opened, one scene at a time. Not opened: ${chosen.others.join(", ")}.`);
         await this.open({ files: chosen.files }, chosen.name, (onProgress) =>
             app.scene.loadFiles(chosen.files, onProgress));
     }

@@ -120,7 +120,8 @@ async function gltfParts(main, files) {
     return parts;
 }
 
-// { kind: "scene" or "environment", name, files: [{ uri, file }] }, the main file first.
+// { kind: "scene" or "environment", name, files: [{ uri, file }], others }, the main file first; others: names of
+// further scenes, which are not opened.
 export async function choose(files) {
     const first = (endings, of) => endings.map((e) => files.find((f) => of(f.path) === e)).find(Boolean);
     const scene = first(SCENES, unpackedEnding);
@@ -138,7 +139,8 @@ export async function choose(files) {
     const parts = ["glb", "gltf"].includes(unpackedEnding(scene.path)) ? await gltfParts(scene, files)
         : files.filter((f) => f !== scene && f.path.startsWith(folder))
             .map((f) => ({ uri: f.path.slice(folder.length), file: f.file }));
-    return { kind: "scene", name: baseOf(scene.path),
+    const others = files.filter((f) => f !== scene && SCENES.includes(unpackedEnding(f.path))).map((f) => baseOf(f.path));
+    return { kind: "scene", name: baseOf(scene.path), others,
         files: [{ uri: baseOf(scene.path), file: scene.file }, ...parts] };
 }
 

@@ -201,6 +201,9 @@ test("every format that the server reads can be dropped", async () => {
     const parts = await dropped("wood.png", "chair.mtl", "chair.obj.gz");
     assert.deepEqual(parts.files.map((f) => f.uri), ["chair.obj.gz", "wood.png", "chair.mtl"]);
     assert.equal((await dropped("grey.png", "studio.hdr")).kind, "environment");
+    assert.deepEqual(parts.others, []);
+    const two = await dropped("b.stl", "a.ply.gz", "a.txt");
+    assert.deepEqual([two.name, two.others], ["a.ply.gz", ["b.stl"]]);
     assert.match((await dropped("a.zip").catch((e) => e)).message, /neither a scene/);
 });
 
