@@ -39,7 +39,9 @@ class App {
         url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
         this.connection = new Connection(url.href, CLIENT);
         this.connection.token = this.link.ticket;
-        this.connection.ticket = takeResume();
+        this.address = [this.link.scene, this.link.load];
+        this.kept = takeResume(this.link); // of the page before, when this tab was loaded again
+        this.connection.ticket = this.kept.ticket;
         this.canvas = $("picture");
         this.scene = new Scene(this.connection);
         this.view = new View(this.connection, this.canvas, $("warp"));
@@ -81,8 +83,8 @@ class App {
         }, close("view"));
         this.scenePanel = new ScenePanel($("panel-scene"), this.scene, {
             select: (id) => this.inspector.select(id), toggle: (id, on) => this.setVisible(id, on),
-            focus: (id) => this.fit(id), camera: (id) => this.follow(id),
-            variant: (asset, name) => this.attempt(() => this.scene.setVariant(asset, name)),
+            isShown: (node) => this.isShown(node.node), focus: (id) => this.fit(id), camera: (id) => this.follow(id),
+            variant: (asset, name) => this.setVariant(asset, name), variantHere: (asset) => this.looks.variants.get(asset),
             canEdit: () => this.connection.canEdit,
             warnings: (list) => this.showWarnings(list),
         }, close("scene"));
@@ -163,8 +165,10 @@ class App {
         view.addEventListener("params", () => this.updateView());
         scene.addEventListener("changed", () => this.onScene());
         scene.addEventListener("assets", () => this.refreshScene());
+        scene.addEventListener("environment", () => this.viewPanel.updateEnvironment(scene.environment));
         new ResizeObserver(() => view.resize()).observe(canvas);
         this.watchPixelRatio();
+        view.setHidden(document.hidden); // a tab may be opened in the background
         document.addEventListener("visibilitychange", () => view.setHidden(document.hidden));
         addEventListener("pagehide", () => this.leave());
         // A page that the browser kept, and shows again as it was left.
@@ -184,15 +188,29 @@ class App {
         }, { once: true });
     }
 
-    // A session that came in by a join ticket goes on when the page is loaded again: the ticket
-    // may be good once only.
+    // A session goes on when the page is loaded again where it came in by a join ticket, which may be good once
+    // only, or has edits, files that were dropped among them, that might end with it.
     leave() {
-        if (this.view.sent)
-            keepCamera(this.link, this.view.camera);
-        if (this.connection.joined)
-            keepResume(this.connection.ticket);
-        else
-            this.connection.close();
+        const { connection, scene, view, looks, people } = this;
+        if (view.sent)
+            keepCamera(this.link, view.camera);
+        if (!connection.ticket || !(connection.joined || scene.isEdited || this.isKept)) {
+            connection.close();
+            return;
+        }
+        const { codecs, ...params } = view.params;
+        keepResume(connection.joined ? null : this.address, connection.ticket,
+            { params, seq: view.seq, looks: looks.state, isFollowing: people.isFollowing });
+    }
+
+    // The session of the page before goes on here.
+    takeUp({ params, seq, looks, isFollowing }) {
+        this.isKept = true;
+        this.view.seq = seq;
+        this.view.params = { ...this.view.params, ...params };
+        this.looks.restore(looks);
+        this.people.isFollowing = isFollowing;
+        this.updateView();
     }
 
     // ---- connection ----------------------------------------------------------------------------
@@ -240,7 +258,11 @@ class App {
 
     async onOpened(resumed) {
         try {
+            const { look } = this.kept;
+            this.kept.look = null;
             if (resumed) {
+                if (look)
+                    this.takeUp(look);
                 this.scene.setRange(resumed);
                 await this.view.resume();
                 announce("Connected again");
@@ -249,7 +271,10 @@ class App {
             }
             this.wasOpen = true;
             const watched = this.people.watch(); // first, so that no edit is missed
-            this.refreshScene();
+            this.refreshScene().then(() => {
+                if (look && this.looks.selected !== null)
+                    this.inspector.select(this.looks.selected);
+            });
             await watched;
         } catch (error) {
             if (error.status !== "closed")
@@ -577,11 +602,27 @@ class App {
         return this.attempt(() => this.scene.setEnvironment(fields));
     }
 
+    isShown(id) {
+        return !this.looks.hidden.has(id) && (this.scene.nodes.get(id)?.visible ?? true);
+    }
+
+    // Who may not edit the scene changes this view alone.
     setVisible(id, isVisible) {
         return this.attempt(async () => {
-            await this.scene.setVisible(id, isVisible);
+            if (this.connection.canEdit)
+                await this.scene.setVisible(id, isVisible);
+            else if (isVisible && !this.looks.hidden.has(id))
+                toast("It is hidden in the scene, and your access is view only.");
+            else
+                await this.looks.setHidden(id, !isVisible);
+            this.scenePanel.tree.draw();
             this.inspector.showCard();
         });
+    }
+
+    setVariant(asset, name) {
+        return this.attempt(() => this.connection.canEdit ? this.scene.setVariant(asset, name)
+            : this.looks.setVariant(asset, name));
     }
 
     updateView() {

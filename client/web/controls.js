@@ -17,6 +17,9 @@ const HELD = {
     KeyE: [0, 1, 0], KeyQ: [0, -1, 0], PageUp: [0, 1, 0], PageDown: [0, -1, 0],
 };
 const TURNS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+// Buttons of a gamepad (standard mapping) to keys, as in helio view; B is the next style.
+const PAD_KEYS = { 0: () => "KeyF", 1: (mode) => NEXT_STYLE[mode], 2: () => "KeyP", 8: () => "KeyT" };
+const NEXT_STYLE = { orbit: "KeyG", fly: "KeyK", walk: "KeyO" };
 const ZOOMS = { Equal: -1, NumpadAdd: -1, Minus: 1, NumpadSubtract: 1 };
 
 export class Controls {
@@ -32,6 +35,7 @@ export class Controls {
         this.pointers = new Map();
         this.lastClick_ms = 0;
         this.hasPad = false;
+        this.padHeld = new Set(); // buttons of it that are pressed
         this.listen();
     }
 
@@ -227,6 +231,16 @@ export class Controls {
             orbit(camera, x * angle, y * angle);
     }
 
+    // A button counts once, when it goes down.
+    padButtons({ buttons }) {
+        for (const [index, keyOf] of Object.entries(PAD_KEYS)) {
+            const isDown = Boolean(buttons[index]?.pressed);
+            if (isDown && !this.padHeld.has(index))
+                this.on.key({ code: keyOf(this.mode), key: "" });
+            this.padHeld[isDown ? "add" : "delete"](index);
+        }
+    }
+
     // Sticks: left goes, right turns; triggers sink and rise.
     tickPad(dt_s) {
         const pad = navigator.getGamepads?.().find((p) => p?.connected);
@@ -239,9 +253,7 @@ export class Controls {
         const rise = (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
         const turn = [stick(2), stick(3)].map((v) => v * 2 * dt_s);
         const isStill = !rise && [0, 1, 2, 3].every((i) => stick(i) === 0);
-        if (pad.buttons[0]?.pressed && !this.padPressed)
-            this.on.key({ code: "KeyF", key: "f" });
-        this.padPressed = pad.buttons[0]?.pressed;
+        this.padButtons(pad);
         this.padRests = isStill;
         if (isStill)
             return true;

@@ -1247,7 +1247,7 @@ export const messages = {
         type: 0x0408, direction: "C2S", state: "OPEN", role: "ADMIN", since: 1,
         fields: [],
     },
-    // describe the scene (helio info); needs no device
+    // describe the scene (helio info); needs no device; json: revision, assets[], environment: what environment_set has chosen
     info_query: {
         type: 0x0409, direction: "C2S", state: "OPEN", role: "VIEW", since: 1,
         fields: [],

@@ -176,11 +176,11 @@ export class Inspector {
                 ["Texture", vector(picked.uv)],
                 ["Part, triangle", `${picked.part}, ${picked.triangle}`],
                 ["Distance", metresText(picked.distance)]);
-        const isVisible = app.scene.nodes.get(id)?.visible ?? true;
+        const isVisible = app.isShown(id);
+        const here = app.connection.canEdit ? "" : " here";
         return [this.head(app.scene.nameOf(id), () => this.clear()), definitions(rows),
             h("div", { class: "choices" }, button("Zoom to it", () => app.fit(id)),
-                button(isVisible ? "Hide" : "Show", () => app.setVisible(id, !isVisible),
-                    { disabled: !app.connection.canEdit }),
+                button(`${isVisible ? "Hide" : "Show"}${here}`, () => app.setVisible(id, !isVisible)),
                 button("In the tree", () => {
                     app.panels.set("scene", true);
                     app.scenePanel.tree.reveal(id);

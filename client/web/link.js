@@ -98,14 +98,16 @@ export function takeCamera(link) {
     return isReload && kept[0] === link.scene && kept[1] === link.load ? cameraFromText(kept[2]) : null;
 }
 
-// The ticket of a session that goes on when this page is loaded again: good once.
-export function keepResume(ticket) {
-    if (ticket)
-        sessionStorage.setItem(RESUME, Array.from(ticket, (b) => String.fromCharCode(b)).join(""));
+// The ticket of a session that goes on when this page is loaded again, good once, and how it showed the scene.
+// address: the scene and load of the link that it was opened by; null: of a join ticket, whatever the link says.
+export function keepResume(address, ticket, look) {
+    sessionStorage.setItem(RESUME, JSON.stringify([address, Array.from(ticket), look]));
 }
 
-export function takeResume() {
-    const text = sessionStorage.getItem(RESUME);
+// { ticket, look }; nulls: there is none, or the address is another one by now.
+export function takeResume({ scene, load }) {
+    const [address, ticket, look] = JSON.parse(sessionStorage.getItem(RESUME) ?? "[[],null,null]");
     sessionStorage.removeItem(RESUME);
-    return text ? Uint8Array.from(text, (c) => c.charCodeAt(0)) : null;
+    const isSame = !address || (address[0] === scene && address[1] === load);
+    return isSame && ticket ? { ticket: Uint8Array.from(ticket), look } : { ticket: null, look: null };
 }

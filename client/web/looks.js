@@ -1,11 +1,11 @@
-// looks.js - how this view alone shows the scene: what is selected, and clipping planes with the
-// panel section that sets them. The scene stays as it is.
+// looks.js - how this view alone shows the scene: what is selected or hidden, variants, and clipping planes
+// with the panel section that sets them. The scene stays as it is.
 import { h, metresText, section, selectRow, sliderRow, toggleRow } from "./dom.js";
 
 const VIEW = 1;
 const AXES = ["X", "Y", "Z"];
 const STEPS = 1000; // of a slider along the scene
-const SELECTED = 4; // the property of a node_override
+const HIDDEN = 1, SELECTED = 4; // properties of a node_override
 const CAPS = [["MATERIAL", "Material"], ["HATCH", "Hatched"], ["COLOR", "Colour"], ["NONE", "None"]];
 const LATER_MS = 60;
 
@@ -17,6 +17,8 @@ export class Looks {
         this.scene = scene;
         this.onError = onError;
         this.selected = null;
+        this.hidden = new Set(); // nodes
+        this.variants = new Map(); // asset -> its variant in place of the scene's
         this.cuts = AXES.map(() => ({ isOn: false, share: 0.5, isFlipped: false }));
         this.caps = "MATERIAL";
         this.box = null; // of the scene: { min, max }
@@ -26,10 +28,26 @@ export class Looks {
 
     // A view that was made anew shows everything.
     onStarted() {
-        if (this.selected !== null)
-            this.sendSelected();
+        if (this.selected !== null || this.hidden.size)
+            this.sendOverrides();
+        for (const asset of this.variants.keys())
+            this.sendVariant(asset);
         if (this.cuts.some((c) => c.isOn))
             this.sendClip();
+    }
+
+    // For restore, in a page that goes on with this view.
+    get state() {
+        const { cuts, caps, box, selected } = this;
+        return { cuts, caps, box, selected: selected === null ? null : String(selected), hidden: [...this.hidden].map(String),
+            variants: [...this.variants] };
+    }
+
+    restore({ cuts, caps, box, selected, hidden, variants }) {
+        Object.assign(this, { cuts, caps, box, selected: selected === null ? null : BigInt(selected),
+            hidden: new Set(hidden.map(BigInt)), variants: new Map(variants) });
+        this.capRow?.set(caps);
+        this.update();
     }
 
     async call(name, fields) {
@@ -43,20 +61,45 @@ export class Looks {
         }
     }
 
-    // ---- the selection -------------------------------------------------------------------------
+    // ---- nodes and variants --------------------------------------------------------------------
 
     // Outlines a node and what is below it; null: nothing.
     select(node) {
         if (node === this.selected)
             return;
         this.selected = node;
-        this.sendSelected();
+        this.sendOverrides();
     }
 
-    sendSelected() {
-        const overrides = this.selected === null ? [] : [{ node: this.selected, set: SELECTED,
-            hidden: false, tint: [0, 0, 0, 0], selected: true, alpha: 1 }];
+    // Hides a node and what is below it, or shows it again.
+    setHidden(node, isHidden) {
+        this.hidden[isHidden ? "add" : "delete"](node);
+        return this.sendOverrides();
+    }
+
+    sendOverrides() {
+        const { nodes: known } = this.scene; // none before they are listed
+        const there = [...this.hidden].filter((node) => !known.size || known.has(node));
+        const nodes = new Set(this.selected === null ? there : [...there, this.selected]);
+        const overrides = [...nodes].map((node) => {
+            const hidden = this.hidden.has(node), selected = node === this.selected;
+            return { node, set: (hidden && HIDDEN) | (selected && SELECTED), hidden, selected, tint: [0, 0, 0, 0], alpha: 1 };
+        });
         return this.call("view_overrides", { overrides, clear: true });
+    }
+
+    // null: that of the scene.
+    setVariant(asset, variant) {
+        if (variant === null)
+            this.variants.delete(asset);
+        else
+            this.variants.set(asset, variant);
+        return this.sendVariant(asset);
+    }
+
+    sendVariant(asset) {
+        const variant = this.variants.get(asset);
+        return this.call("view_variant", { asset, ...variant === undefined ? {} : { variant } });
     }
 
     // ---- clipping planes -----------------------------------------------------------------------
@@ -103,8 +146,10 @@ export class Looks {
         this.box = box && !box.empty ? { min: box.min, max: box.max } : null;
     }
 
-    // Another scene: its box is asked for again, and nothing of it is cut.
+    // Another scene: its box is asked for again, and nothing of it is cut or hidden.
     reset() {
+        this.hidden.clear();
+        this.variants.clear();
         const wasCut = this.cuts.some((c) => c.isOn);
         this.cuts.forEach((cut) => Object.assign(cut, { isOn: false, share: 0.5 }));
         this.box = null;

@@ -49,6 +49,8 @@ export class Opening {
                 app.scene.setEnvironmentFile(chosen.files, onProgress));
             return;
         }
+        if (chosen.others?.length)
+            toast(`${chosen.name} is opened, one scene at a time. Not opened: ${chosen.others.join(", ")}.`);
         await this.open({ files: chosen.files }, chosen.name, (onProgress) =>
             app.scene.loadFiles(chosen.files, onProgress));
     }
@@ -137,7 +139,7 @@ export class Opening {
         const { canEdit } = app.connection;
         app.status.set("settled", "Ready");
         section.replaceChildren(icon("scene"), h("h2", { text: "Nothing to see yet" }),
-            h("p", { text: canEdit ? "Drop a scene here: glTF with its files, OBJ, FBX, PLY, STL."
+            h("p", { text: canEdit ? "Drop a scene here: glTF with its files, OBJ, FBX, Collada, PLY, STL, OFF or a height map."
                 : "This scene is empty, and your access is view only." }),
             ...canEdit ? [h("div", { class: "choices" },
                 button("Choose files", () => this.input.click(), { class: "button primary" }),

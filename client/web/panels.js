@@ -14,6 +14,7 @@ const DEBUG = { OFF: "Picture", MIP: "Texture levels", RESIDENCY: "Resident text
     PROBES: "Light probes", SHADOWS: "Shadow maps", SCALE: "Render scale",
     HISTORY: "History", MOTION: "Motion vectors" };
 const RESOLUTIONS = [["1", "Full"], ["0.75", "75 %"], ["0.5", "50 %"], ["0.25", "25 %"]];
+const OF_SCENE = "\0"; // the value of a choice that no variant can be called
 const SAMPLES = [16, 64, 256, 1024, 4096];
 
 export function panelHeader(title, onClose) {
@@ -83,7 +84,7 @@ export class ViewPanel {
         };
         this.sunAt = [-40, 50];
         rows.env = selectRow("Light from", [["AUTO", "Scene"], ["SKY", "Sky and sun"],
-            ["COLOR", "Even light"], ["NONE", "Nothing"]], (kind) => {
+            ["FILE", "Picture"], ["COLOR", "Even light"], ["NONE", "Nothing"]], (kind) => {
             on.environment(kind === "COLOR" ? { kind, color: [0.8, 0.8, 0.8] } : { kind });
             this.showSun(kind);
         });
@@ -105,6 +106,8 @@ export class ViewPanel {
         rows.turn.set(0);
         this.envHint = h("p", { class: "hint",
             text: "Drop an .hdr or .exr picture on the page to be lit by it." });
+        this.fileOption = rows.env.input.querySelector("[value=FILE]");
+        this.fileOption.hidden = true; // until the scene has had one
         this.showSun("AUTO");
         return section("Environment", false, ...["env", "sunAzimuth", "sunHeight", "intensity"]
             .map((k) => rows[k].row), this.meterHint, rows.turn.row, this.envHint);
@@ -112,6 +115,24 @@ export class ViewPanel {
 
     showSun(kind) {
         this.rows.sunAzimuth.row.hidden = this.rows.sunHeight.row.hidden = kind !== "SKY";
+    }
+
+    // Shows what the scene's environment is, whoever has chosen it; null: not known.
+    updateEnvironment(environment) {
+        if (!environment)
+            return;
+        const { rows } = this;
+        const { kind, intensity = 1, rotation_rad = 0, sun_direction: sun = [0, 0, 0] } = environment;
+        const degrees = (rad) => Math.round(rad * 180 / Math.PI);
+        this.fileOption.hidden &&= kind !== "FILE";
+        rows.env.set(kind);
+        this.showSun(kind);
+        rows.intensity.set(Math.log2(Math.max(intensity, 1e-9)));
+        rows.turn.set(degrees(Math.atan2(Math.sin(rotation_rad), Math.cos(rotation_rad))));
+        if (Math.hypot(...sun) > 0)
+            this.sunAt = [degrees(Math.atan2(sun[0], sun[2])), degrees(Math.asin(sun[1] / Math.hypot(...sun)))];
+        rows.sunAzimuth.set(this.sunAt[0]);
+        rows.sunHeight.set(this.sunAt[1]);
     }
 
     backgroundSection() {
@@ -194,11 +215,12 @@ export function hexOfLinear(color) {
 // ---- what is in the scene ----------------------------------------------------------------------
 
 export class ScenePanel {
-    // on: { select(id), toggle(id, visible), focus(id), variant(asset, name), camera(id), open() }
+    // on: { select(id), toggle(id, visible), isShown(node), focus(id), variant(asset, name), variantHere(asset),
+    // camera(id), open() }
     constructor(element, scene, on, onClose) {
         this.scene = scene;
         this.on = on;
-        this.tree = new Tree(scene, { select: on.select, toggle: on.toggle, open: on.focus });
+        this.tree = new Tree(scene, { select: on.select, toggle: on.toggle, isShown: on.isShown, open: on.focus });
         this.search = h("input", { type: "search", class: "text", placeholder: "Search nodes",
             "aria-label": "Search nodes", on: { input: () => this.find() } });
         this.count = h("p", { class: "hint", role: "status" });
@@ -227,11 +249,11 @@ export class ScenePanel {
         this.showCount();
         const rows = [];
         for (const asset of scene.assets.filter((a) => a.variants?.length)) {
-            const { row } = selectRow("Variant",
-                [["", "As in the file"], ...asset.variants.map((v) => [v, v || "(no name)"])],
-                (v) => on.variant(asset.number, v));
-            row.querySelector("select").value = asset.variant ?? "";
-            row.querySelector("select").disabled = !on.canEdit();
+            const { row, set } = selectRow(on.canEdit() ? "Variant" : "Variant, here",
+                [...on.canEdit() ? [] : [[OF_SCENE, "As in the scene"]],
+                    ["", "As in the file"], ...asset.variants.map((v) => [v, v || "(no name)"])],
+                (v) => on.variant(asset.number, v === OF_SCENE ? null : v));
+            set(on.canEdit() ? asset.variant ?? "" : on.variantHere(asset.number) ?? OF_SCENE);
             rows.push(row);
         }
         const cameras = scene.cameras;

@@ -1,6 +1,6 @@
 // scene.js - the scene of the session: what it holds, and edits of it.
 //
-// Events: "changed" (nodes or assets were listed anew), "assets" (they were loaded or removed).
+// Events: "changed" (nodes or assets were listed anew), "assets" (they were loaded or removed), "environment".
 import { RequestError, describeProgress } from "./connection.js";
 import { findMessage } from "./hgp.js";
 import { upload } from "./upload.js";
@@ -9,6 +9,7 @@ const PAGE_NODES = 4096;
 const MOST_NODES = 200000;
 const REFRESH_MS = 1500;
 const ASSET_MS = 100; // sooner, as this is what people wait for
+const ENVIRONMENT_MS = 300; // of another client's edits; a slider makes many
 // Edits that change nothing of what is listed: names, places in the tree, what is visible, assets, variants.
 const UNLISTED = ["animation_set", "environment_set", "material_set", "texture_set", "light_set"];
 
@@ -24,10 +25,12 @@ export class Scene extends EventTarget {
         this.nodes = new Map();
         this.roots = [];
         this.assets = [];
+        this.environment = null; // { kind, intensity, rotation_rad, ... } of info_query; null: not known
         this.total = 0;
         this.revision = 0n;
         this.listed = -1n;
         this.isWanted = false;
+        this.isEdited = false; // by this page, but for what its link loads
         this.setTold(false);
         this.loads = 0; // edits that loaded or removed assets
         this.loader = 0n; // session that loaded an asset last; 0 = not known
@@ -82,6 +85,7 @@ export class Scene extends EventTarget {
     async loadFiles(files, onProgress) {
         const sent = await upload(this.connection, files, onProgress);
         onProgress("Opening", null);
+        this.isEdited = true;
         return this.load({ files: sent }, onProgress);
     }
 
@@ -126,6 +130,8 @@ export class Scene extends EventTarget {
         const isMissing = this.edits !== null && number !== this.edits + 1n; // one was not told
         this.edits = number;
         const name = findMessage(message)?.name;
+        if (name === "environment_set" && session !== this.connection.session)
+            this.noteEnvironment();
         const isAsset = name === "asset_load" || name === "asset_unload";
         if (UNLISTED.includes(name) && !isMissing)
             return;
@@ -136,18 +142,40 @@ export class Scene extends EventTarget {
             this.noteRevision(revision, isAsset ? ASSET_MS : REFRESH_MS);
     }
 
+    // Another client has changed the environment: what it is now follows after a moment.
+    noteEnvironment() {
+        if (!this.isWanted)
+            return;
+        this.lightTimer ??= setTimeout(async () => {
+            this.lightTimer = undefined;
+            this.setInfoEnvironment(await this.info().catch(() => ({})));
+        }, ENVIRONMENT_MS);
+    }
+
+    async info() {
+        return JSON.parse((await this.connection.call("info_query", {})).text);
+    }
+
+    setInfoEnvironment({ environment }) {
+        if (!environment)
+            return;
+        this.environment = { ...environment, kind: environment.kind.toUpperCase() };
+        this.dispatchEvent(new Event("environment"));
+    }
+
     async refresh() {
         this.isWanted = true;
         let info, nodes, loads;
         do { // an asset that came or went between the answers: they do not belong together
             loads = this.loads;
-            info = JSON.parse((await this.connection.call("info_query", {})).text);
+            info = await this.info();
             nodes = await this.listNodes();
         } while (this.loads !== loads);
         this.listed = this.revision;
         this.assets = info.assets.map((asset, i) => ({ ...asset,
             number: asset.asset ?? this.guessNumber(nodes, i) }));
         this.index(nodes);
+        this.setInfoEnvironment(info);
         this.dispatchEvent(new Event("changed"));
     }
 
@@ -199,6 +227,7 @@ export class Scene extends EventTarget {
     // ---- edits ---------------------------------------------------------------------------------
 
     async edit(name, message) {
+        this.isEdited = true;
         const { revision } = await this.connection.call(name, message);
         // What this page did itself needs no new list.
         if (this.listed === this.revision)
@@ -229,8 +258,14 @@ export class Scene extends EventTarget {
         return this.edit("animation_set", { asset, animation, time_s });
     }
 
-    setEnvironment(fields) {
-        return this.edit("environment_set", fields);
+    async setEnvironment(fields) {
+        try {
+            await this.edit("environment_set", fields);
+            const { hash, ...known } = fields;
+            this.environment = { ...this.environment, ...known };
+        } finally {
+            this.dispatchEvent(new Event("environment")); // what is refused is not chosen
+        }
     }
 
     async setEnvironmentFile(files, onProgress) {

@@ -17,7 +17,7 @@ const KEYS = [["Arrow keys", "turn; with Shift move"],
 const GESTURES = [["Drag, one finger", "turn"], ["Right drag, two fingers", "move; pinch to zoom"],
     ["Three fingers", "go ahead and sideways"], ["Wheel", "zoom to the pointer"],
     ["Click", "pick"], ["Double click", "turn around that place"],
-    ["Gamepad", "sticks go and look, triggers sink and rise"]];
+    ["Gamepad", "sticks go and look, triggers sink and rise; A shows everything, B next style, X path traced, Back statistics"]];
 
 export function showHelp() {
     const list = (rows) => h("dl", { class: "keys" }, ...rows.flatMap(([key, text]) =>

@@ -8,7 +8,7 @@ const INDENT_PX = 14;
 const DEEPEST_INDENT = 12;
 
 export class Tree {
-    // on: { select(id), toggle(id, visible), open(id) }
+    // on: { select(id), toggle(id, visible), open(id), isShown(node) }
     constructor(scene, on) {
         this.scene = scene;
         this.on = on;
@@ -106,20 +106,20 @@ export class Tree {
     drawRow(row, index) {
         const { node, level, isOpen } = row;
         const kind = node.camera ? "camera" : node.light ? "light" : node.mesh ? "mesh" : "group";
-        const name = this.scene.nameOf(node.node);
-        const element = h("div", { class: `node${node.visible ? "" : " off"}`, role: "treeitem",
+        const name = this.scene.nameOf(node.node), isShown = this.on.isShown(node);
+        const element = h("div", { class: `node${isShown ? "" : " off"}`, role: "treeitem",
             id: `node-${node.node}`, "aria-level": String(level + 1),
             "aria-posinset": String(row.index + 1), "aria-setsize": String(row.of),
             "aria-selected": String(node.node === this.selected),
             "aria-expanded": node.children.length ? String(isOpen) : null,
-            "aria-label": `${name}, ${kind}${node.visible ? "" : ", hidden"}`,
+            "aria-label": `${name}, ${kind}${isShown ? "" : ", hidden"}`,
             on: { click: () => this.select(node.node), dblclick: () => this.on.open(node.node) } },
         h("span", { class: "twist", on: { click: (e) => this.twist(e, node) } },
             node.children.length ? icon("chevron") : ""),
         icon(kind), h("span", { class: "name", text: name }));
-        const eye = iconButton(node.visible ? "eye" : "eye-off",
-            node.visible ? `Hide ${name}` : `Show ${name}`,
-            (e) => { e.stopPropagation(); this.on.toggle(node.node, !node.visible); },
+        const eye = iconButton(isShown ? "eye" : "eye-off",
+            isShown ? `Hide ${name}` : `Show ${name}`,
+            (e) => { e.stopPropagation(); this.on.toggle(node.node, !isShown); },
             { tabindex: "-1", "aria-hidden": "true" });
         element.append(eye);
         element.style.top = `${index * ROW_PX}px`;
@@ -167,7 +167,7 @@ export class Tree {
             row.isOpen && row.node.children.length ? this.setOpen(row.node, false)
                 : go(this.rows.findIndex((r) => r.node.node === row.node.parent));
         else if (event.key === " " && row)
-            this.on.toggle(row.node.node, !row.node.visible);
+            this.on.toggle(row.node.node, !this.on.isShown(row.node));
         else if (event.key === "Enter" && row)
             this.on.open(row.node.node);
         else

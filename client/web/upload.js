@@ -11,8 +11,10 @@ const QUERY_CONTENTS = 1024;
 
 const SCENES = ["glb", "gltf", "obj", "fbx", "dae", "ply", "stl", "off"];
 const ENVIRONMENTS = ["hdr", "exr"];
+const HEIGHTS = ["hgt", "tif", "tiff", "png"]; // height maps, where there is neither of both
 
 const ending = (path) => path.slice(path.lastIndexOf(".") + 1).toLowerCase();
+const unpackedEnding = (path) => ending(path.replace(/\.gz$/i, "")); // the server unpacks scenes
 const folderOf = (path) => path.slice(0, path.lastIndexOf("/") + 1);
 const baseOf = (path) => path.slice(path.lastIndexOf("/") + 1);
 
@@ -91,7 +93,7 @@ async function glbDocument(file) {
 async function gltfParts(main, files) {
     let document;
     try {
-        document = ending(main.path) === "glb" ? await glbDocument(main.file)
+        document = unpackedEnding(main.path) === "glb" ? await glbDocument(main.file)
             : JSON.parse(await main.file.text());
     } catch (error) {
         if (error instanceof RequestError)
@@ -118,22 +120,28 @@ async function gltfParts(main, files) {
     return parts;
 }
 
-// { kind: "scene" or "environment", name, files: [{ uri, file }] }, the main file first.
+// { kind: "scene" or "environment", name, files: [{ uri, file }], others }, the main file first; others: names of
+// further scenes, which are not opened.
 export async function choose(files) {
-    const main = SCENES.map((e) => files.find((f) => ending(f.path) === e)).find(Boolean);
-    if (!main) {
-        const env = files.find((f) => ENVIRONMENTS.includes(ending(f.path)));
-        if (env)
-            return { kind: "environment", name: env.path,
-                files: [{ uri: env.path, file: env.file }] };
-        throw refuse(files[0]?.path ?? "drop", `none of these is a scene: ${SCENES.join(", ")}`);
-    }
-    const folder = folderOf(main.path);
-    const parts = ["glb", "gltf"].includes(ending(main.path)) ? await gltfParts(main, files)
-        : files.filter((f) => f !== main && f.path.startsWith(folder))
+    const first = (endings, of) => endings.map((e) => files.find((f) => of(f.path) === e)).find(Boolean);
+    const scene = first(SCENES, unpackedEnding);
+    const env = scene ? null : first(ENVIRONMENTS, ending);
+    if (env)
+        return { kind: "environment", name: env.path, files: [{ uri: env.path, file: env.file }] };
+    const heights = scene ? null : first(HEIGHTS, unpackedEnding);
+    if (heights)
+        return { kind: "scene", name: baseOf(heights.path),
+            files: [{ uri: baseOf(heights.path), file: heights.file }] };
+    if (!scene)
+        throw refuse(files[0]?.path ?? "drop",
+            `this is neither a scene (${SCENES.join(", ")}) nor a height map (${HEIGHTS.join(", ")})`);
+    const folder = folderOf(scene.path);
+    const parts = ["glb", "gltf"].includes(unpackedEnding(scene.path)) ? await gltfParts(scene, files)
+        : files.filter((f) => f !== scene && f.path.startsWith(folder))
             .map((f) => ({ uri: f.path.slice(folder.length), file: f.file }));
-    return { kind: "scene", name: baseOf(main.path),
-        files: [{ uri: baseOf(main.path), file: main.file }, ...parts] };
+    const others = files.filter((f) => f !== scene && SCENES.includes(unpackedEnding(f.path))).map((f) => baseOf(f.path));
+    return { kind: "scene", name: baseOf(scene.path), others,
+        files: [{ uri: baseOf(scene.path), file: scene.file }, ...parts] };
 }
 
 // ---- to the daemon -----------------------------------------------------------------------------

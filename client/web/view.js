@@ -74,6 +74,7 @@ export class View extends EventTarget {
     // Goes on in a session that was resumed: it has the view and its subscription.
     async resume() {
         this.isStarted = true;
+        this.params.codecs ??= await this.codecs();
         await this.place(() => this.settings());
         if (this.sent)
             this.sendCamera(true);

@@ -6,7 +6,7 @@ import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, models, openBrowser, openPage, until, waitExact, waitFor, waitPicture } from "./rig.mjs";
 
 const MODEL = "morph.glb"; // it has an animation, so its bar is there
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -392,6 +392,62 @@ test("a held key acts once", async () => {
     await page.keyboard.up("Space");
     assert.equal(await evaluate(() => window.helio.timeline.isPlaying), true);
     await evaluate(() => window.helio.timeline.pause());
+});
+
+test("a tab that is opened in the background takes no pictures before it is looked at", async () => {
+    const cdp = await browser.target().createCDPSession();
+    const { targetId } = await cdp.send("Target.createTarget", { background: true,
+        url: `${daemon.origin}/#scene=tests&ticket=${daemon.tokens.edit}&gi=NONE&samples=1` });
+    const target = await browser.waitForTarget((t) => t._targetId === targetId, { timeout: WAIT_MS });
+    const tab = await target.page();
+    await waitFor(tab, () => window.helio?.view.isStarted && window.helio.scene.total);
+    assert.deepEqual(await tab.evaluate(() => [document.hidden, window.helio.view.isIdle]), [true, true]);
+    // An answer that comes behind all that came before it: no frame was among them.
+    await tab.evaluate(() => window.helio.connection.call("stats_query", { view: 1 }));
+    assert.equal((await tab.$eval("#picture", (c) => c.dataset.frame)), undefined);
+    await tab.bringToFront();
+    await waitExact(tab);
+    await tab.close();
+    await page.bringToFront();
+});
+
+test("a gamepad moves the camera and presses buttons", async () => {
+    // A gamepad as the browser describes it; each change of it counts until the condition holds.
+    await evaluate(() => {
+        const none = () => Array.from({ length: 17 }, () => ({ value: 0, pressed: false }));
+        window.pad = { connected: true, axes: [0, 0, 0, 0], buttons: none() };
+        navigator.getGamepads = () => [null, window.pad];
+        window.dispatchEvent(new Event("gamepadconnected"));
+    });
+    const look = () => evaluate(() => structuredClone(window.helio.view.camera));
+    const hold = async (name, index, value, condition) => {
+        const before = await look();
+        await evaluate((n, i, v) => {
+            window.pad[n][i] = n === "axes" ? v : { value: v, pressed: true };
+        }, name, index, value);
+        await until(async () => condition(before, await look()), `${name} ${index}`);
+        await evaluate((n, i) => { window.pad[n][i] = n === "axes" ? 0 : { value: 0, pressed: false }; }, name, index);
+    };
+    const apart = (a, b) => Math.hypot(...a.map((v, i) => v - b[i]));
+    await hold("axes", 2, 1, (a, b) => apart(a.eye, b.eye) > 0.1 && apart(a.target, b.target) === 0);
+    await hold("axes", 1, -1, (a, b) => apart(a.target, b.target) > 0.1);
+    await hold("buttons", 7, 1, (a, b) => b.eye[1] - a.eye[1] > 0.1);
+    const press = async (index, condition) => {
+        await evaluate((i) => { window.pad.buttons[i] = { value: 1, pressed: true }; }, index);
+        await waitFor(page, condition);
+        await evaluate((i) => { window.pad.buttons[i] = { value: 0, pressed: false }; }, index);
+        await waitFor(page, () => !window.helio.controls.padHeld.size);
+    };
+    await press(1, () => window.helio.controls.mode === "fly");
+    await press(1, () => window.helio.controls.mode === "walk");
+    const level = (await look()).eye[1];
+    await hold("axes", 1, -1, (a, b) => apart(a.eye, b.eye) > 0.1);
+    assert.ok(Math.abs((await look()).eye[1] - level) < 1e-6, "walking stays level");
+    await press(1, () => window.helio.controls.mode === "orbit");
+    await press(0, () => window.helio.flight);
+    await waitFor(page, () => !window.helio.flight);
+    await evaluate(() => { window.pad.connected = false; });
+    await waitExact(page);
 });
 
 test("a screenshot that takes long can be cancelled, and so it is at the server", async () => {

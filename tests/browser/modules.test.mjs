@@ -191,6 +191,22 @@ test("a glTF file brings the files that it names", async () => {
     assert.deepEqual(chosen.files.map((f) => f.uri), ["a.gltf", "data one.bin", "../tex/b.png"]);
 });
 
+test("every format that the server reads can be dropped", async () => {
+    const dropped = (...names) => choose(names.map((n) => ({ path: `m/${n}`, file: new File([""], n) })));
+    for (const name of ["a.obj", "a.fbx", "a.dae", "a.ply", "a.stl", "a.off", "cloud.PLY.gz", "part.stl.gz",
+        "N46E007.hgt", "N46E007.hgt.gz", "dem.tif", "dem.png"]) {
+        const chosen = await dropped(name);
+        assert.deepEqual([chosen.kind, chosen.name, chosen.files.length], ["scene", name, 1]);
+    }
+    const parts = await dropped("wood.png", "chair.mtl", "chair.obj.gz");
+    assert.deepEqual(parts.files.map((f) => f.uri), ["chair.obj.gz", "wood.png", "chair.mtl"]);
+    assert.equal((await dropped("grey.png", "studio.hdr")).kind, "environment");
+    assert.deepEqual(parts.others, []);
+    const two = await dropped("b.stl", "a.ply.gz", "a.txt");
+    assert.deepEqual([two.name, two.others], ["a.ply.gz", ["b.stl"]]);
+    assert.match((await dropped("a.zip").catch((e) => e)).message, /neither a scene/);
+});
+
 test("missing, foreign and broken files are refused by name", async () => {
     await assert.rejects(choose([{ path: "a.gltf", file: gltf(model) }]),
         (e) => e.status === "not-found" && /data one\.bin/.test(e.message));

@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, until, waitFor, waitPicture } from "./rig.mjs";
+import { Daemon, WAIT_MS, makeVariants, models, openBrowser, openPage, shownPixels, until, waitExact, waitFor, waitPicture } from "./rig.mjs";
 
 const daemon = new Daemon();
 let browser, host, guest;
@@ -28,14 +28,16 @@ after(async () => {
     await daemon.finish();
 });
 
+const dropFile = (page, name, bytes) => page.evaluate((file, base64) => {
+    const transfer = new DataTransfer();
+    transfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], file));
+    window.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
+}, name, Buffer.from(bytes).toString("base64"));
+
 // The host drops a file, in place of what is there.
 async function open(name, bytes) {
     await host.bringToFront();
-    await host.evaluate((file, base64) => {
-        const transfer = new DataTransfer();
-        transfer.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], file));
-        window.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer, cancelable: true }));
-    }, name, Buffer.from(bytes).toString("base64"));
+    await dropFile(host, name, bytes);
     if (await host.evaluate(() => window.helio.scene.assets.length)) {
         await host.waitForSelector("dialog[open] button[value=replace]");
         await host.click("dialog[open] button[value=replace]");
@@ -75,6 +77,98 @@ test("who may only look is not offered to open files", async () => {
     assert.deepEqual([await offered(host), await offered(guest)], [true, false]);
 });
 
+test("who may only look hides nodes and chooses variants for its own view", async () => {
+    const panel = (p) => p.$eval("#panel-scene", (e) => e.textContent);
+    const shown = (p) => p.evaluate(() => [...window.helio.scene.nodes.values()].map((n) => window.helio.isShown(n.node)));
+    const settled = () => waitFor(guest, () => {
+        const { settled, exact, revision, seq } = document.querySelector("#picture").dataset;
+        return settled === "true" && exact === "true" && Number(seq) === window.helio.view.seq && revision;
+    });
+    const pixels = async () => { await settled(); return (await shownPixels(guest)).toString("base64"); };
+    const changes = async (before, action) => {
+        await action();
+        let now;
+        await until(async () => (now = await pixels()) !== before, "the picture changes");
+        return now;
+    };
+    const variant = (option) => guest.evaluate((wanted) => {
+        const select = [...document.querySelectorAll("#panel-scene label")]
+            .map((l) => l.textContent === "Variant, here" && document.getElementById(l.htmlFor)).find(Boolean);
+        select.value = [...select.options].find((o) => o.textContent === wanted).value;
+        select.dispatchEvent(new Event("change"));
+    }, option);
+    await guest.bringToFront();
+    await guest.evaluate(() => window.helio.panels.set("scene", true));
+    await waitFor(guest, () => document.querySelector("#panel-scene").textContent.includes("Variant, here"));
+    const first = await pixels();
+    const red = await changes(first, () => variant("red"));
+    assert.equal(await changes(red, () => variant("As in the scene")), first);
+    const mesh = () => guest.click("#panel-scene [aria-label*='mesh'] .icon-button");
+    const without = await changes(first, mesh);
+    assert.ok((await shown(guest)).includes(false));
+    assert.ok(!(await shown(host)).includes(false), "the scene itself is as it was");
+    assert.doesNotMatch(await guest.$eval("#toasts", (t) => t.textContent), /needs the role/);
+    assert.equal(await changes(without, mesh), first);
+    assert.doesNotMatch(await panel(host), /Variant, here/);
+    await guest.evaluate(() => window.helio.panels.set("scene", false));
+});
+
+test("the panel shows the environment as it is, whoever has chosen it", async () => {
+    const shown = (p) => p.evaluate(() => Object.fromEntries(["env", "intensity", "turn", "sunAzimuth", "sunHeight"]
+        .map((row) => [row, window.helio.viewPanel.rows[row].input.value])));
+    const before = await shown(guest);
+    assert.equal(before.env, "AUTO");
+    const sun = [Math.cos(0.5) * Math.sin(1), Math.sin(0.5), Math.cos(0.5) * Math.cos(1)];
+    await host.evaluate((sun_direction) => window.helio.setEnvironment(
+        { kind: "SKY", intensity: 4, rotation_rad: -Math.PI / 2, sun_direction }), sun);
+    const wanted = { env: "SKY", intensity: "2", turn: "-90", sunAzimuth: "57", sunHeight: "29" };
+    assert.deepEqual(await shown(host), wanted);
+    await waitFor(guest, () => window.helio.viewPanel.rows.env.input.value === "SKY");
+    assert.deepEqual(await shown(guest), wanted);
+    await host.reload();
+    await waitFor(host, () => window.helio?.scene.environment);
+    assert.deepEqual(await shown(host), wanted);
+    await guest.evaluate(() => window.helio.setEnvironment({ kind: "NONE" })); // refused: it may only look
+    assert.deepEqual(await shown(guest), wanted);
+    await host.evaluate(() => window.helio.setEnvironment({ kind: "AUTO", intensity: 1, rotation_rad: 0 }));
+    await waitFor(guest, () => window.helio.viewPanel.rows.env.input.value === "AUTO");
+});
+
+test("a picture that is dropped lights the scene for all", async () => {
+    await host.bringToFront();
+    await dropFile(host, "room.hdr", readFileSync(join(models, "room.hdr")));
+    for (const page of [host, guest])
+        await waitFor(page, () => window.helio.viewPanel.rows.env.input.value === "FILE");
+    await host.evaluate(() => window.helio.setEnvironment({ kind: "AUTO" }));
+});
+
+test("a note that is pinned is seen by others, who may not remove it", async () => {
+    await host.evaluate(() => window.helio.fit(0n));
+    await waitPicture(host, (d) => d.settled === "true");
+    await host.focus("#picture");
+    await host.keyboard.press("KeyN");
+    await until(async () => { // in the middle, once the picture shows something there
+        await host.focus("#picture");
+        await host.keyboard.press("Enter");
+        return host.waitForSelector("dialog[open] #note", { timeout: 3000 }).catch(() => null);
+    }, "the dialog of a note");
+    await host.type("#note", "<b>loose</b> & bent");
+    await host.click("dialog[open] button[value=pin]");
+    await guest.bringToFront();
+    await guest.waitForSelector(".pin");
+    await guest.click(".pin");
+    const card = await guest.$eval("#card", (c) => [c.innerText, [...c.querySelectorAll("button")]
+        .find((b) => b.textContent === "Remove").disabled]);
+    assert.match(card[0], /<b>loose<\/b> & bent[^]*edit/);
+    assert.equal(card[1], true);
+    await host.bringToFront();
+    await host.click(".pin");
+    await host.evaluate(() => [...document.querySelectorAll("#card button")]
+        .find((b) => b.textContent === "Remove").click());
+    await guest.bringToFront();
+    await waitFor(guest, () => !document.querySelector(".pin"));
+});
+
 test("the holder of the shared camera is notified of a request, and hands it over", async () => {
     const press = (page, label) => page.evaluate((text) => [...document.querySelectorAll("button")]
         .find((b) => b.textContent === text).click(), label);
@@ -104,6 +198,36 @@ test("the holder of the shared camera is notified of a request, and hands it ove
     await press(admin, "Unlock");
     await waitFor(guest, () => !window.helio.people.shared.locked);
     await admin.browserContext().close();
+});
+
+test("a page with edits that is loaded again goes on as it was", async () => {
+    const solo = await openPage(await browser.createBrowserContext(), link("", "edit"));
+    await solo.waitForSelector("#empty:not([hidden])");
+    await dropFile(solo, "panes.glb", readFileSync(join(models, "panes.glb")));
+    await waitExact(solo);
+    await solo.evaluate(async () => {
+        const { helio } = window;
+        await helio.setParams({ tonemap: "AGX" });
+        helio.looks.change(0, { isOn: true, isFlipped: true });
+        await helio.inspector.select(helio.scene.roots[0].node);
+    });
+    await waitFor(solo, () => window.helio.looks.box && !window.helio.looks.timer);
+    await waitExact(solo);
+    for (let i = 0; i < 2; i++) { // again and again
+        const session = await solo.evaluate(() => String(window.helio.connection.session));
+        await solo.reload();
+        await waitFor(solo, () => window.helio?.scene.assets.length === 1);
+        await waitExact(solo);
+        await waitFor(solo, () => !document.querySelector("#card").hidden);
+        assert.deepEqual(await solo.evaluate(() => [String(window.helio.connection.session),
+            window.helio.viewPanel.rows.tonemap.input.value, window.helio.looks.rows[0].on.input.checked]), [session, "AGX", true]);
+    }
+    await solo.evaluate(() => { location.hash = "#scene=elsewhere"; });
+    await until(() => solo.evaluate(() => window.helio?.scene.name === "elsewhere").catch(() => false), // it is loaded again
+        "another link opens another scene");
+    await solo.waitForSelector("#empty:not([hidden])");
+    assert.deepEqual(solo.complaints, []);
+    await solo.browserContext().close();
 });
 
 test("guests may come by the link before the host does", async () => {

@@ -643,7 +643,7 @@ test("says plainly which file is missing", async () => {
         .some((t) => t.textContent.includes("far.bin")));
     await drop([["letter.txt", "nothing"]]);
     await waitFor(page, () => [...document.querySelectorAll(".toast.error")]
-        .some((t) => t.textContent.includes("none of these is a scene")));
+        .some((t) => t.textContent.includes("neither a scene")));
 });
 
 test("two people see one scene; who may only look cannot change it", async () => {

@@ -63,13 +63,24 @@ answers() { "$here/bin/helio" ping --count 1 --connect "unix:$temp/sock" >/dev/n
 until_true answers
 expect 0 "$here/bin/helio" render demo: -o "$temp/b.png" "${look[@]}" --connect "unix:$temp/sock"
 same "$temp/a.png" "$temp/b.png"
-expect 0 python3 - "$temp/sock" <<'PY' # the viewer, over HTTP
-import socket, sys
-s = socket.socket(socket.AF_UNIX)
-s.connect(sys.argv[1])
-s.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
-answer = b"".join(iter(lambda: s.recv(65536), b""))
-sys.exit(not (answer.startswith(b"HTTP/1.1 200") and b"<html" in answer))
+expect 0 python3 - "$temp/sock" "$here/share/helio/web" <<'PY' # the viewer, over HTTP, compressed where it may be
+import gzip, pathlib, socket, sys
+def get(path, fields=b""):
+    s = socket.socket(socket.AF_UNIX)
+    s.connect(sys.argv[1])
+    s.sendall(b"GET " + path + b" HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n" + fields + b"\r\n")
+    head, _, body = b"".join(iter(lambda: s.recv(65536), b"")).partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 200"), head
+    return head, body
+assert b"<html" in get(b"/")[1]
+total = 0
+for file in pathlib.Path(sys.argv[2]).iterdir():
+    if file.suffix == ".gz":
+        continue
+    head, body = get(b"/" + file.name.encode(), b"Accept-Encoding: gzip\r\n")
+    assert b"Content-Encoding: gzip" in head and gzip.decompress(body) == file.read_bytes(), (file, head)
+    total += len(body)
+assert 50000 < total < 100 * 1024, total
 PY
 kill "$daemon" && wait "$daemon"
 daemon=

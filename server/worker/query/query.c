@@ -250,11 +250,26 @@ void hg_handle_stats_query(const struct request *r)
     answer_json(r, root);
 }
 
+// As environment_set has chosen it; what is made of that for each view is in its statistics.
+static void add_environment(json_t *root, const struct hg_environment *e)
+{
+    static const char *const kinds[] = {"none", "color", "file", "sky"};
+    json_t *o = child_object(root, "environment");
+    const double intensity = (double)(e->automatic ? e->wanted_intensity : e->intensity);
+    json_object_set_new(o, "kind", json_string(e->automatic ? "auto" : kinds[e->kind]));
+    json_object_set_new(o, "intensity", json_real(intensity));
+    json_object_set_new(o, "rotation_rad", json_real((double)e->rotation_rad));
+    json_object_set_new(o, "turbidity", json_real((double)e->turbidity));
+    set_vector(o, "color", e->color);
+    set_vector(o, "sun_direction", e->sun_direction);
+}
+
 void hg_handle_info_query(const struct request *r)
 {
     struct hg_scene *scene = r->session->scene->scene;
     json_t *root = json_object(), *assets = json_array();
     json_object_set_new(root, "revision", json_integer((json_int_t)scene->revision));
+    add_environment(root, &scene->environment);
     json_object_set_new(root, "assets", assets);
     for (uint32_t i = 0; i < scene->asset_count; i++) {
         char *text = NULL;
