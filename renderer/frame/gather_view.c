@@ -10,7 +10,7 @@
 #include "renderer/frame/gi_view.h"
 #include "renderer/frame/glass_region.h"
 #include "renderer/frame/path_view.h"
-#include "renderer/gi/gather.h"
+#include "renderer/gather/gather.h"
 #include "shaders/shared/features.h"
 #include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"

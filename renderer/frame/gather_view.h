@@ -1,5 +1,5 @@
-// gather_view.h - light that is gathered per pixel for a picture at rest (renderer/gi/gather.h).
-// Floor 4. Thread: the render thread.
+// gather_view.h - light that is gathered per pixel for a picture at rest
+// (renderer/gather/gather.h). Floor 4. Thread: the render thread.
 //
 // Once the settled field is complete, paths from every pixel bring what surfaces around it send
 // back (hg_path_request.gather), and end in that field. What they brought is filtered once, and all

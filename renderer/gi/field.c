@@ -5,7 +5,7 @@
 #include "base/alloc.h"
 #include "base/jobs.h"
 #include "base/simd.h"
-#include "renderer/gi/words.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 
 #define IRRADIANCE_SIDE   HG_PROBE_IRRADIANCE_SIDE
@@ -598,13 +598,13 @@ static void pack_probe(void *user, size_t probe)
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
-        irradiance[t] = hg_gi_rgb9e5(
+        irradiance[t] = hg_rgb9e5_pack(
             from->light[0][t] * scale, from->light[1][t] * scale, from->light[2][t] * scale);
-        between[t] = hg_gi_rgb9e5(fmaxf(from->light[0][t] - from->emitters[0][t], 0) * scale,
+        between[t] = hg_rgb9e5_pack(fmaxf(from->light[0][t] - from->emitters[0][t], 0) * scale,
             fmaxf(from->light[1][t] - from->emitters[1][t], 0) * scale,
             fmaxf(from->light[2][t] - from->emitters[2][t], 0) * scale);
-        reflection[2 * t] = hg_gi_rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
-            from->surfaces[2][t] * scale);
+        reflection[2 * t] = hg_rgb9e5_pack(from->surfaces[0][t] * scale,
+            from->surfaces[1][t] * scale, from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);
     }
     for (uint32_t t = 0; t < MOMENT_TEXELS; t++) {

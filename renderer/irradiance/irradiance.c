@@ -10,9 +10,9 @@
 #include "renderer/gi/environment.h"
 #include "renderer/gi/patches.h"
 #include "renderer/gi/surfaces.h"
-#include "renderer/gi/words.h"
 #include "renderer/irradiance/cells.h"
 #include "renderer/irradiance/directions.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/sequence.h"
 
 #define MOST_RAYS  16384u
@@ -345,7 +345,7 @@ static void send(const struct work *w, uint32_t i)
     (void)find_point(w, s->at, &point, &depth);
     surface_at(w, s->at, &on);
     hg_mad3(point.position, on.facet, LIFT * depth, s->position);
-    hg_gi_rgb9e5_read(w->p->looked_up[4 * ((size_t)s->at[1] * w->columns + s->at[0])], s->without);
+    hg_rgb9e5_unpack(w->p->looked_up[4 * ((size_t)s->at[1] * w->columns + s->at[0])], s->without);
     const bool guided =
         s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on.normal, &d);
     hg_irradiance_choose(&s->turn, &on, guided ? &d : NULL, &s->direction);
@@ -506,14 +506,14 @@ static void apply_diffuse(const struct work *w, const struct hg_irradiance_point
     hg_irradiance_look_up(&w->r->cells, point, lookups, &sums);
     if (!(sums.samples > 0))
         return;
-    hg_gi_rgb9e5_read(*word, light);
+    hg_rgb9e5_unpack(*word, light);
     const float most = fmaxf(light[0], fmaxf(light[1], light[2]));
     for (int c = 0; c < 3; c++) {
         const float ratio = fminf(sums.gathered[c] / fmaxf(sums.without[c], FLT_MIN), MOST_RATIO);
         const float grey = light[c] + GREY * most;
         light[c] = (sums.samples * ratio * grey + BELIEVED * light[c]) / (sums.samples + BELIEVED);
     }
-    *word = hg_gi_rgb9e5(light[0], light[1], light[2]);
+    *word = hg_rgb9e5_pack(light[0], light[1], light[2]);
 }
 
 // What a rough surface mirrors: light of surfaces, and the share of the environment in the upper
@@ -529,12 +529,12 @@ static void apply_lobe(const struct work *w, const struct hg_irradiance_point *p
     if (!(sums.without[0] > 0))
         return;
     const float known = sums.samples / (sums.samples + BELIEVED), scale = known / sums.without[0];
-    hg_gi_rgb9e5_read(words[0], light);
+    hg_rgb9e5_unpack(words[0], light);
     for (int c = 0; c < 3; c++)
         light[c] = light[c] * (1 - known) + sums.gathered[c] * scale;
     const float sky = 255 * sums.without[1] / fmaxf(sums.without[2], FLT_MIN);
     const float open = (float)(words[1] >> 24) * (1 - known) + known * sky;
-    words[0] = hg_gi_rgb9e5(light[0], light[1], light[2]);
+    words[0] = hg_rgb9e5_pack(light[0], light[1], light[2]);
     words[1] = (words[1] & 0xffffff) | (uint32_t)(hg_clampf(open, 0, 255) + 0.5f) << 24;
 }
 

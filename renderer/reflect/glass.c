@@ -7,7 +7,7 @@
 #include "base/clock.h"
 #include "renderer/gi/holes.h"
 #include "renderer/gi/patches.h"
-#include "renderer/gi/words.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 
 #define TEXELS     8192u // at once, of two rays each
@@ -596,11 +596,12 @@ static void write_some(void *user, size_t block)
         const float *left = on->left, *r = on->radiance, *m = mirrored->radiance;
         if (on->end == NOWHERE)
             continue;
-        out[0] = on->end == SKY ? 0 : hg_gi_rgb9e5(r[0] * left[0], r[1] * left[1], r[2] * left[2]);
+        out[0] =
+            on->end == SKY ? 0 : hg_rgb9e5_pack(r[0] * left[0], r[1] * left[1], r[2] * left[2]);
         out[1] = direction_word(on->direction);
-        out[2] = on->end == SKY ? hg_gi_rgb9e5(left[0], left[1], left[2]) : 0;
+        out[2] = on->end == SKY ? hg_rgb9e5_pack(left[0], left[1], left[2]) : 0;
         out[3] = mirrored->end == SKY ? HG_GLASS_SKY
-                                      : hg_gi_rgb9e5(m[0] * mirrored->left[0],
+                                      : hg_rgb9e5_pack(m[0] * mirrored->left[0],
                                             m[1] * mirrored->left[1], m[2] * mirrored->left[2]);
     }
 }

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "renderer/gi/gather.h"
+#include "renderer/gather/gather.h"
 #include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 #include "shaders/shared/sample_blocks.h"

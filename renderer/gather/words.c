@@ -1,10 +1,10 @@
-// gather_words.c - what filtered light is for shading (shaders/shared/gi.h); see gather_film.h.
+// words.c - what filtered light is for shading (shaders/shared/gi.h); see film.h.
 #include <math.h>
 #include <string.h>
 
-#include "renderer/gi/gather_film.h"
-#include "renderer/gi/words.h"
+#include "renderer/gather/film.h"
 #include "renderer/lod/vertex_pack.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 #include "shaders/shared/gi.h"
 
@@ -126,8 +126,8 @@ void hg_gi_gather_pack_row(void *user, size_t y)
             radiance[c] = mirrored[c];
             irradiance[c] = scatters * scattered[c] + (1 - scatters) * radiance[c];
         }
-        out[0] = hg_gi_rgb9e5(irradiance[0], irradiance[1], irradiance[2]);
-        out[1] = hg_gi_rgb9e5(radiance[0], radiance[1], radiance[2]);
+        out[0] = hg_rgb9e5_pack(irradiance[0], irradiance[1], irradiance[2]);
+        out[1] = hg_rgb9e5_pack(radiance[0], radiance[1], radiance[2]);
         out[2] = pack_sides(n, w->from[SUNLIT][RED][at]);
         memcpy(&bits, &depth, sizeof bits);
         out[3] = (bits & ~HG_GATHERED_SHARE_MASK) |

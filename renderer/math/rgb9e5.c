@@ -1,12 +1,12 @@
-// words.c - see words.h.
-#include "renderer/gi/words.h"
+// rgb9e5.c - see rgb9e5.h.
+#include "renderer/math/rgb9e5.h"
 
 #include <math.h>
 
 #include "renderer/math/vec.h"
 
 // Source: Khronos Data Format Specification 1.3, section 10.5 (shared exponent).
-uint32_t hg_gi_rgb9e5(float r, float g, float b)
+uint32_t hg_rgb9e5_pack(float r, float g, float b)
 {
     const float most = fmaxf(r, fmaxf(g, b));
     const float bounded = most < 65408.0f ? most : 65408.0f;
@@ -26,7 +26,7 @@ uint32_t hg_gi_rgb9e5(float r, float g, float b)
     return word;
 }
 
-void hg_gi_rgb9e5_read(uint32_t word, float out[3])
+void hg_rgb9e5_unpack(uint32_t word, float out[3])
 {
     const float scale = ldexpf(1, (int)(word >> 27) - 24);
     for (int c = 0; c < 3; c++)

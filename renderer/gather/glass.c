@@ -1,7 +1,7 @@
-// gather_glass.c - light by way of frosted glass; see gather.h.
+// glass.c - light by way of frosted glass; see gather.h.
 #include <math.h>
 
-#include "renderer/gi/gather_film.h"
+#include "renderer/gather/film.h"
 #include "shaders/shared/path.h"
 
 // Roughness up to which glass is clear: neighbours see other things, and what each shows has hardly

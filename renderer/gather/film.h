@@ -1,12 +1,12 @@
-// gather_film.h - gathered light while it is filtered, of gather.c and gather_words.c.
-// Floor 2 (gi). Thread: any one at a time; rows are done by jobs.
-#ifndef HG_RENDERER_GI_GATHER_FILM_H
-#define HG_RENDERER_GI_GATHER_FILM_H
+// film.h - gathered light while it is filtered, of gather.c and words.c.
+// Floor 2, private to renderer/gather. Thread: any one at a time; rows are done by jobs.
+#ifndef HG_RENDERER_GATHER_FILM_H
+#define HG_RENDERER_GATHER_FILM_H
 
-#include "renderer/gi/gather.h"
+#include "renderer/gather/gather.h"
 #include "renderer/math/vec.h"
 
-#define ALIKE_DEPTH 0.05f // as a share of the depth
+#define ALIKE_DEPTH  0.05f // as a share of the depth
 #define LEAST_ALBEDO 1e-4f // of a channel, that its light is divided by
 #define LAMP_UNKNOWN 0.5f  // share of a lamp that no sample asked for
 
@@ -26,7 +26,7 @@ struct hg_gi_gather {
     float *loaded, *more;         // memory of `from`, guides and lamps; of `to` and rows
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
-    float *rows;   // [strips][LIGHT_PLANES + 1][width]
+    float *rows;           // [strips][LIGHT_PLANES + 1][width]
     uint32_t step, widest; // px between taps; beyond the latter only of what is noisy
     int kind;
     uint32_t lamp;    // number of those that are filtered

@@ -1,5 +1,5 @@
-// gather.c - see gather.h. Its words are made in gather_words.c.
-#include "renderer/gi/gather_film.h"
+// gather.c - see gather.h. Its words are made in words.c.
+#include "renderer/gather/film.h"
 
 #include <math.h>
 #include <string.h>
@@ -9,21 +9,21 @@
 #include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 
-#define FINEST       16 // the widest step is at most this part of the picture's height, or 1 px,
-#define FINEST_OF    4  // of so many samples; of more a smaller part,
-#define FINEST_MOST  3  // down to this share of it
+#define FINEST      16 // the widest step is at most this part of the picture's height, or 1 px,
+#define FINEST_OF   4  // of so many samples; of more a smaller part,
+#define FINEST_MOST 3  // down to this share of it
 #define QUIET                                                                                      \
     0.01f // share of its light that a pixel's deviation is no more visible from; noisier
           // ones go on to the widest step of few samples
 #define QUIET_SAMPLES 16u // and with more samples, as pictures then are so small that pixels differ
-#define BLIND        2  // iterations that do not look at light: that of few samples is noise
-#define SUNLIT_STEP  1  // the widest step of shares of directional lights, px
-#define LAMPLIT_STEP  2  // of those of lamps
-#define FEW_ASKED     2u // times that, where less than one sample of a pixel asks for a lamp
-#define ASKED_CELL    8u // px
-#define LAMP_PRIOR   0.02f
-#define LAMP_FILLED  0.1f // worth of a pixel that has its share of a lamp from others
-#define STRIP         8    // rows that are filtered together
+#define BLIND         2   // iterations that do not look at light: that of few samples is noise
+#define SUNLIT_STEP   1   // the widest step of shares of directional lights, px
+#define LAMPLIT_STEP  2   // of those of lamps
+#define FEW_ASKED     2u  // times that, where less than one sample of a pixel asks for a lamp
+#define ASKED_CELL    8u  // px
+#define LAMP_PRIOR    0.02f
+#define LAMP_FILLED   0.1f  // worth of a pixel that has its share of a lamp from others
+#define STRIP         8     // rows that are filtered together
 #define ENOUGH_ALBEDO 0.02f // of the brightest channel, from which on a pixel counts in full
 
 // How far neighbours may differ.
@@ -35,11 +35,11 @@
 #define QUIET_REACH      2.5f  // beyond the widest step for so many samples
 #define SUNLIT_REACH                                                                               \
     1.5f // those of shares of lights that many samples ask for: their edges are sharp
-#define ROUGH_REACH      0.1f
-#define LOBE_LEAST       0.03f // radians, what mirror directions of neighbours may differ by,
-#define LOBE_SHARE       1.0f  // and half the squared share of alpha by which their normals may
-#define ROUGH_PX         70.0f // px about a surface of roughness 1 that specular light may come from
-#define GLASS_REACH      2.0f  // deviations of luminance, by way of glass
+#define ROUGH_REACH 0.1f
+#define LOBE_LEAST  0.03f // radians, what mirror directions of neighbours may differ by,
+#define LOBE_SHARE  1.0f  // and half the squared share of alpha by which their normals may
+#define ROUGH_PX    70.0f // px about a surface of roughness 1 that specular light may come from
+#define GLASS_REACH 2.0f  // deviations of luminance, by way of glass
 
 static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN, GREEN}; // planes that are averaged
 

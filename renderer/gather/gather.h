@@ -1,12 +1,12 @@
 // gather.h - gathered light of one picture: what the rays of its pixels brought, filtered.
-// Floor 2 (gi). Pure but for the jobs.
+// Floor 2. Pure but for the jobs.
 //
 // Each pixel has few samples of two kinds of light: what scatters, over the albedo, and what the
 // specular lobe reflects, over its albedo. Both are smooth where surfaces are, so neighbours are
 // averaged by an edge-avoiding a-trous filter (Dammertz et al. 2010) that knows the variance of
 // each pixel (Schied et al. 2017, "Spatiotemporal Variance-Guided Filtering").
-#ifndef HG_RENDERER_GI_GATHER_H
-#define HG_RENDERER_GI_GATHER_H
+#ifndef HG_RENDERER_GATHER_GATHER_H
+#define HG_RENDERER_GATHER_GATHER_H
 
 #include <stdbool.h>
 

@@ -1,7 +1,7 @@
-// gather_samples.c - how many samples the picture takes where; see gather.h.
+// samples.c - how many samples the picture takes where; see gather.h.
 #include <math.h>
 
-#include "renderer/gi/gather.h"
+#include "renderer/gather/gather.h"
 #include "shaders/shared/path.h"
 #include "shaders/shared/sample_blocks.h"
 
