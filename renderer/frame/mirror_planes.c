@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/texels.h"
 
 #define TRIED         32      // points whose planes are tried
 #define SMOOTH_COSINE 0.9999f // between the shading normal and that of the mesh: 0.8 degrees

@@ -8,7 +8,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/frame_batch.h"
-#include "renderer/gi/holes.h"
+#include "renderer/host_shading/holes.h"
 #include "renderer/math/matrix.h"
 #include "renderer/math/vec.h"
 #include "renderer/passes/probe_light.h"

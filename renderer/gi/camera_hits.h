@@ -7,7 +7,7 @@
 #include "base/jobs.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/gi.h"
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 // All borrowed. Buffers hold HG_GI_MOST_CAMERA_RAYS rays, and HG_GI_SHADOW_RAYS times as many.
 struct hg_gi_camera_hits {

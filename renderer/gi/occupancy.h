@@ -4,7 +4,7 @@
 #define HG_RENDERER_GI_OCCUPANCY_H
 
 #include "renderer/gi/field.h"
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 // Sets field->needed of the corners of all cells that surfaces are in or near enough to for the
 // lookup's bias (HG_PROBE_BIAS_*); conservative, the same for equal geometry. All of them where

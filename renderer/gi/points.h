@@ -5,8 +5,8 @@
 #define HG_RENDERER_GI_POINTS_H
 
 #include "base/jobs.h"
-#include "renderer/gi/direct.h"
 #include "renderer/gi/field.h"
+#include "renderer/host_shading/direct.h"
 #include "renderer/trace/trace.h"
 
 struct hg_gi_lit {

@@ -3,12 +3,12 @@
 #ifndef HG_RENDERER_GI_WAVES_H
 #define HG_RENDERER_GI_WAVES_H
 
-#include "renderer/gi/direct.h"
-#include "renderer/gi/emissive.h"
-#include "renderer/gi/environment.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/gi.h"
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/direct.h"
+#include "renderer/host_shading/emissive.h"
+#include "renderer/host_shading/environment.h"
+#include "renderer/host_shading/surfaces.h"
 
 #define HG_GI_WAVE_PROBES 128
 #define HG_GI_MOST_RAYS   96 // of a probe in a wave

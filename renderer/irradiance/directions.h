@@ -10,8 +10,8 @@
 
 #include <stdbool.h>
 
-#include "renderer/gi/lobe.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/lobe.h"
+#include "renderer/host_shading/texels.h"
 #include "renderer/irradiance/cells.h"
 #include "renderer/irradiance/guide.h"
 

@@ -15,7 +15,7 @@
 #define HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 
 #include "renderer/gi/gi.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/texels.h"
 
 struct hg_irradiance; // of one scene
 

@@ -5,8 +5,8 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/gi/holes.h"
 #include "renderer/gi/patches.h"
+#include "renderer/host_shading/holes.h"
 #include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 

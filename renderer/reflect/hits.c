@@ -3,7 +3,7 @@
 
 #include <float.h>
 
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 #define AT_ONCE 64 // rays that one job looks up
 

@@ -4,7 +4,7 @@
 #include <float.h>
 
 #include "base/hash.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/texels.h"
 #include "renderer/math/sequence.h"
 
 #define LIFT 2e-3f // of the depth, that rays begin off surfaces: levels of detail differ

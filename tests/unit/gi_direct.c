@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/gi/direct.h"
+#include "renderer/host_shading/direct.h"
 #include "renderer/light/lights.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/light_table.h"

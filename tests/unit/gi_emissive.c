@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "renderer/gi/emissive.h"
+#include "renderer/host_shading/emissive.h"
 #include "renderer/math/vec.h"
 
 enum { POINTS = 20000 };

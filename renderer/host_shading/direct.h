@@ -1,7 +1,7 @@
 // direct.h - light that comes straight from lamps, the sun and the environment, on the host.
-// Floor 2, for renderer/gi and renderer/reflect. Pure; any thread.
-#ifndef HG_RENDERER_GI_DIRECT_H
-#define HG_RENDERER_GI_DIRECT_H
+// Floor 2. Pure; any thread.
+#ifndef HG_RENDERER_HOST_SHADING_DIRECT_H
+#define HG_RENDERER_HOST_SHADING_DIRECT_H
 
 #include "renderer/light/lighting.h"
 #include "shaders/shared/ray.h"

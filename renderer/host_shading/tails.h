@@ -1,8 +1,8 @@
 // tails.h - the coarsest mips of a material's textures, on the host: their means, and the holes of
-// alpha masks. Floor 2, private to renderer/gi. Thread: the render thread makes them; lookups from
-// any.
-#ifndef HG_RENDERER_GI_TAILS_H
-#define HG_RENDERER_GI_TAILS_H
+// alpha masks. Floor 2, private to renderer/host_shading. Thread: the render thread makes them;
+// lookups from any.
+#ifndef HG_RENDERER_HOST_SHADING_TAILS_H
+#define HG_RENDERER_HOST_SHADING_TAILS_H
 
 #include "renderer/texture/textures.h"
 

@@ -1,4 +1,4 @@
-#include "renderer/gi/environment.h"
+#include "renderer/host_shading/environment.h"
 
 #include "base/alloc.h"
 #include "renderer/math/sums.h"

@@ -1,4 +1,4 @@
-#include "renderer/gi/holes.h"
+#include "renderer/host_shading/holes.h"
 
 #define BEHIND 1e-6f // of the way to a hole, that a ray begins behind it
 

@@ -1,5 +1,5 @@
 // emissive.c - see emissive.h.
-#include "renderer/gi/emissive.h"
+#include "renderer/host_shading/emissive.h"
 
 #include <math.h>
 

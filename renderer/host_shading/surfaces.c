@@ -1,8 +1,8 @@
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 #include "base/alloc.h"
 #include "renderer/geometry/materials.h"
-#include "renderer/gi/tails.h"
+#include "renderer/host_shading/tails.h"
 #include "renderer/math/vec.h"
 
 // Share of light from everywhere that dielectrics of index 1.5 mirror, smooth and rough ones.

@@ -1,4 +1,4 @@
-#include "renderer/gi/direct.h"
+#include "renderer/host_shading/direct.h"
 
 #include <float.h>
 

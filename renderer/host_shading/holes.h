@@ -1,9 +1,9 @@
 // holes.h - rays of the host through the holes of alpha masks, which traversal takes for solid.
-// Floor 2, for renderer/gi, renderer/reflect and renderer/frame. Thread: the render thread.
-#ifndef HG_RENDERER_GI_HOLES_H
-#define HG_RENDERER_GI_HOLES_H
+// Floor 2. Thread: the render thread.
+#ifndef HG_RENDERER_HOST_SHADING_HOLES_H
+#define HG_RENDERER_HOST_SHADING_HOLES_H
 
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 #include "renderer/trace/trace.h"
 
 #define HG_GI_HOLES 8 // of one ray, that it passes

@@ -1,6 +1,6 @@
 // emissive.h - emissive triangles as rays of the dynamic field and of irradiance see them: few rays
 // meet small ones by chance, so rays of their own go there (next event estimation).
-// Floor 2, for renderer/gi and renderer/irradiance. Thread: the render thread; lookups from any.
+// Floor 2. Thread: the render thread; lookups from any.
 //
 // A point is chosen by resampled importance sampling (Talbot, Cline and Egbert 2005, "Importance
 // Resampling for Global Illumination"): some candidates by the power of their triangles, one of
@@ -8,10 +8,10 @@
 // met by chance, so light is shared by the densities of both ways (balance heuristic: Veach and
 // Guibas 1995, "Optimally Combining Sampling Techniques for Monte Carlo Rendering"), of which that
 // of the candidates stands for that of the chosen ones: the shares add up to one whatever it is.
-#ifndef HG_RENDERER_GI_EMISSIVE_H
-#define HG_RENDERER_GI_EMISSIVE_H
+#ifndef HG_RENDERER_HOST_SHADING_EMISSIVE_H
+#define HG_RENDERER_HOST_SHADING_EMISSIVE_H
 
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 #define HG_GI_MOST_EMISSIVE (1u << 18) // triangles; of scenes with more, none is known
 

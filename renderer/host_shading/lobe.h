@@ -1,11 +1,11 @@
 // lobe.h - the specular lobe of a rough surface, sampled for reflections.
-// Floor 2, for renderer/reflect and renderer/irradiance. Pure, inline; any thread.
+// Floor 2. Pure, inline; any thread.
 //
 // GGX with height-correlated Smith shadowing, alpha = roughness^2, one reflectance at normal
 // incidence for all colours: reflections are ratios, so that only what differs within the lobe
 // counts.
-#ifndef HG_RENDERER_GI_LOBE_H
-#define HG_RENDERER_GI_LOBE_H
+#ifndef HG_RENDERER_HOST_SHADING_LOBE_H
+#define HG_RENDERER_HOST_SHADING_LOBE_H
 
 #include "renderer/math/vec.h"
 

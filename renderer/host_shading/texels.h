@@ -1,7 +1,7 @@
 // texels.h - texels of probe light (shaders/shared/gi.h) that the host has read back: where their
-// surfaces are. Floor 2, for rooms that send rays from them. Pure, inline.
-#ifndef HG_RENDERER_GI_TEXELS_H
-#define HG_RENDERER_GI_TEXELS_H
+// surfaces are, for rays that are sent from there. Floor 2. Pure, inline.
+#ifndef HG_RENDERER_HOST_SHADING_TEXELS_H
+#define HG_RENDERER_HOST_SHADING_TEXELS_H
 
 #include "renderer/math/vec.h"
 #include "shaders/shared/frame.h"

@@ -1,8 +1,8 @@
 // surfaces.h - what rays meet, shaded on the host from means: a diffuse albedo and emission per
 // material, never its textures texel by texel.
-// Floor 2, for renderer/gi and renderer/reflect. Thread: the render thread; lookups from any.
-#ifndef HG_RENDERER_GI_SURFACES_H
-#define HG_RENDERER_GI_SURFACES_H
+// Floor 2. Thread: the render thread; lookups from any.
+#ifndef HG_RENDERER_HOST_SHADING_SURFACES_H
+#define HG_RENDERER_HOST_SHADING_SURFACES_H
 
 #include "renderer/texture/textures.h"
 #include "renderer/trace/ray_geometry.h"

@@ -1,9 +1,8 @@
 // environment.h - the environment as rays of probes see it: an even part, which rays that leave the
 // scene bring, and its peaks (lamps, a sun), which few of them would find and rays of their own go
-// to. Floor 2, for renderer/gi and renderer/irradiance. Thread: the render thread; lookups from
-// any.
-#ifndef HG_RENDERER_GI_ENVIRONMENT_H
-#define HG_RENDERER_GI_ENVIRONMENT_H
+// to. Floor 2. Thread: the render thread; lookups from any.
+#ifndef HG_RENDERER_HOST_SHADING_ENVIRONMENT_H
+#define HG_RENDERER_HOST_SHADING_ENVIRONMENT_H
 
 #include "renderer/light/lighting.h"
 

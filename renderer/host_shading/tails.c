@@ -1,4 +1,4 @@
-#include "renderer/gi/tails.h"
+#include "renderer/host_shading/tails.h"
 
 #include "base/alloc.h"
 #include "renderer/math/vec.h"
