@@ -166,7 +166,7 @@ static bool film_tells_all(const struct hg_view_state *view)
 
 // Where surfaces are alike all over fewer samples are enough.
 static enum hg_status make_blocks(
-    struct hg_view_state *view, const struct hg_gi_gather_input *film, struct hg_error *err)
+    struct hg_view_state *view, const struct hg_gather_input *film, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
     struct hg_draw_blocks *b = &view->gi.gather.blocks;
@@ -174,12 +174,12 @@ static enum hg_status make_blocks(
                    rows = HG_SAMPLE_BLOCK_ROWS(s->height);
     const size_t count = (size_t)columns * rows;
     forget_blocks(view);
-    if (!film_tells_all(view) || s->samples <= HG_GI_LEAST_SAMPLES)
+    if (!film_tells_all(view) || s->samples <= HG_GATHER_LEAST_SAMPLES)
         return HG_OK;
     uint32_t *counts = hg_calloc(count, sizeof *counts);
     if (counts == NULL)
         return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
-    hg_gi_gather_samples(view->context->jobs, film, s->samples, counts);
+    hg_gather_samples(view->context->jobs, film, s->samples, counts);
     *b = (struct hg_draw_blocks){.counts = counts, .columns = columns, .least = s->samples};
     for (size_t i = 0; i < count; i++)
         b->least = counts[i] < b->least ? counts[i] : b->least;
@@ -192,10 +192,10 @@ static enum hg_status make_blocks(
 
 // What the paths brought, out of their film, which is large and let go of.
 static enum hg_status load(
-    struct hg_view_state *view, struct hg_gi_gather **out, uint32_t *rows, struct hg_error *err)
+    struct hg_view_state *view, struct hg_gather **out, uint32_t *rows, struct hg_error *err)
 {
     const struct hg_view_settings *s = &view->settings;
-    struct hg_gi_gather_input input = {.width = s->width,
+    struct hg_gather_input input = {.width = s->width,
         .height = s->height,
         .samples = samples_of(s),
         .first_half = first_half(samples_of(s))};
@@ -204,10 +204,10 @@ static enum hg_status load(
     input.sums = film.sums;
     input.lamps = film.lamps;
     input.lamp_count = film.lamp_count;
-    *rows = hg_gi_gather_rows(s->height, input.lamps != NULL);
+    *rows = hg_gather_rows(s->height, input.lamps != NULL);
     if (status == HG_OK) {
         input.halves = input.sums + HG_PATH_GUIDE_CHANNELS * (size_t)s->width * s->height;
-        status = hg_gi_gather_load(view->context->jobs, &input, out, err);
+        status = hg_gather_load(view->context->jobs, &input, out, err);
     }
     if (status == HG_OK)
         status = make_blocks(view, &input, err);
@@ -221,17 +221,17 @@ static enum hg_status filter(struct hg_view_state *view, struct hg_error *err)
     const struct hg_view_settings *s = &view->settings;
     uint32_t rows;
     const uint64_t start = hg_clock_now_ns();
-    struct hg_gi_gather *gather = NULL;
+    struct hg_gather *gather = NULL;
     uint32_t *words = NULL;
     enum hg_status status = load(view, &gather, &rows, err);
     const struct hg_gpu_region all = {.width = s->width, .height = rows};
     if (status == HG_OK) {
         words = hg_calloc(4 * (size_t)s->width * rows, sizeof *words);
         status = words != NULL
-                     ? hg_gi_gather_filter(gather, view->context->jobs, words, err)
+                     ? hg_gather_filter(gather, view->context->jobs, words, err)
                      : hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     }
-    hg_gi_gather_free(gather);
+    hg_gather_free(gather);
     if (status == HG_OK)
         status = make_image(
             view, &view->gi.gather.light, rows, VK_FORMAT_R32G32B32A32_UINT, "gathered light", err);
@@ -263,7 +263,7 @@ static enum hg_status filter_glass(struct hg_view_state *view, const struct hg_p
 {
     const uint32_t samples = samples_of(&view->settings);
     const uint64_t start = hg_clock_now_ns();
-    struct hg_gi_gather_input input = {.width = part->width,
+    struct hg_gather_input input = {.width = part->width,
         .height = part->height,
         .samples = samples,
         .first_half = first_half(samples)};
@@ -276,7 +276,7 @@ static enum hg_status filter_glass(struct hg_view_state *view, const struct hg_p
         return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
     input.sums = sums;
     input.halves = sums + HG_PATH_GUIDE_CHANNELS * (size_t)part->width * part->height;
-    status = hg_gi_gather_glass(view->context->jobs, &input, view->settings.height, colors, err);
+    status = hg_gather_glass(view->context->jobs, &input, view->settings.height, colors, err);
     hg_free(sums);
     hg_view_stats_add_stage(&view->stats, "gather filter", hg_clock_now_ns() - start);
     return status;

@@ -37,18 +37,18 @@ static bool point_of(
 {
     const uint32_t i = y * t->columns + x;
     const uint32_t *light = t->light + 4 * (size_t)i, *mirror = t->surfaces + 2 * (size_t)i;
-    struct hg_gi_texel_mirror of;
+    struct hg_host_texel_mirror of;
     float depth, smooth[3], view[3];
     memcpy(&depth, &light[3], sizeof depth);
-    hg_gi_texel_mirror(mirror, &of);
+    hg_host_texel_mirror(mirror, &of);
     if (!(depth > 0) || !(of.roughness < HG_MIRROR_ROUGH))
         return false;
     hg_copy3(of.normal, out->normal);
-    hg_gi_texel_normal(light[2], smooth);
+    hg_host_texel_normal(light[2], smooth);
     if (!(hg_dot3(out->normal, smooth) > SMOOTH_COSINE))
         return false;
-    const struct hg_gi_texels texels = {t->camera, t->width, t->height};
-    hg_gi_texel_place(&texels, (const uint32_t[2]){x, y}, depth, out->position, view);
+    const struct hg_host_texels texels = {t->camera, t->width, t->height};
+    hg_host_texel_place(&texels, (const uint32_t[2]){x, y}, depth, out->position, view);
     const float m = 1 - hg_clampf(hg_dot3(view, out->normal), 0, 1);
     out->weight = of.f0 + (1 - of.f0) * m * m * m * m * m;
     out->apart = APART * depth;

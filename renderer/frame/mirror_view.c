@@ -242,7 +242,7 @@ static enum hg_status trace(struct work *w, uint32_t count, struct hg_error *err
         status = hg_trace_closest(trace, &wave, err);
         uint32_t more = 0;
         if (status == HG_OK)
-            status = hg_gi_pass_holes(
+            status = hg_host_pass_holes(
                 w->f->draw->reflections->world.surfaces, trace, &wave, &w->m->again, &more, err);
         w->m->stats.rays += more;
         if (status == HG_OK)

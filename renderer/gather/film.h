@@ -21,8 +21,8 @@ enum { NORMAL_X, NORMAL_Y, NORMAL_Z, ALONG, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, 
 // lamps of one number, one number after the other; only where there are such.
 enum { SCATTERED, MIRRORED, SUNLIT, LAMPLIT, KINDS };
 
-struct hg_gi_gather {
-    struct hg_gi_gather_input in; // sums and halves while it is loaded; lamps: own, or NULL
+struct hg_gather {
+    struct hg_gather_input in;    // sums and halves while it is loaded; lamps: own, or NULL
     float *loaded, *more;         // memory of `from`, guides and lamps; of `to` and rows
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
@@ -35,22 +35,21 @@ struct hg_gi_gather {
     uint32_t *out;
 };
 
-static inline size_t hg_gi_gather_pixels(const struct hg_gi_gather *w)
+static inline size_t hg_gather_pixels(const struct hg_gather *w)
 {
     return (size_t)w->in.width * w->in.height;
 }
 
 // Memory of `to`, slopes, and variances of the surroundings. HG_E_NOMEM. Then the filter itself, by
 // steps of 1, 2, 4 ... px, at most `most`.
-enum hg_status hg_gi_gather_prepare(
-    struct hg_gi_gather *gather, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
-void hg_gi_gather_filter_kind(
-    struct hg_gi_gather *gather, struct hg_jobs *jobs, int kind, uint32_t most);
+enum hg_status hg_gather_prepare(
+    struct hg_gather *gather, struct hg_jobs *jobs, struct hg_error *err) HG_MUST_CHECK;
+void hg_gather_filter_kind(struct hg_gather *gather, struct hg_jobs *jobs, int kind, uint32_t most);
 
 // The words of all pixels, out of `from`; uses `to`. By jobs for rows of a picture.
-void hg_gi_gather_part_row(void *gather, size_t y);      // first: the environment's share
-void hg_gi_gather_despeckle_row(void *gather, size_t y); // then what of specks stays
-void hg_gi_gather_pack_row(void *gather, size_t y);
-void hg_gi_gather_pack_lamp_row(void *gather, size_t y); // of the lamps that are filtered
+void hg_gather_part_row(void *gather, size_t y);      // first: the environment's share
+void hg_gather_despeckle_row(void *gather, size_t y); // then what of specks stays
+void hg_gather_pack_row(void *gather, size_t y);
+void hg_gather_pack_lamp_row(void *gather, size_t y); // of the lamps that are filtered
 
 #endif

@@ -43,16 +43,16 @@
 
 static const int colours[KINDS] = {WORTH, OPEN_RED, GREEN, GREEN}; // planes that are averaged
 
-static size_t strips_of(const struct hg_gi_gather *w)
+static size_t strips_of(const struct hg_gather *w)
 {
     return (w->in.height + STRIP - 1) / STRIP;
 }
 
 // --- what the film has ---------------------------------------------------------------------------
 
-static void set_guides(struct hg_gi_gather *w, size_t at, float hits)
+static void set_guides(struct hg_gather *w, size_t at, float hits)
 {
-    const size_t pixels = hg_gi_gather_pixels(w);
+    const size_t pixels = hg_gather_pixels(w);
     const float *sums = w->in.sums, scale = 1 / hits;
     float along2 = 0;
     for (size_t c = 0; c < 3; c++) {
@@ -76,10 +76,10 @@ static void add3(const float *planes, size_t first, size_t pixels, size_t at, fl
 
 // What samples brought, and the variance of their mean: a quarter of the squared difference of the
 // two halves' means.
-static void set_light(struct hg_gi_gather *w, int kind, size_t at)
+static void set_light(struct hg_gather *w, int kind, size_t at)
 {
-    const struct hg_gi_gather_input *in = &w->in;
-    const size_t pixels = hg_gi_gather_pixels(w);
+    const struct hg_gather_input *in = &w->in;
+    const size_t pixels = hg_gather_pixels(w);
     const size_t lobe = kind == SCATTERED ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_SPECULAR;
     const size_t albedo_at = kind == SCATTERED ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
     const float first = (float)in->first_half, second = (float)(in->samples - in->first_half);
@@ -113,7 +113,7 @@ static void set_light(struct hg_gi_gather *w, int kind, size_t at)
 
 // Of pixels with one sample: half the mean squared difference from the pixels next to it that show
 // much the same surface.
-static float variance_beside(const struct hg_gi_gather *w, int kind, size_t x, size_t y)
+static float variance_beside(const struct hg_gather *w, int kind, size_t x, size_t y)
 {
     const size_t width = w->in.width, at = y * width + x;
     const size_t beside[4] = {x > 0 ? at - 1 : at, x + 1 < width ? at + 1 : at,
@@ -138,10 +138,10 @@ static float variance_beside(const struct hg_gi_gather *w, int kind, size_t x, s
 
 // Share of directional lights that is seen. Nothing is known where none is faced: such pixels count
 // for no other.
-static void set_sun(struct hg_gi_gather *w, size_t at)
+static void set_sun(struct hg_gather *w, size_t at)
 {
-    const size_t open_at = HG_PATH_GUIDE_OPEN_SUN * hg_gi_gather_pixels(w) + at;
-    const size_t seen_at = HG_PATH_GUIDE_SEEN_SUN * hg_gi_gather_pixels(w) + at;
+    const size_t open_at = HG_PATH_GUIDE_OPEN_SUN * hg_gather_pixels(w) + at;
+    const size_t seen_at = HG_PATH_GUIDE_SEEN_SUN * hg_gather_pixels(w) + at;
     const float open = w->in.sums[open_at], seen = w->in.sums[seen_at];
     const float half_open = w->in.halves[open_at], half_seen = w->in.halves[seen_at];
     if (!(open > 0))
@@ -159,9 +159,9 @@ static void set_sun(struct hg_gi_gather *w, size_t at)
 // does not: with LAMP_PRIOR of a sample of each before (a beta distribution) few that agree are
 // believed nearly as much as many, so that edges stay hard. Pixels of which none asked believe any,
 // and count little once they have a share from others: of many lamps each is asked for by few.
-static void set_lamp(struct hg_gi_gather *w, size_t at)
+static void set_lamp(struct hg_gather *w, size_t at)
 {
-    const float packed = w->in.lamps[w->lamp * hg_gi_gather_pixels(w) + at];
+    const float packed = w->in.lamps[w->lamp * hg_gather_pixels(w) + at];
     const float seen = floorf(packed / HG_PATH_LAMP_SEEN) / 16;
     const float asked = packed - seen * (16 * HG_PATH_LAMP_SEEN);
     const float a = seen + LAMP_PRIOR, b = asked - seen + LAMP_PRIOR, both = a + b;
@@ -172,16 +172,16 @@ static void set_lamp(struct hg_gi_gather *w, size_t at)
 
 static void lamp_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++)
         set_lamp(w, at);
 }
 
 // Samples of a pixel that asked for the lamps of this number, in the mean over the cells in which
 // some did. 0: there are none, or none reaches anything.
-static float asked_per_pixel(const struct hg_gi_gather *w)
+static float asked_per_pixel(const struct hg_gather *w)
 {
-    const float *packed = w->in.lamps + w->lamp * hg_gi_gather_pixels(w);
+    const float *packed = w->in.lamps + w->lamp * hg_gather_pixels(w);
     double asked = 0, pixels = 0;
     for (uint32_t top = 0; top < w->in.height && w->lamp < w->in.lamp_count; top += ASKED_CELL)
         for (uint32_t left = 0; left < w->in.width; left += ASKED_CELL) {
@@ -201,8 +201,8 @@ static float asked_per_pixel(const struct hg_gi_gather *w)
 
 static void load_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
-    const size_t width = w->in.width, pixels = hg_gi_gather_pixels(w);
+    struct hg_gather *w = user;
+    const size_t width = w->in.width, pixels = hg_gather_pixels(w);
     for (size_t at = y * width; at < (y + 1) * width; at++) {
         const float hits = w->in.sums[HG_PATH_GUIDE_HITS * pixels + at];
         if (!(hits > 0)) // planes are zero
@@ -216,7 +216,7 @@ static void load_row(void *user, size_t y)
 
 static void set_variances_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     for (size_t x = 0; x < w->in.width; x++)
         for (int kind = SCATTERED; kind <= MIRRORED; kind++)
             w->from[kind][VARIANCE][y * w->in.width + x] = variance_beside(w, kind, x, y);
@@ -236,7 +236,7 @@ static float slope(const float *z, size_t at, ptrdiff_t by, bool before, bool af
 #define ABOUT 3 // px around a pixel whose variances are averaged, at most
 
 // Of each pixel of a row the mean of the variances around it, by sums of columns.
-static void set_variance_about(struct hg_gi_gather *w, int kind, size_t y, size_t reach)
+static void set_variance_about(struct hg_gather *w, int kind, size_t y, size_t reach)
 {
     const size_t width = w->in.width, side = 2 * reach + 1;
     const size_t y0 = y > reach ? y - reach : 0;
@@ -266,7 +266,7 @@ static void set_variance_about(struct hg_gi_gather *w, int kind, size_t y, size_
 // themselves; penumbrae are narrow.
 static void prepare_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     const size_t width = w->in.width, height = w->in.height;
     for (size_t x = 0; x < width; x++) {
         const size_t at = y * width + x;
@@ -301,7 +301,7 @@ static inline float approach_zero(float x) // about exp(-x); 0 from x = 4 on
 // What one neighbour of each pixel [begin, end) is worth to it; indices begin at the first pixel of
 // a row. lobe, looks (at light): constants of the caller, which a loop without them is for.
 enum lobe { NO_LOBE, MIRRORS, TRANSMITS };
-__attribute__((always_inline)) static inline void weigh(const struct hg_gi_gather *w, size_t row,
+__attribute__((always_inline)) static inline void weigh(const struct hg_gather *w, size_t row,
     size_t begin, size_t end, const struct tap *tap, const struct row *out, enum lobe lobe,
     bool looks)
 {
@@ -363,8 +363,8 @@ __attribute__((always_inline)) static inline void weigh(const struct hg_gi_gathe
 }
 
 #define WEIGH(name, lobe, looks)                                                                   \
-    HG_SIMD_LOOP static void name(const struct hg_gi_gather *w, size_t row, size_t begin,          \
-        size_t end, const struct tap *tap, const struct row *out)                                  \
+    HG_SIMD_LOOP static void name(const struct hg_gather *w, size_t row, size_t begin, size_t end, \
+        const struct tap *tap, const struct row *out)                                              \
     {                                                                                              \
         weigh(w, row, begin, end, tap, out, lobe, looks);                                          \
     }
@@ -375,7 +375,7 @@ WEIGH(weigh_mirrored_light, MIRRORS, true)
 WEIGH(weigh_glass, TRANSMITS, false)
 WEIGH(weigh_glass_light, TRANSMITS, true)
 
-static void weigh_tap(const struct hg_gi_gather *w, size_t row, size_t begin, size_t end,
+static void weigh_tap(const struct hg_gather *w, size_t row, size_t begin, size_t end,
     const struct tap *tap, const struct row *out)
 {
     const bool looks = w->kind >= SUNLIT || w->step >> BLIND > 0;
@@ -396,7 +396,7 @@ HG_SIMD_LOOP static void add_weighted(float *restrict sums, const float *restric
 
 // Beyond the widest step for so many samples only what is noisy still takes from others.
 HG_SIMD_LOOP static void hold_back_row(
-    const struct hg_gi_gather *w, size_t row, size_t width, const struct row *sums)
+    const struct hg_gather *w, size_t row, size_t width, const struct row *sums)
 {
     float *const *light = w->from[w->kind];
     const float *restrict r = light[RED] + row, *restrict g = light[GREEN] + row;
@@ -420,7 +420,7 @@ HG_SIMD_LOOP static void hold_back_row(
 }
 
 HG_SIMD_LOOP static void finish_row(
-    const struct hg_gi_gather *w, size_t row, size_t width, const struct row *sums)
+    const struct hg_gather *w, size_t row, size_t width, const struct row *sums)
 {
     float *const *light = w->from[w->kind];
     float *const *to = w->to[w->kind];
@@ -436,7 +436,7 @@ HG_SIMD_LOOP static void finish_row(
     }
 }
 
-static void filter_row(const struct hg_gi_gather *w, size_t y, const struct row *row)
+static void filter_row(const struct hg_gather *w, size_t y, const struct row *row)
 {
     static const float kernel[2] = {0.5f, 0.25f}; // of a B-spline of three taps
     const size_t width = w->in.width, height = w->in.height, step = w->step;
@@ -469,7 +469,7 @@ static void filter_row(const struct hg_gi_gather *w, size_t y, const struct row 
 
 static void filter_strip(void *user, size_t strip)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     const size_t width = w->in.width, height = w->in.height, first = strip * STRIP;
     struct row row;
     float *next = w->rows + strip * (LIGHT_PLANES + 1) * width;
@@ -482,26 +482,26 @@ static void filter_strip(void *user, size_t strip)
 
 // --- all of it -----------------------------------------------------------------------------------
 
-static void swap_planes(struct hg_gi_gather *w, int kind, int plane)
+static void swap_planes(struct hg_gather *w, int kind, int plane)
 {
     float *other = w->from[kind][plane];
     w->from[kind][plane] = w->to[kind][plane];
     w->to[kind][plane] = other;
 }
 
-static uint32_t part_of_height(const struct hg_gi_gather_input *in, uint32_t part)
+static uint32_t part_of_height(const struct hg_gather_input *in, uint32_t part)
 {
     return in->height > part ? in->height / part : 1;
 }
 
-static uint32_t widest_step(const struct hg_gi_gather_input *in)
+static uint32_t widest_step(const struct hg_gather_input *in)
 {
     const uint32_t more = in->samples / FINEST_OF;
     const uint32_t part = FINEST * (more < 1 ? 1 : more < FINEST_MOST ? more : FINEST_MOST);
     return part_of_height(in, part);
 }
 
-void hg_gi_gather_filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int kind, uint32_t most)
+void hg_gather_filter_kind(struct hg_gather *w, struct hg_jobs *jobs, int kind, uint32_t most)
 {
     w->kind = kind;
     for (w->step = 1; w->step <= most; w->step *= 2) {
@@ -511,14 +511,14 @@ void hg_gi_gather_filter_kind(struct hg_gi_gather *w, struct hg_jobs *jobs, int 
     }
 }
 
-static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
+static void filter(struct hg_gather *w, struct hg_jobs *jobs)
 {
     const size_t height = w->in.height;
     const uint32_t widest = widest_step(&w->in);
     const uint32_t noisy = w->in.samples > QUIET_SAMPLES ? widest : part_of_height(&w->in, FINEST);
     w->widest = widest;
     for (int kind = 0; kind < LAMPLIT; kind++) {
-        hg_gi_gather_filter_kind(w, jobs, kind,
+        hg_gather_filter_kind(w, jobs, kind,
             kind == SUNLIT      ? SUNLIT_STEP
             : kind == SCATTERED ? noisy
                                 : widest);
@@ -527,19 +527,18 @@ static void filter(struct hg_gi_gather *w, struct hg_jobs *jobs)
         w->lamp_asked = asked_per_pixel(w);
         if (w->lamp_asked > 0) {
             hg_jobs_for(jobs, height, lamp_row, w);
-            hg_gi_gather_filter_kind(
+            hg_gather_filter_kind(
                 w, jobs, LAMPLIT, w->lamp_asked < 1 ? FEW_ASKED * LAMPLIT_STEP : LAMPLIT_STEP);
         }
-        hg_jobs_for(jobs, height, hg_gi_gather_pack_lamp_row, w);
+        hg_jobs_for(jobs, height, hg_gather_pack_lamp_row, w);
     }
-    hg_jobs_for(jobs, height, hg_gi_gather_part_row, w);
-    hg_jobs_for(jobs, height, hg_gi_gather_despeckle_row, w);
-    hg_jobs_for(jobs, height, hg_gi_gather_pack_row, w);
+    hg_jobs_for(jobs, height, hg_gather_part_row, w);
+    hg_jobs_for(jobs, height, hg_gather_despeckle_row, w);
+    hg_jobs_for(jobs, height, hg_gather_pack_row, w);
 }
 
 // Gives the planes of light their places in memory; without it says how much they take.
-static size_t lay_out(
-    const struct hg_gi_gather *w, float *memory, float *planes[KINDS][LIGHT_PLANES])
+static size_t lay_out(const struct hg_gather *w, float *memory, float *planes[KINDS][LIGHT_PLANES])
 {
     size_t count = 0;
     const int kinds = w->in.lamps != NULL ? KINDS : LAMPLIT;
@@ -551,10 +550,10 @@ static size_t lay_out(
                 continue;
             }
             if (memory != NULL)
-                planes[kind][plane] = memory + count * hg_gi_gather_pixels(w);
+                planes[kind][plane] = memory + count * hg_gather_pixels(w);
             count++;
         }
-    return count * hg_gi_gather_pixels(w);
+    return count * hg_gather_pixels(w);
 }
 
 static enum hg_status no_memory(struct hg_error *err)
@@ -562,19 +561,19 @@ static enum hg_status no_memory(struct hg_error *err)
     return hg_error_set(err, HG_E_NOMEM, "gathered light", NULL, "out of host memory");
 }
 
-enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
-    struct hg_gi_gather **out, struct hg_error *err)
+enum hg_status hg_gather_load(struct hg_jobs *jobs, const struct hg_gather_input *input,
+    struct hg_gather **out, struct hg_error *err)
 {
-    struct hg_gi_gather *w = hg_calloc(1, sizeof *w);
+    struct hg_gather *w = hg_calloc(1, sizeof *w);
     *out = w;
     if (w == NULL)
         return no_memory(err);
     w->in = *input;
-    const size_t pixels = hg_gi_gather_pixels(w), light = lay_out(w, NULL, NULL);
+    const size_t pixels = hg_gather_pixels(w), light = lay_out(w, NULL, NULL);
     const size_t lamps = input->lamps != NULL ? input->lamp_count * pixels : 0;
     w->loaded = hg_calloc(GUIDES * pixels + light + lamps, sizeof *w->loaded);
     if (w->loaded == NULL) {
-        hg_gi_gather_free(w);
+        hg_gather_free(w);
         *out = NULL;
         return no_memory(err);
     }
@@ -593,8 +592,7 @@ enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather
     return HG_OK;
 }
 
-enum hg_status hg_gi_gather_prepare(
-    struct hg_gi_gather *w, struct hg_jobs *jobs, struct hg_error *err)
+enum hg_status hg_gather_prepare(struct hg_gather *w, struct hg_jobs *jobs, struct hg_error *err)
 {
     const size_t light = lay_out(w, NULL, NULL);
     const size_t rows = strips_of(w) * (LIGHT_PLANES + 1) * w->in.width;
@@ -609,10 +607,10 @@ enum hg_status hg_gi_gather_prepare(
     return HG_OK;
 }
 
-enum hg_status hg_gi_gather_filter(
-    struct hg_gi_gather *w, struct hg_jobs *jobs, uint32_t *words, struct hg_error *err)
+enum hg_status hg_gather_filter(
+    struct hg_gather *w, struct hg_jobs *jobs, uint32_t *words, struct hg_error *err)
 {
-    const enum hg_status status = hg_gi_gather_prepare(w, jobs, err);
+    const enum hg_status status = hg_gather_prepare(w, jobs, err);
     if (status != HG_OK)
         return status;
     w->out = words;
@@ -620,12 +618,12 @@ enum hg_status hg_gi_gather_filter(
     return HG_OK;
 }
 
-uint32_t hg_gi_gather_rows(uint32_t height, bool lamps)
+uint32_t hg_gather_rows(uint32_t height, bool lamps)
 {
     return lamps ? 2 * height : height;
 }
 
-void hg_gi_gather_free(struct hg_gi_gather *w)
+void hg_gather_free(struct hg_gather *w)
 {
     if (w == NULL)
         return;

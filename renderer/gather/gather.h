@@ -13,7 +13,7 @@
 #include "base/status.h"
 #include "base/jobs.h"
 
-struct hg_gi_gather_input {
+struct hg_gather_input {
     uint32_t width, height;
     uint32_t samples, first_half; // of each pixel, >= 1; and those of them in `halves`
     // [HG_PATH_GUIDE_CHANNELS][height][width] sums over samples, and [HG_PATH_GUIDE_LIGHT][..][..]
@@ -24,16 +24,16 @@ struct hg_gi_gather_input {
     uint32_t lamp_count; // at most HG_GATHERED_LAMPS
 };
 
-struct hg_gi_gather; // 92 bytes per pixel, and 57 more while it is filtered; with lamps 12 and
-                     // 12 more, and 4 for each
+struct hg_gather; // 92 bytes per pixel, and 57 more while it is filtered; with lamps 12 and
+                  // 12 more, and 4 for each
 
 // What the film has; the input is not needed any more then. HG_E_NOMEM.
-enum hg_status hg_gi_gather_load(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
-    struct hg_gi_gather **out, struct hg_error *err) HG_MUST_CHECK;
-// words: [hg_gi_gather_rows(height, lamps)][width][4] as the device reads them
+enum hg_status hg_gather_load(struct hg_jobs *jobs, const struct hg_gather_input *input,
+    struct hg_gather **out, struct hg_error *err) HG_MUST_CHECK;
+// words: [hg_gather_rows(height, lamps)][width][4] as the device reads them
 // (shaders/shared/gi.h). The same bytes for any number of threads. Once. HG_E_NOMEM.
-enum hg_status hg_gi_gather_filter(struct hg_gi_gather *gather, struct hg_jobs *jobs,
-    uint32_t *words, struct hg_error *err) HG_MUST_CHECK;
+enum hg_status hg_gather_filter(struct hg_gather *gather, struct hg_jobs *jobs, uint32_t *words,
+    struct hg_error *err) HG_MUST_CHECK;
 
 // Light by way of glass: that of pixels which show frosted glass is filtered as above, what clear
 // glass shows stays as it is, to the byte.
@@ -43,17 +43,17 @@ enum hg_status hg_gi_gather_filter(struct hg_gi_gather *gather, struct hg_jobs *
 //   colors  [height][width][4] in and out: mean radiance that `input` is of, and coverage
 //
 // The same bytes for any number of threads. HG_E_NOMEM.
-enum hg_status hg_gi_gather_glass(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+enum hg_status hg_gather_glass(struct hg_jobs *jobs, const struct hg_gather_input *input,
     uint32_t height, float *colors, struct hg_error *err) HG_MUST_CHECK;
 
 // Samples that the picture is to have, at most `samples`, by blocks of pixels
 // (shaders/shared/sample_blocks.h): fewer where surfaces are alike all over, down to
-// HG_GI_LEAST_SAMPLES. counts: [rows][columns of blocks].
-#define HG_GI_LEAST_SAMPLES 8u
-void hg_gi_gather_samples(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
-    uint32_t samples, uint32_t *counts);
+// HG_GATHER_LEAST_SAMPLES. counts: [rows][columns of blocks].
+#define HG_GATHER_LEAST_SAMPLES 8u
+void hg_gather_samples(
+    struct hg_jobs *jobs, const struct hg_gather_input *input, uint32_t samples, uint32_t *counts);
 // Rows of the image: those of the picture, and those of lamps.
-uint32_t hg_gi_gather_rows(uint32_t height, bool lamps);
-void hg_gi_gather_free(struct hg_gi_gather *gather); // accepts NULL
+uint32_t hg_gather_rows(uint32_t height, bool lamps);
+void hg_gather_free(struct hg_gather *gather); // accepts NULL
 
 #endif

@@ -12,12 +12,12 @@
 #define LOBE    1.85f // heights of the picture that light may come from, times alpha
 
 struct job {
-    struct hg_gi_gather *gather;
-    const struct hg_gi_gather_input *in;
+    struct hg_gather *gather;
+    const struct hg_gather_input *in;
     float *colors;
 };
 
-static size_t pixels_of(const struct hg_gi_gather_input *in)
+static size_t pixels_of(const struct hg_gather_input *in)
 {
     return (size_t)in->width * in->height;
 }
@@ -28,7 +28,7 @@ static float frosted(float roughness)
 }
 
 // Whether a pixel shows frosted glass.
-static bool is_any_frosted(const struct hg_gi_gather_input *in)
+static bool is_any_frosted(const struct hg_gather_input *in)
 {
     const size_t pixels = pixels_of(in);
     const float *hits = in->sums + HG_PATH_GUIDE_HITS * pixels;
@@ -43,7 +43,7 @@ static bool is_any_frosted(const struct hg_gi_gather_input *in)
 // are not held back: glass shows lamps, whose light counts.
 static void mix(const struct job *job, int kind, size_t at, float share)
 {
-    const struct hg_gi_gather_input *in = job->in;
+    const struct hg_gather_input *in = job->in;
     const size_t lobe = kind == SCATTERED ? HG_PATH_GUIDE_DIRECT : HG_PATH_GUIDE_SPECULAR;
     const size_t albedo_at = kind == SCATTERED ? HG_PATH_GUIDE_ALBEDO : HG_PATH_GUIDE_REFLECTION;
     const float samples = (float)in->samples;
@@ -60,7 +60,7 @@ static void mix(const struct job *job, int kind, size_t at, float share)
 static void mix_row(void *user, size_t y)
 {
     const struct job *job = user;
-    const struct hg_gi_gather *w = job->gather;
+    const struct hg_gather *w = job->gather;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         const float share = w->guides[DEPTH][at] > 0 ? frosted(w->guides[ROUGHNESS][at]) : 0;
         for (int kind = SCATTERED; kind <= MIRRORED && share > 0; kind++)
@@ -68,23 +68,23 @@ static void mix_row(void *user, size_t y)
     }
 }
 
-enum hg_status hg_gi_gather_glass(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
+enum hg_status hg_gather_glass(struct hg_jobs *jobs, const struct hg_gather_input *input,
     uint32_t height, float *colors, struct hg_error *err)
 {
     struct job job = {.in = input, .colors = colors};
     const uint32_t most = height > FINEST ? height / FINEST : 1;
     if (!is_any_frosted(input))
         return HG_OK;
-    enum hg_status status = hg_gi_gather_load(jobs, input, &job.gather, err);
+    enum hg_status status = hg_gather_load(jobs, input, &job.gather, err);
     if (status == HG_OK)
-        status = hg_gi_gather_prepare(job.gather, jobs, err);
+        status = hg_gather_prepare(job.gather, jobs, err);
     if (status == HG_OK) {
         job.gather->widest = most;
         job.gather->glass_px = LOBE * (float)height;
         for (int kind = SCATTERED; kind <= MIRRORED; kind++)
-            hg_gi_gather_filter_kind(job.gather, jobs, kind, most);
+            hg_gather_filter_kind(job.gather, jobs, kind, most);
         hg_jobs_for(jobs, input->height, mix_row, &job);
     }
-    hg_gi_gather_free(job.gather);
+    hg_gather_free(job.gather);
     return status;
 }

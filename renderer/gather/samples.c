@@ -5,7 +5,7 @@
 #include "shaders/shared/path.h"
 #include "shaders/shared/sample_blocks.h"
 
-#define LEAST_SAMPLES HG_GI_LEAST_SAMPLES
+#define LEAST_SAMPLES HG_GATHER_LEAST_SAMPLES
 // Contrast of neighbours up to which 2, 3, ... eighths of the samples leave no more error than all
 // of them do at an edge of contrast 1: that falls with the number of samples to the power of 3/4,
 // as they are spread evenly over a pixel (Mitchell 1996).
@@ -21,7 +21,7 @@ static const float plain[] = {0.35f, 0.47f, 0.60f, 0.70f, 0.80f, 0.90f};
 #define HEIGHT (HG_SAMPLE_BLOCK_HEIGHT + 2)
 
 struct job {
-    const struct hg_gi_gather_input *in;
+    const struct hg_gather_input *in;
     uint32_t samples, *out;
 };
 
@@ -32,7 +32,7 @@ struct seen {
     bool whole;     // all samples met a surface
 };
 
-static struct seen seen_at(const struct hg_gi_gather_input *in, size_t at)
+static struct seen seen_at(const struct hg_gather_input *in, size_t at)
 {
     const size_t pixels = (size_t)in->width * in->height;
     const float *sums = in->sums, hits = sums[HG_PATH_GUIDE_HITS * pixels + at];
@@ -106,7 +106,7 @@ static uint32_t enough(float contrast, uint32_t samples)
 static void block_row(void *user, size_t row)
 {
     const struct job *job = user;
-    const struct hg_gi_gather_input *in = job->in;
+    const struct hg_gather_input *in = job->in;
     const uint32_t columns = HG_SAMPLE_BLOCK_COLUMNS(in->width);
     for (uint32_t column = 0; column < columns; column++) {
         struct seen window[HEIGHT][WIDTH];
@@ -121,8 +121,8 @@ static void block_row(void *user, size_t row)
     }
 }
 
-void hg_gi_gather_samples(struct hg_jobs *jobs, const struct hg_gi_gather_input *input,
-    uint32_t samples, uint32_t *counts)
+void hg_gather_samples(
+    struct hg_jobs *jobs, const struct hg_gather_input *input, uint32_t samples, uint32_t *counts)
 {
     struct job job = {input, samples, counts};
     hg_jobs_for(jobs, HG_SAMPLE_BLOCK_ROWS(input->height), block_row, &job);

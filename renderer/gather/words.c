@@ -13,7 +13,7 @@
 
 // What is left of a pixel that no neighbour was like (edges within it): its luminance is at most
 // the third largest of those around it. Returns the share that stays.
-static float despeckle(const struct hg_gi_gather *w, int kind, size_t at)
+static float despeckle(const struct hg_gather *w, int kind, size_t at)
 {
     float *const *light = w->from[kind];
     const size_t width = w->in.width, x = at % width, y = at / width;
@@ -39,9 +39,9 @@ static float despeckle(const struct hg_gi_gather *w, int kind, size_t at)
     return l > most[2] ? most[2] / l : 1;
 }
 
-void hg_gi_gather_despeckle_row(void *user, size_t y)
+void hg_gather_despeckle_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++)
         for (int kind = SCATTERED; kind <= MIRRORED; kind++)
             w->to[kind][RED][at] = despeckle(w, kind, at);
@@ -49,7 +49,7 @@ void hg_gi_gather_despeckle_row(void *user, size_t y)
 
 // Light of a pixel without its speck and with its part of those beside it, which are light that
 // arrives: an eighth of each, of as much of it as is not beyond all measure.
-static void despeckled(const struct hg_gi_gather *w, int kind, size_t at, float out[3])
+static void despeckled(const struct hg_gather *w, int kind, size_t at, float out[3])
 {
     float *const *light = w->from[kind];
     const float *stays = w->to[kind][RED], *depth = w->guides[DEPTH];
@@ -72,9 +72,9 @@ static void despeckled(const struct hg_gi_gather *w, int kind, size_t at, float 
 // that came: both are estimated from the same directions, so that their ratio has little noise,
 // none where all came (Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and
 // Stochastic Shadows"). What is left of the light is the rest.
-void hg_gi_gather_part_row(void *user, size_t y)
+void hg_gather_part_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     float *const *s = w->from[SCATTERED];
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         const float open[3] = {s[OPEN_RED][at], s[OPEN_GREEN][at], s[OPEN_BLUE][at]};
@@ -85,12 +85,12 @@ void hg_gi_gather_part_row(void *user, size_t y)
     }
 }
 
-void hg_gi_gather_pack_lamp_row(void *user, size_t y)
+void hg_gather_pack_lamp_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         const float share = w->lamp_asked > 0 ? w->from[LAMPLIT][RED][at] : LAMP_UNKNOWN;
-        uint32_t *word = &w->out[4 * (hg_gi_gather_pixels(w) + at) + w->lamp / 4];
+        uint32_t *word = &w->out[4 * (hg_gather_pixels(w) + at) + w->lamp / 4];
         *word |= (uint32_t)(sqrtf(share) * 255 + 0.5f) << (8 * (w->lamp % 4));
     }
 }
@@ -106,9 +106,9 @@ static uint32_t pack_sides(const float normal[3], float sunlit)
     return word;
 }
 
-void hg_gi_gather_pack_row(void *user, size_t y)
+void hg_gather_pack_row(void *user, size_t y)
 {
-    struct hg_gi_gather *w = user;
+    struct hg_gather *w = user;
     for (size_t at = y * w->in.width; at < (y + 1) * (size_t)w->in.width; at++) {
         uint32_t *out = w->out + 4 * at;
         const float depth = w->guides[DEPTH][at];

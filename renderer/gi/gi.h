@@ -100,15 +100,15 @@ enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_ra
     struct hg_gi_camera_hit *out, struct hg_error *err) HG_MUST_CHECK;
 
 // What rays of other passes meet, and what there is to light it with.
-struct hg_gi_environment;
-struct hg_gi_surfaces;
-struct hg_gi_emissive;
+struct hg_host_environment;
+struct hg_host_surfaces;
+struct hg_host_emissive;
 struct hg_gi_field;
 struct hg_gi_world {
     struct hg_trace *trace;                // NULL: there is none
-    const struct hg_gi_environment *environment; // environment.h
-    const struct hg_gi_surfaces *surfaces; // surfaces.h
-    const struct hg_gi_emissive *emissive; // emissive.h
+    const struct hg_host_environment *environment; // environment.h
+    const struct hg_host_surfaces *surfaces;       // surfaces.h
+    const struct hg_host_emissive *emissive;       // emissive.h
     const struct hg_gi_field *whole;       // field.h: the grid over the whole scene
     const struct hg_gi_field *field;       // the finest one of the view, that knows coarser ones
     uint64_t rounds; // updates of all probes of a dynamic field since the last change

@@ -23,9 +23,9 @@ struct hg_gi_points {
     struct hg_trace *trace;
     const struct hg_lighting_sources *sources;
     const struct hg_gi_field *field;
-    // Of count * HG_GI_SHADOW_RAYS rays and words.
+    // Of count * HG_HOST_SHADOW_RAYS rays and words.
     struct hg_gpu_buffer *rays, *blocked;
-    struct hg_gi_direct *direct; // [count]
+    struct hg_host_direct *direct; // [count]
 };
 // Lights points [0, count). Device errors.
 enum hg_status hg_gi_points_light(const struct hg_gi_points *with, struct hg_gi_lit *points,

@@ -18,7 +18,7 @@ struct hg_gi_ray {
     float distance;     // metres; FLT_MAX: it left the scene
     float normal[3];    // geometric, of what it met, on its side
     float light[3];
-    float emitted[3]; // of that what an emitter sent (hg_gi_material)
+    float emitted[3]; // of that what an emitter sent (hg_host_material)
     bool back; // the back of a surface that has one side: what begins there lies inside of it
 };
 

@@ -74,7 +74,7 @@ static float pick_on_surface(const struct hg_gpu_light *light, const float d[3],
 
 // The same as illuminance, of a point of a light with a size that two numbers in [0, 1) choose: its
 // mean is that of the whole surface.
-static float sized_illuminance(const struct hg_gpu_light *light, const struct hg_gi_receiver *r,
+static float sized_illuminance(const struct hg_gpu_light *light, const struct hg_host_receiver *r,
     const float u[2], float to[3], float *distance)
 {
     const float middle[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
@@ -110,8 +110,8 @@ static float sized_illuminance(const struct hg_gpu_light *light, const struct hg
 
 // Illuminance per unit of a light's colour on a surface, and the way to it; distance: metres.
 // KHR_lights_punctual, as hg_light_illuminance in shaders/lib/light.glsl.
-static float illuminance(
-    const struct hg_gpu_light *light, const struct hg_gi_receiver *r, float to[3], float *distance)
+static float illuminance(const struct hg_gpu_light *light, const struct hg_host_receiver *r,
+    float to[3], float *distance)
 {
     const float way[3] = {light->direction_ws.x, light->direction_ws.y, light->direction_ws.z};
     const float from[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
@@ -144,7 +144,7 @@ static float illuminance(
 // What profile and image of a light leave of a colour; to: where it is lit from, unit, and how far
 // away.
 static void tint(const struct hg_lighting_sources *sources, const struct hg_gpu_light *light,
-    const struct hg_gi_receiver *r, const float to[3], float distance, float color[3])
+    const struct hg_host_receiver *r, const float to[3], float distance, float color[3])
 {
     const float middle[3] = {light->position_ws.x, light->position_ws.y, light->position_ws.z};
     float at[3], offset[3], whole[3], spot[3];
@@ -157,7 +157,7 @@ static void tint(const struct hg_lighting_sources *sources, const struct hg_gpu_
 }
 
 static void ask(const struct hg_lighting_sources *sources, uint32_t light,
-    const struct hg_gi_receiver *r, struct hg_gi_direct *out, uint32_t slot)
+    const struct hg_host_receiver *r, struct hg_host_direct *out, uint32_t slot)
 {
     const struct hg_gpu_light *l = &sources->lights[light];
     float to[3], distance, lifted[3];
@@ -178,7 +178,7 @@ static void ask(const struct hg_lighting_sources *sources, uint32_t light,
 
 // What is dark by its profile or image has no weight.
 static float weight_of(const struct hg_lighting_sources *sources, const struct hg_gpu_light *light,
-    const struct hg_gi_receiver *r)
+    const struct hg_host_receiver *r)
 {
     float to[3], distance, whole[3];
     hg_light_tint(light, sources->tables, r->position, whole);
@@ -196,7 +196,7 @@ static float weight_of(const struct hg_lighting_sources *sources, const struct h
 
 // One of the lights from `first` on, with a probability in proportion to its light here.
 static void ask_one(const struct hg_lighting_sources *sources, uint32_t first,
-    const struct hg_gi_receiver *r, struct hg_gi_direct *out, uint32_t slot)
+    const struct hg_host_receiver *r, struct hg_host_direct *out, uint32_t slot)
 {
     const uint32_t count = sources->count - first;
     const uint32_t stride = (count + MOST_CANDIDATES - 1) / MOST_CANDIDATES;
@@ -223,11 +223,11 @@ static void ask_one(const struct hg_lighting_sources *sources, uint32_t first,
         out->light[slot][c] *= sum / chosen_weight * (float)stride;
 }
 
-void hg_gi_direct_at(const struct hg_lighting_sources *sources, const struct hg_gi_receiver *r,
-    struct hg_gi_direct *out)
+void hg_host_direct_at(const struct hg_lighting_sources *sources, const struct hg_host_receiver *r,
+    struct hg_host_direct *out)
 {
     const uint32_t suns = sources->directional_count < 2 ? sources->directional_count : 2;
-    hg_gi_direct_clear(out);
+    hg_host_direct_clear(out);
     for (uint32_t i = 0; i < suns; i++)
         ask(sources, i, r, out, i);
     if (sources->count > suns)

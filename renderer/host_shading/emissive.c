@@ -14,14 +14,14 @@
 
 // --- triangles -----------------------------------------------------------------------------------
 
-void hg_gi_emissive_finish(struct hg_gi_emissive *e)
+void hg_host_emissive_finish(struct hg_host_emissive *e)
 {
     hg_free(e->triangles);
     hg_free(e->sums);
-    *e = (struct hg_gi_emissive){0};
+    *e = (struct hg_host_emissive){0};
 }
 
-static const struct hg_gi_material *material_of(const struct hg_gi_surfaces *s, uint32_t piece)
+static const struct hg_host_material *material_of(const struct hg_host_surfaces *s, uint32_t piece)
 {
     return &s->materials[s->piece_materials[piece]];
 }
@@ -46,13 +46,13 @@ static void cross_of(const float corners[3][3], float out[3])
     hg_cross3(a, b, out);
 }
 
-static bool shines(const struct hg_gi_surfaces *s, uint32_t piece)
+static bool shines(const struct hg_host_surfaces *s, uint32_t piece)
 {
     return s->pieces[piece].positions != NULL && hg_luminance(material_of(s, piece)->emitted) > 0;
 }
 
 static enum hg_status add_piece(
-    struct hg_gi_emissive *e, const struct hg_gi_surfaces *s, uint32_t piece, double *sum)
+    struct hg_host_emissive *e, const struct hg_host_surfaces *s, uint32_t piece, double *sum)
 {
     const struct hg_ray_geometry_piece *p = &s->pieces[piece];
     const float luminance = hg_luminance(material_of(s, piece)->emitted);
@@ -68,13 +68,14 @@ static enum hg_status add_piece(
         if (!(power > 0 && power < INFINITY))
             continue;
         *sum += (double)power;
-        e->triangles[e->count] = (struct hg_gi_emissive_triangle){piece, i};
+        e->triangles[e->count] = (struct hg_host_emissive_triangle){piece, i};
         e->sums[e->count++] = (float)*sum;
     }
     return HG_OK;
 }
 
-enum hg_status hg_gi_emissive_sync(struct hg_gi_emissive *e, const struct hg_gi_surfaces *surfaces)
+enum hg_status hg_host_emissive_sync(
+    struct hg_host_emissive *e, const struct hg_host_surfaces *surfaces)
 {
     uint64_t triangles = 0;
     double sum = 0;
@@ -82,10 +83,10 @@ enum hg_status hg_gi_emissive_sync(struct hg_gi_emissive *e, const struct hg_gi_
         return HG_OK;
     e->surfaces = NULL;
     e->count = 0;
-    const struct hg_gi_surfaces *s = surfaces;
+    const struct hg_host_surfaces *s = surfaces;
     for (uint32_t i = 0; i < s->piece_count; i++)
         triangles += shines(s, i) ? s->pieces[i].triangle_count : 0;
-    for (uint32_t i = 0; i < s->piece_count && triangles <= HG_GI_MOST_EMISSIVE; i++)
+    for (uint32_t i = 0; i < s->piece_count && triangles <= HG_HOST_MOST_EMISSIVE; i++)
         if (shines(s, i) && add_piece(e, s, i, &sum) != HG_OK) {
             e->count = 0;
             return HG_E_NOMEM;
@@ -124,7 +125,7 @@ static void point_in(const float corners[3][3], const float xi[2], float out[3])
 
 // Cosine at the emitter, 0 behind one that has one side.
 static float cosine_of(
-    const struct hg_gi_surfaces *s, uint32_t piece, const float cross[3], const float way[3])
+    const struct hg_host_surfaces *s, uint32_t piece, const float cross[3], const float way[3])
 {
     const uint32_t flags = s->pieces[piece].flags;
     const float facing = -hg_dot3(cross, way) / hg_length3(cross);
@@ -133,8 +134,8 @@ static float cosine_of(
     return both ? fabsf(facing) : fmaxf(front, 0);
 }
 
-float hg_gi_emissive_share(const struct hg_gi_emissive *e, const float emitted[3], float distance,
-    float cosine, float other)
+float hg_host_emissive_share(const struct hg_host_emissive *e, const float emitted[3],
+    float distance, float cosine, float other)
 {
     const float luminance = hg_luminance(emitted);
     if (e->count == 0 || !(luminance > 0) || !(cosine > 0))
@@ -143,13 +144,13 @@ float hg_gi_emissive_share(const struct hg_gi_emissive *e, const float emitted[3
     return density / (density + other * e->sums[e->count - 1] * cosine);
 }
 
-static bool take_candidate(const struct hg_gi_emissive *e, const struct hg_gi_emissive_receiver *r,
-    uint32_t i, struct candidate *out)
+static bool take_candidate(const struct hg_host_emissive *e,
+    const struct hg_host_emissive_receiver *r, uint32_t i, struct candidate *out)
 {
     float xi[3], corners[3][3], cross[3], at[3];
     random3(r->seed, i, xi);
     const float all = e->sums[e->count - 1];
-    const struct hg_gi_emissive_triangle t =
+    const struct hg_host_emissive_triangle t =
         e->triangles[hg_sums_find(e->sums, e->count, xi[0] * all)];
     corners_of(&e->surfaces->pieces[t.piece], t.triangle, corners);
     cross_of((const float(*)[3])corners, cross);
@@ -165,7 +166,7 @@ static bool take_candidate(const struct hg_gi_emissive *e, const struct hg_gi_em
     const float cosine = cosine_of(e->surfaces, t.piece, cross, out->way);
     const float over = r->normal ? fmaxf(hg_dot3(r->normal, out->way), 0) / (float)HG_PI : 1;
     const float share =
-        hg_gi_emissive_share(e, emitted, out->distance, cosine, r->normal ? over : r->density);
+        hg_host_emissive_share(e, emitted, out->distance, cosine, r->normal ? over : r->density);
     // The chance per area is the luminance over the sum of all.
     out->weight = cosine / d2 * over * share * all;
     for (int c = 0; c < 3; c++)
@@ -173,8 +174,8 @@ static bool take_candidate(const struct hg_gi_emissive *e, const struct hg_gi_em
     return out->weight > 0 && out->weight < INFINITY;
 }
 
-bool hg_gi_emissive_choose(const struct hg_gi_emissive *e,
-    const struct hg_gi_emissive_receiver *receiver, struct hg_gi_emissive_ray *out)
+bool hg_host_emissive_choose(const struct hg_host_emissive *e,
+    const struct hg_host_emissive_receiver *receiver, struct hg_host_emissive_ray *out)
 {
     struct candidate chosen = {0}, next;
     float sum = 0, xi[3];

@@ -13,15 +13,15 @@
 
 #include "renderer/host_shading/surfaces.h"
 
-#define HG_GI_MOST_EMISSIVE (1u << 18) // triangles; of scenes with more, none is known
+#define HG_HOST_MOST_EMISSIVE (1u << 18) // triangles; of scenes with more, none is known
 
-struct hg_gi_emissive_triangle {
+struct hg_host_emissive_triangle {
     uint32_t piece, triangle;
 };
 
-struct hg_gi_emissive {                        // zeroed: none
-    const struct hg_gi_surfaces *surfaces;     // borrowed
-    struct hg_gi_emissive_triangle *triangles; // [count]
+struct hg_host_emissive {                        // zeroed: none
+    const struct hg_host_surfaces *surfaces;     // borrowed
+    struct hg_host_emissive_triangle *triangles; // [count]
     float *sums;    // [count] of luminance times area, up to each triangle
     uint32_t count; // 0: what rays meet shines by itself
     size_t triangle_capacity, sum_capacity;
@@ -30,12 +30,12 @@ struct hg_gi_emissive {                        // zeroed: none
 };
 
 // In line with surfaces that were synced. HG_E_NOMEM.
-enum hg_status hg_gi_emissive_sync(
-    struct hg_gi_emissive *emissive, const struct hg_gi_surfaces *surfaces) HG_MUST_CHECK;
-void hg_gi_emissive_finish(struct hg_gi_emissive *emissive);
+enum hg_status hg_host_emissive_sync(
+    struct hg_host_emissive *emissive, const struct hg_host_surfaces *surfaces) HG_MUST_CHECK;
+void hg_host_emissive_finish(struct hg_host_emissive *emissive);
 
 // Who asks for a point: a surface, or a probe, which has no normal.
-struct hg_gi_emissive_receiver {
+struct hg_host_emissive_receiver {
     float position[3];
     const float *normal; // unit; its other rays go over the cosine. NULL: light from everywhere
                          // counts, and its other rays have this density, for each of these:
@@ -43,17 +43,17 @@ struct hg_gi_emissive_receiver {
     uint64_t seed;       // another one: another point
 };
 // Where the ray goes, and its share of what it would bring if nothing were in the way.
-struct hg_gi_emissive_ray {
+struct hg_host_emissive_ray {
     float direction[3], distance; // unit; metres to just before the point
     float light[3];               // irradiance over pi; of probes illuminance across the direction
 };
 // False: nothing there shines this way. Only where count > 0.
-bool hg_gi_emissive_choose(const struct hg_gi_emissive *emissive,
-    const struct hg_gi_emissive_receiver *receiver, struct hg_gi_emissive_ray *out);
+bool hg_host_emissive_choose(const struct hg_host_emissive *emissive,
+    const struct hg_host_emissive_receiver *receiver, struct hg_host_emissive_ray *out);
 
 // Share of the radiance of an emitter that these rays bring; the rest is that of a ray of the
 // density `other` which met it at the distance under this cosine of its normal. 0 where count is 0.
-float hg_gi_emissive_share(const struct hg_gi_emissive *emissive, const float emitted[3],
+float hg_host_emissive_share(const struct hg_host_emissive *emissive, const float emitted[3],
     float distance, float cosine, float other);
 
 #endif

@@ -55,7 +55,7 @@ static float solid_angle(uint32_t texel, uint32_t side)
 }
 
 // The share of a texel's light that is even.
-static float even_share(const struct hg_gi_environment *e, const float texel[3])
+static float even_share(const struct hg_host_environment *e, const float texel[3])
 {
     const float l = hg_luminance(texel);
     return l > e->limit ? e->limit / l : 1;
@@ -74,15 +74,15 @@ static float mean_luminance(const struct hg_lighting_sources *from, uint32_t cou
     return (float)(sum / whole);
 }
 
-enum hg_status hg_gi_environment_sync(
-    struct hg_gi_environment *e, const struct hg_lighting_sources *from, uint64_t revision)
+enum hg_status hg_host_environment_sync(
+    struct hg_host_environment *e, const struct hg_lighting_sources *from, uint64_t revision)
 {
     const bool image = from->env_kind == HG_ENV_KIND_IMAGE && from->env_faces;
     const uint32_t count = image ? FACES * from->env_side * from->env_side : 0;
     if (e->is_known && e->revision == revision && e->count == count)
         return HG_OK;
     hg_free(e->sums);
-    *e = (struct hg_gi_environment){.revision = revision, .count = count, .is_known = true};
+    *e = (struct hg_host_environment){.revision = revision, .count = count, .is_known = true};
     e->limit = image ? PEAK_LIMIT * mean_luminance(from, count) : 0;
     if (!(e->limit > 0))
         return HG_OK;
@@ -102,13 +102,13 @@ enum hg_status hg_gi_environment_sync(
     return HG_OK;
 }
 
-void hg_gi_environment_finish(struct hg_gi_environment *e)
+void hg_host_environment_finish(struct hg_host_environment *e)
 {
     hg_free(e->sums);
-    *e = (struct hg_gi_environment){0};
+    *e = (struct hg_host_environment){0};
 }
 
-void hg_gi_environment_peak(const struct hg_gi_environment *e,
+void hg_host_environment_peak(const struct hg_host_environment *e,
     const struct hg_lighting_sources *from, const float xi[3], float direction[3], float light[3])
 {
     const uint32_t i = hg_sums_find(e->sums, e->count, xi[0] * e->sums[e->count - 1]);
@@ -129,7 +129,7 @@ void hg_gi_environment_peak(const struct hg_gi_environment *e,
 
 // --- lookup --------------------------------------------------------------------------------------
 
-void hg_gi_environment_even(const struct hg_gi_environment *e,
+void hg_host_environment_even(const struct hg_host_environment *e,
     const struct hg_lighting_sources *from, const float direction[3], float out[3])
 {
     const float c = from->env_rotation_cos, s = from->env_rotation_sin;

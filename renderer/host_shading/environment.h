@@ -6,7 +6,7 @@
 
 #include "renderer/light/lighting.h"
 
-struct hg_gi_environment { // zeroed: nothing is known
+struct hg_host_environment { // zeroed: nothing is known
     uint64_t revision;
     uint32_t count; // texels
     bool is_known, has_peaks;
@@ -15,16 +15,16 @@ struct hg_gi_environment { // zeroed: nothing is known
 };
 
 // In line with the environment of this revision. HG_E_NOMEM.
-enum hg_status hg_gi_environment_sync(struct hg_gi_environment *environment,
+enum hg_status hg_host_environment_sync(struct hg_host_environment *environment,
     const struct hg_lighting_sources *sources, uint64_t revision) HG_MUST_CHECK;
-void hg_gi_environment_finish(struct hg_gi_environment *environment);
+void hg_host_environment_finish(struct hg_host_environment *environment);
 
 // Radiance from a direction without peaks.
-void hg_gi_environment_even(const struct hg_gi_environment *environment,
+void hg_host_environment_even(const struct hg_host_environment *environment,
     const struct hg_lighting_sources *sources, const float direction[3], float out[3]);
 // A direction to a peak (unit) by three numbers in [0, 1), with a chance in proportion to its
 // light, and the illuminance of all of them if they were there. Only where has_peaks.
-void hg_gi_environment_peak(const struct hg_gi_environment *environment,
+void hg_host_environment_peak(const struct hg_host_environment *environment,
     const struct hg_lighting_sources *sources, const float xi[3], float direction[3],
     float light[3]);
 

@@ -3,18 +3,18 @@
 #define BEHIND 1e-6f // of the way to a hole, that a ray begins behind it
 
 // True: the ray goes on.
-static bool pass(const struct hg_gi_surfaces *s, const struct hg_trace_wave *wave, uint32_t i)
+static bool pass(const struct hg_host_surfaces *s, const struct hg_trace_wave *wave, uint32_t i)
 {
     const struct hg_gpu_hit *hit =
         (const struct hg_gpu_hit *)wave->hits->mapped + wave->first_hit + i;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)wave->rays->mapped + wave->first_ray + i;
-    if (hit->draw == HG_HIT_NONE || !hg_gi_surface_is_hole(s, hit))
+    if (hit->draw == HG_HIT_NONE || !hg_host_surface_is_hole(s, hit))
         return false;
     ray->t_min = hit->t * (1 + BEHIND);
     return true;
 }
 
-enum hg_status hg_gi_pass_holes(const struct hg_gi_surfaces *surfaces, struct hg_trace *trace,
+enum hg_status hg_host_pass_holes(const struct hg_host_surfaces *surfaces, struct hg_trace *trace,
     const struct hg_trace_wave *wave, const struct hg_gpu_buffer *list, uint32_t *more,
     struct hg_error *err)
 {
@@ -23,7 +23,7 @@ enum hg_status hg_gi_pass_holes(const struct hg_gi_surfaces *surfaces, struct hg
     enum hg_status status = HG_OK;
     *more = 0;
     again.list = list;
-    for (int round = 0; round < HG_GI_HOLES && surfaces->has_masks && status == HG_OK; round++) {
+    for (int round = 0; round < HG_HOST_HOLES && surfaces->has_masks && status == HG_OK; round++) {
         uint32_t *to = list->mapped;
         const uint32_t count = round == 0 ? wave->count : again.count;
         again.count = 0;

@@ -14,17 +14,17 @@
 
 // --- materials -----------------------------------------------------------------------------------
 
-static struct hg_gi_glass make_glass(struct hg_textures *textures, const struct hg_material *m,
+static struct hg_host_glass make_glass(struct hg_textures *textures, const struct hg_material *m,
     float metallic, float roughness, const float base[4])
 {
-    struct hg_gi_glass out = {.clear = false};
+    struct hg_host_glass out = {.clear = false};
     struct hg_gpu_lobes lobes;
     float share[4] = {1, 1, 1, 1};
     if (m->unlit || !(m->transmission > 0))
         return out;
     hg_material_pack_lobes(m, textures, &lobes);
     if (hg_material_uses_slot(m, HG_SLOT_TRANSMISSION))
-        hg_gi_texture_mean(textures, m, HG_SLOT_TRANSMISSION, share);
+        hg_host_texture_mean(textures, m, HG_SLOT_TRANSMISSION, share);
     out.clear =
         roughness < CLEAR_ROUGHNESS && m->transmission * share[0] * (1 - metallic) > CLEAR_SHARE;
     out.thin = !(lobes.thickness > 0);
@@ -35,22 +35,22 @@ static struct hg_gi_glass make_glass(struct hg_textures *textures, const struct 
     return out;
 }
 
-static struct hg_gi_material make_material(
+static struct hg_host_material make_material(
     struct hg_textures *textures, const struct hg_material *m)
 {
-    struct hg_gi_material out = {.albedo = {1, 1, 1}};
+    struct hg_host_material out = {.albedo = {1, 1, 1}};
     float base[4], other[4], glow[4];
     if (!m)
         return out;
-    hg_gi_texture_mean(textures, m, HG_SLOT_BASE_COLOR, base);
-    hg_gi_texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
-    hg_gi_texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
+    hg_host_texture_mean(textures, m, HG_SLOT_BASE_COLOR, base);
+    hg_host_texture_mean(textures, m, HG_SLOT_METALLIC_ROUGHNESS, other);
+    hg_host_texture_mean(textures, m, HG_SLOT_EMISSIVE, glow);
     const float metallic = m->metallic * other[2], roughness = m->roughness * other[1];
     const float even = DIELECTRIC_SMOOTH + (DIELECTRIC_ROUGH - DIELECTRIC_SMOOTH) * roughness;
     out.id = m->head.id;
     out.revision = m->head.revision;
     out.double_sided = m->double_sided;
-    out.mask = hg_gi_mask_create(textures, m);
+    out.mask = hg_host_mask_create(textures, m);
     out.glass = make_glass(textures, m, metallic, roughness, base);
     for (int c = 0; c < 3; c++) {
         const float color = hg_clampf(m->base_color[c] * base[c], 0, 1);
@@ -64,7 +64,7 @@ static struct hg_gi_material make_material(
     return out;
 }
 
-static void forget_materials(struct hg_gi_surfaces *s)
+static void forget_materials(struct hg_host_surfaces *s)
 {
     for (size_t i = 0; i < s->material_count; i++)
         hg_free(s->materials[i].mask);
@@ -72,7 +72,7 @@ static void forget_materials(struct hg_gi_surfaces *s)
     s->has_masks = false;
 }
 
-static enum hg_status find_material(struct hg_gi_surfaces *s, struct hg_textures *textures,
+static enum hg_status find_material(struct hg_host_surfaces *s, struct hg_textures *textures,
     const struct hg_material *m, uint32_t *index)
 {
     const uint64_t id = m ? m->head.id : 0, revision = m ? m->head.revision : 0;
@@ -88,7 +88,7 @@ static enum hg_status find_material(struct hg_gi_surfaces *s, struct hg_textures
 
 // --- pieces --------------------------------------------------------------------------------------
 
-static void index_draws(struct hg_gi_surfaces *s)
+static void index_draws(struct hg_host_surfaces *s)
 {
     for (uint32_t i = s->piece_count; i-- > 0;)
         s->first_pieces[s->pieces[i].draw] = i;
@@ -97,7 +97,7 @@ static void index_draws(struct hg_gi_surfaces *s)
             s->first_pieces[d] = s->first_pieces[d + 1];
 }
 
-enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geometry *geometry,
+enum hg_status hg_host_surfaces_sync(struct hg_host_surfaces *s, const struct hg_geometry *geometry,
     const struct hg_ray_geometry *rays, struct hg_textures *textures)
 {
     const uint32_t count = hg_ray_geometry_count(rays);
@@ -137,19 +137,19 @@ enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *s, const struct hg_geo
     return HG_OK;
 }
 
-void hg_gi_surfaces_finish(struct hg_gi_surfaces *s)
+void hg_host_surfaces_finish(struct hg_host_surfaces *s)
 {
     hg_free(s->piece_materials);
     hg_free(s->first_pieces);
     forget_materials(s);
     hg_free(s->materials);
-    *s = (struct hg_gi_surfaces){0};
+    *s = (struct hg_host_surfaces){0};
 }
 
 // --- hits ----------------------------------------------------------------------------------------
 
 // The last piece of the draw that begins at the primitive or before it.
-static uint32_t find_piece(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit)
+static uint32_t find_piece(const struct hg_host_surfaces *s, const struct hg_gpu_hit *hit)
 {
     uint32_t low = s->first_pieces[hit->draw], high = s->first_pieces[hit->draw + 1];
     while (high - low > 1) {
@@ -170,8 +170,8 @@ static void world_edge(
         out[a] = m[a] * d[0] + m[3 + a] * d[1] + m[6 + a] * d[2];
 }
 
-void hg_gi_surface_at(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit,
-    const float direction[3], struct hg_gi_surface *out)
+void hg_host_surface_at(const struct hg_host_surfaces *s, const struct hg_gpu_hit *hit,
+    const float direction[3], struct hg_host_surface *out)
 {
     const uint32_t i = find_piece(s, hit);
     const struct hg_ray_geometry_piece *p = &s->pieces[i];
@@ -220,8 +220,8 @@ static void world_normal(const struct hg_ray_geometry_piece *p, const float n[3]
     hg_normalize3(out);
 }
 
-void hg_gi_surface_normal(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit,
-    const float direction[3], const struct hg_gi_surface *surface, float out[3])
+void hg_host_surface_normal(const struct hg_host_surfaces *s, const struct hg_gpu_hit *hit,
+    const float direction[3], const struct hg_host_surface *surface, float out[3])
 {
     const struct hg_ray_geometry_piece *p = &s->pieces[find_piece(s, hit)];
     const uint32_t *v = p->indices + (size_t)(hit->primitive - p->first_primitive) * 3;
@@ -252,11 +252,11 @@ static bool vertex_uv(
     return (p->vertices != NULL && set == 0) || p->uv[set] != NULL;
 }
 
-bool hg_gi_surface_is_hole(const struct hg_gi_surfaces *s, const struct hg_gpu_hit *hit)
+bool hg_host_surface_is_hole(const struct hg_host_surfaces *s, const struct hg_gpu_hit *hit)
 {
     const uint32_t i = find_piece(s, hit);
     const struct hg_ray_geometry_piece *p = &s->pieces[i];
-    const struct hg_gi_mask *mask = s->materials[s->piece_materials[i]].mask;
+    const struct hg_host_mask *mask = s->materials[s->piece_materials[i]].mask;
     const uint32_t triangle = hit->primitive - p->first_primitive;
     if (mask == NULL || (p->flags & HG_DRAW_MASK) == 0 || triangle >= p->triangle_count)
         return false;
@@ -269,5 +269,5 @@ bool hg_gi_surface_is_hole(const struct hg_gi_surfaces *s, const struct hg_gpu_h
         uv[0] += weights[k] * corner[0];
         uv[1] += weights[k] * corner[1];
     }
-    return hg_gi_mask_has_hole(mask, uv);
+    return hg_host_mask_has_hole(mask, uv);
 }

@@ -9,7 +9,7 @@
 #include "shaders/shared/ray.h"
 
 // What lets light through as smooth surfaces do.
-struct hg_gi_glass {
+struct hg_host_glass {
     bool clear; // else it does not, or is rough
     bool thin;  // walls without a volume behind them
     float ior;
@@ -17,23 +17,23 @@ struct hg_gi_glass {
     float absorption[3]; // of the volume, 1 / m
 };
 
-struct hg_gi_material {
+struct hg_host_material {
     uint64_t id, revision;
     float albedo[3];   // of all light that comes back, mirrored or scattered
     float emission[3]; // radiance
     float emitted[3];  // of that what rays to lights find: colours of unlit surfaces are no light
     bool double_sided;
-    struct hg_gi_glass glass;
-    struct hg_gi_mask *mask; // tails.h; NULL: no holes
+    struct hg_host_glass glass;
+    struct hg_host_mask *mask; // tails.h; NULL: no holes
 };
 
-struct hg_gi_surfaces { // zeroed: none
+struct hg_host_surfaces { // zeroed: none
     const struct hg_ray_geometry_piece *pieces;
     uint32_t piece_count;
     uint32_t *piece_materials; // [pieces]
     uint32_t *first_pieces;    // [draws + 1]
     uint32_t draw_count;
-    struct hg_gi_material *materials;
+    struct hg_host_material *materials;
     size_t material_count, material_capacity;
     bool has_masks;
     uint64_t rays_revision, geometry_revision; // that it is in line with; 0: none
@@ -42,26 +42,26 @@ struct hg_gi_surfaces { // zeroed: none
 
 // In line with ray geometry, which is borrowed until the next sync. Waits for textures that are
 // seen for the first time to be decoded. HG_E_NOMEM.
-enum hg_status hg_gi_surfaces_sync(struct hg_gi_surfaces *surfaces,
+enum hg_status hg_host_surfaces_sync(struct hg_host_surfaces *surfaces,
     const struct hg_geometry *geometry, const struct hg_ray_geometry *rays,
     struct hg_textures *textures) HG_MUST_CHECK;
-void hg_gi_surfaces_finish(struct hg_gi_surfaces *surfaces);
+void hg_host_surfaces_finish(struct hg_host_surfaces *surfaces);
 
-struct hg_gi_surface {
+struct hg_host_surface {
     float normal[3]; // geometric, unit, on the ray's side
-    const struct hg_gi_material *material;
+    const struct hg_host_material *material;
     bool back;   // what has one side was met from behind
     bool inner;  // met from behind, whether it has one side or two: from inside of closed surfaces
     bool layers; // blends or transmits
 };
 // Of a hit; direction: of the ray.
-void hg_gi_surface_at(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,
-    const float direction[3], struct hg_gi_surface *out);
+void hg_host_surface_at(const struct hg_host_surfaces *surfaces, const struct hg_gpu_hit *hit,
+    const float direction[3], struct hg_host_surface *out);
 // The alpha of its mask is that of a hole there.
-bool hg_gi_surface_is_hole(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit);
+bool hg_host_surface_is_hole(const struct hg_host_surfaces *surfaces, const struct hg_gpu_hit *hit);
 // The interpolated normal there, unit, on the ray's side: the geometric one of deformed parts, and
 // where the ray comes from behind it.
-void hg_gi_surface_normal(const struct hg_gi_surfaces *surfaces, const struct hg_gpu_hit *hit,
-    const float direction[3], const struct hg_gi_surface *surface, float out[3]);
+void hg_host_surface_normal(const struct hg_host_surfaces *surfaces, const struct hg_gpu_hit *hit,
+    const float direction[3], const struct hg_host_surface *surface, float out[3]);
 
 #endif

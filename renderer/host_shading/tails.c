@@ -55,7 +55,7 @@ static bool read_tail(struct hg_textures *textures, const struct hg_texture *tex
     return read;
 }
 
-void hg_gi_texture_mean(struct hg_textures *textures, const struct hg_material *m,
+void hg_host_texture_mean(struct hg_textures *textures, const struct hg_material *m,
     enum hg_texture_slot slot, float out[4])
 {
     const enum hg_texture_use use = hg_texture_slot_use(m, slot);
@@ -84,10 +84,10 @@ static uint32_t side_of(uint32_t side, uint32_t mip)
     return side >> mip > 0 ? side >> mip : 1;
 }
 
-struct hg_gi_mask *hg_gi_mask_create(struct hg_textures *textures, const struct hg_material *m)
+struct hg_host_mask *hg_host_mask_create(struct hg_textures *textures, const struct hg_material *m)
 {
     const struct hg_texture_ref *ref = &m->slots[HG_SLOT_BASE_COLOR];
-    struct hg_gi_mask *mask = NULL;
+    struct hg_host_mask *mask = NULL;
     struct tail t = {0};
     const float cutoff = hg_clampf(m->alpha_cutoff / fmaxf(m->base_color[3], 1e-6f), 0, 1.01f);
     const uint8_t least = (uint8_t)hg_clampf(roundf(m->alpha_cutoff * 255), 1, 255);
@@ -100,7 +100,7 @@ struct hg_gi_mask *hg_gi_mask_create(struct hg_textures *textures, const struct 
         mask = hg_calloc(1, sizeof *mask + (size_t)width * height);
     if (!mask)
         goto out;
-    *mask = (struct hg_gi_mask){.width = width,
+    *mask = (struct hg_host_mask){.width = width,
         .height = height,
         .wrap_s = ref->texture->wrap_s,
         .wrap_t = ref->texture->wrap_t,
@@ -126,7 +126,7 @@ static uint32_t wrap(float at, enum hg_wrap how, uint32_t side)
     return texel > 0 ? (uint32_t)fminf(texel, (float)side - 1) : 0; // and where it is not a number
 }
 
-bool hg_gi_mask_has_hole(const struct hg_gi_mask *mask, const float uv[2])
+bool hg_host_mask_has_hole(const struct hg_host_mask *mask, const float uv[2])
 {
     const float *m = mask->place.uv_transform;
     const uint32_t x = wrap(m[0] * uv[0] + m[1] * uv[1] + m[2], mask->wrap_s, mask->width);

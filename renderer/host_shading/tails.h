@@ -8,12 +8,12 @@
 
 // The mean of a slot's texture, linear: white where there is none, or none that can be read. Waits
 // for it to be decoded.
-void hg_gi_texture_mean(struct hg_textures *textures, const struct hg_material *material,
+void hg_host_texture_mean(struct hg_textures *textures, const struct hg_material *material,
     enum hg_texture_slot slot, float out[4]);
 
 // The alpha of a masked material's base colour, of the finest mip of at most HG_TAIL_TEXELS a side,
 // which covers as much as the finest of all does.
-struct hg_gi_mask {
+struct hg_host_mask {
     uint32_t width, height;
     enum hg_wrap wrap_s, wrap_t;
     struct hg_texture_ref place; // its uv set and transform
@@ -21,8 +21,8 @@ struct hg_gi_mask {
     uint8_t texels[];            // [height][width]
 };
 // NULL: the material has no holes, or none that can be read.
-struct hg_gi_mask *hg_gi_mask_create(
+struct hg_host_mask *hg_host_mask_create(
     struct hg_textures *textures, const struct hg_material *material);
-bool hg_gi_mask_has_hole(const struct hg_gi_mask *mask, const float uv[2]);
+bool hg_host_mask_has_hole(const struct hg_host_mask *mask, const float uv[2]);
 
 #endif

@@ -9,13 +9,13 @@
 #include "shaders/shared/reflect.h"
 
 // The picture that they are of. camera: relative to the geometry's origin.
-struct hg_gi_texels {
+struct hg_host_texels {
     const struct hg_gpu_camera *camera;
     uint32_t width, height; // px
 };
 
 // Position, and the way to the eye, unit. depth: metres along the view direction.
-static inline void hg_gi_texel_place(const struct hg_gi_texels *t, const uint32_t at[2],
+static inline void hg_host_texel_place(const struct hg_host_texels *t, const uint32_t at[2],
     float depth, float position[3], float view[3])
 {
     const struct hg_gpu_camera *c = t->camera;
@@ -37,18 +37,18 @@ static inline void hg_gi_texel_place(const struct hg_gi_texels *t, const uint32_
 }
 
 // The interpolated normal, from the third word of a texel.
-static inline void hg_gi_texel_normal(uint32_t word, float out[3])
+static inline void hg_host_texel_normal(uint32_t word, float out[3])
 {
     hg_octahedral3((float)(word & 4095) * (2.0f / 4095) - 1,
         (float)(word >> 12 & 4095) * (2.0f / 4095) - 1, out);
 }
 
 // What the two words say of its surface (shaders/shared/reflect.h).
-struct hg_gi_texel_mirror {
+struct hg_host_texel_mirror {
     float normal[3], facet[3]; // that of shading; of the triangle
     float roughness, f0;
 };
-static inline void hg_gi_texel_mirror(const uint32_t words[2], struct hg_gi_texel_mirror *out)
+static inline void hg_host_texel_mirror(const uint32_t words[2], struct hg_host_texel_mirror *out)
 {
     out->roughness = (float)(words[1] & HG_MIRROR_MOST) * (1.0f / HG_MIRROR_MOST);
     out->f0 = (float)(words[1] >> HG_MIRROR_F0_SHIFT & HG_MIRROR_MOST) * (1.0f / HG_MIRROR_MOST);
@@ -60,7 +60,7 @@ static inline void hg_gi_texel_mirror(const uint32_t words[2], struct hg_gi_texe
 
 // Normals at which the mirrored view leads behind the triangle are bent, as those of paths and of
 // settled pictures are (hg_valid_normal of shaders/lib/shading_normal.glsl).
-static inline void hg_gi_texel_bend(const float facet[3], const float view[3], float normal[3])
+static inline void hg_host_texel_bend(const float facet[3], const float view[3], float normal[3])
 {
     float along[3], half_way[3];
     const float twice = 2 * hg_dot3(normal, view);
@@ -78,8 +78,8 @@ static inline void hg_gi_texel_bend(const float facet[3], const float view[3], f
 }
 
 // The normal that a texel mirrors about: less than 90 degrees off the view.
-static inline void hg_gi_texel_mirror_normal(
-    const struct hg_gi_texel_mirror *m, const float view[3], float out[3])
+static inline void hg_host_texel_mirror_normal(
+    const struct hg_host_texel_mirror *m, const float view[3], float out[3])
 {
     hg_copy3(m->normal, out);
     const float facing = hg_dot3(out, view);
@@ -87,7 +87,7 @@ static inline void hg_gi_texel_mirror_normal(
         hg_mad3(out, view, 0.02f - facing, out);
         hg_normalize3(out);
     }
-    hg_gi_texel_bend(m->facet, view, out);
+    hg_host_texel_bend(m->facet, view, out);
 }
 
 #endif

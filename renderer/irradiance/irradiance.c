@@ -103,9 +103,9 @@ static enum hg_status make_buffers(struct hg_irradiance *r, struct hg_error *err
 
 uint64_t hg_irradiance_bytes(void)
 {
-    const uint64_t patch = sizeof(struct hg_gi_patch) + sizeof(struct hg_gi_direct) +
+    const uint64_t patch = sizeof(struct hg_gi_patch) + sizeof(struct hg_host_direct) +
                            sizeof(struct hg_gi_lit) + 3 * sizeof(float) +
-                           HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
+                           HG_HOST_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     const uint64_t ray = 2 * sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
                          sizeof(struct sample) + sizeof(uint32_t);
     return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + HG_IRRADIANCE_KEY_BYTES +
@@ -165,8 +165,8 @@ static bool find_point(
     memcpy(depth, &light[3], sizeof *depth);
     if (!(*depth > 0))
         return false;
-    hg_gi_texel_place(&w->p->texels, at, *depth, out->position, view);
-    hg_gi_texel_normal(light[2], out->normal);
+    hg_host_texel_place(&w->p->texels, at, *depth, out->position, view);
+    hg_host_texel_normal(light[2], out->normal);
     const float pixel = c->orthographic ? c->pixel_size : c->pixel_angle * *depth;
     out->eye = NULL;
     out->level =
@@ -273,7 +273,7 @@ static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradi
 {
     struct sample *s = &w->r->samples[i];
     float direction[3] = {0, 1, 0}, light[3];
-    hg_gi_environment_peak(
+    hg_host_environment_peak(
         w->p->world.environment, w->p->sources, s->direction.xi, direction, light);
     const float cosine = hg_dot3(direction, on->facet) > 0 ? hg_dot3(direction, on->normal) : 0;
     for (int c = 0; c < 3; c++)
@@ -286,11 +286,11 @@ static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradi
 static void choose_emitter(const struct work *w, uint32_t i, const struct hg_irradiance_surface *on)
 {
     struct sample *s = &w->r->samples[i];
-    struct hg_gi_emissive_receiver receiver = {
+    struct hg_host_emissive_receiver receiver = {
         .normal = on->normal, .seed = hg_hash_mix(w->r->cells.picture, i)};
-    struct hg_gi_emissive_ray to;
+    struct hg_host_emissive_ray to;
     hg_copy3(s->position, receiver.position);
-    const bool shines = hg_gi_emissive_choose(w->p->world.emissive, &receiver, &to) &&
+    const bool shines = hg_host_emissive_choose(w->p->world.emissive, &receiver, &to) &&
                         hg_dot3(to.direction, on->facet) > 0;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->straight.mapped + i;
     *ray = ray_of(s, shines ? to.direction : on->facet);
@@ -374,19 +374,19 @@ static void meet(const struct work *w, uint32_t i)
     struct hg_irradiance *r = w->r;
     struct sample *s = &r->samples[i];
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)r->hits.mapped + i;
-    struct hg_gi_surface surface;
+    struct hg_host_surface surface;
     if (s->open)
-        hg_gi_environment_even(
+        hg_host_environment_even(
             w->p->world.environment, w->p->sources, s->direction.way, s->brought);
     if (s->open || s->lost)
         return;
-    hg_gi_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
+    hg_host_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
     struct hg_gi_patch *patch = &r->patches.points[s->patch];
-    const struct hg_gi_material *m = surface.material;
+    const struct hg_host_material *m = surface.material;
     hg_mad3(s->position, s->direction.way, hit->t, patch->position);
     hg_copy3(surface.normal, patch->normal);
     hg_copy3(m->albedo, patch->albedo);
-    const float share = hg_gi_emissive_share(w->p->world.emissive, m->emitted, hit->t,
+    const float share = hg_host_emissive_share(w->p->world.emissive, m->emitted, hit->t,
         fabsf(hg_dot3(surface.normal, s->direction.way)), s->over);
     for (int c = 0; c < 3; c++) { // what has one side shines to that side
         s->emitted[c] = surface.back ? 0 : share * m->emitted[c];
@@ -433,7 +433,7 @@ static void add_lobe(const struct work *w, const struct sample *s)
 {
     const float weight = s->direction.mirrored;
     float sky[3], light[3];
-    hg_gi_environment_even(w->p->world.environment, w->p->sources, s->direction.way, sky);
+    hg_host_environment_even(w->p->world.environment, w->p->sources, s->direction.way, sky);
     for (int c = 0; c < 3; c++)
         light[c] = s->open ? 0 : weight * (s->brought[c] + s->emitted[c]);
     const float all = weight * hg_luminance(sky), seen = s->open ? all : 0;

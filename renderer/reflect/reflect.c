@@ -142,7 +142,7 @@ static uint64_t bytes_of(const struct hg_reflect *r)
                            sizeof(struct hg_gpu_hit) + sizeof(uint32_t);
     const uint64_t lit = sizeof *r->asks + sizeof *r->light.points + sizeof *r->light.direct +
                          sizeof *r->light.lit + sizeof *r->light.radiance +
-                         HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
+                         HG_HOST_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     return r->count * texel + HG_REFLECT_MOST_LIT * lit;
 }
 

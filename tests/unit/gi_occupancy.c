@@ -26,7 +26,7 @@ struct scene {
     float positions[TRIANGLES * 9];
     uint32_t indices[TRIANGLES * 3], first_pieces[3];
     struct hg_ray_geometry_piece piece;
-    struct hg_gi_surfaces surfaces;
+    struct hg_host_surfaces surfaces;
     struct hg_gi_field field;
 };
 
@@ -41,7 +41,7 @@ static void scene_init(struct scene *s, uint32_t triangles)
         .world = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     s->first_pieces[0] = 0;
     s->first_pieces[1] = 1;
-    s->surfaces = (struct hg_gi_surfaces){
+    s->surfaces = (struct hg_host_surfaces){
         .pieces = &s->piece, .piece_count = 1, .first_pieces = s->first_pieces, .draw_count = 1};
 }
 
