@@ -5,7 +5,7 @@
 
 #include "base/alloc.h"
 #include "renderer/image/cryptomatte.h"
-#include "renderer/frame/path_view.h"
+#include "renderer/frame/paths/path_view.h"
 #include "renderer/internal.h"
 
 _Static_assert(HG_MATTE_RANKS == HG_CRYPTOMATTE_RANKS, "one number of ranks");

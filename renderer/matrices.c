@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "renderer/camera/camera.h"
-#include "renderer/frame/path_view.h"
+#include "renderer/frame/paths/path_view.h"
 #include "renderer/internal.h"
 
 void hg_view_matrices(const struct hg_view *view, struct hg_view_matrices *out)

@@ -1,5 +1,5 @@
 // planes.c - the planes of a view's pictures.
-#include "renderer/frame/path_view.h"
+#include "renderer/frame/paths/path_view.h"
 #include "renderer/internal.h"
 
 static const struct {

@@ -5,11 +5,11 @@
 // own: nodes that it hides, tints, selects or sees through, layers, material variants and clipping
 // planes. All of that changes what the camera sees, in both modes, and nothing else: shadows,
 // reflections and global illumination are those of the whole scene. Members:
-// renderer/frame/look_params.h. Why: docs/decisions/0031-looks-of-views.md.
+// renderer/frame/look/look_params.h. Why: docs/decisions/0031-looks-of-views.md.
 #ifndef HG_RENDERER_VIEW_LOOK_H
 #define HG_RENDERER_VIEW_LOOK_H
 
-#include "renderer/frame/look_params.h"
+#include "renderer/frame/look/look_params.h"
 #include "renderer/renderer.h"
 
 // Planes in place of those before; normals of any length but 0. HG_E_INVAL names the member that is

@@ -6,7 +6,7 @@
 
 #include "protocol/view_params.h"
 #include "renderer/camera/exposure.h"
-#include "renderer/frame/meter.h"
+#include "renderer/frame/exposure/meter.h"
 #include "renderer/internal.h"
 
 #define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)

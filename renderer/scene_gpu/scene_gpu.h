@@ -35,7 +35,7 @@ struct hg_frame_context {
     struct hg_debug_overrides overrides;
 };
 
-// A view whose paths take memory while it rests (frame/path_lease.h).
+// A view whose paths take memory while it rests (frame/paths/path_lease.h).
 enum { HG_PATH_LEASES = 2 };
 struct hg_view_state;
 struct hg_path_lease {
