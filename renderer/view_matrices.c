@@ -1,4 +1,4 @@
-// matrices.c - where a view's camera stands, for files that say so.
+// view_matrices.c - where a view's camera stands, for files that say so.
 #include <math.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-// cryptomatte_view.c - Cryptomattes of path-traced views from the lists of names that pixels show,
+// view_cryptomatte.c - Cryptomattes of path-traced views from the lists of names that pixels show,
 // each known by a draw that has it.
 #include <stdio.h>
 #include <string.h>

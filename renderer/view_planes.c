@@ -1,4 +1,4 @@
-// planes.c - the planes of a view's pictures.
+// view_planes.c - the planes of a view's pictures.
 #include "renderer/frame/paths/path_view.h"
 #include "renderer/internal.h"
 
