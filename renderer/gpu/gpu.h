@@ -226,9 +226,6 @@ enum hg_status hg_gpu_resume(
 // Waits until the timeline has reached value, then frees what was retired. Times out after 120 s of
 // no progress with HG_E_DEVICE_LOST.
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err) HG_MUST_CHECK;
-// Whether the timeline has reached value; does not wait. What was retired is freed.
-enum hg_status hg_gpu_poll(
-    struct hg_gpu *gpu, uint64_t value, bool *over, struct hg_error *err) HG_MUST_CHECK;
 // Submits what was recorded and waits until it is over.
 enum hg_status hg_gpu_submit_and_wait(
     struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
