@@ -45,7 +45,7 @@ static enum hg_status find_id(struct names *n, uint32_t draw, uint32_t *out)
         if (n->met[n->count] == NULL)
             return HG_E_NOMEM;
         n->count++;
-        n->ids[draw] = hg_cryptomatte_bits(hg_cryptomatte_hash(name, strlen(name)));
+        n->ids[draw] = hg_cryptomatte_id(name);
     }
     *out = n->ids[draw];
     return HG_OK;

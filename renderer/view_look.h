@@ -32,8 +32,6 @@ enum hg_status hg_view_set_variant(
 // What of it settled pictures depend on; nothing for a view that shows the scene as it is.
 enum hg_status hg_view_write_look(
     const struct hg_view *view, const struct hg_scene *scene, struct hg_writer *w) HG_MUST_CHECK;
-// Device memory that the look of the view takes; 0: it has none.
-uint64_t hg_view_look_bytes(const struct hg_view *view);
 
 // What one pixel shows.
 struct hg_surface_point {

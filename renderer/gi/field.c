@@ -137,13 +137,6 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     return HG_OK;
 }
 
-enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], const float max[3])
-{
-    struct hg_gi_field grid = {0};
-    hg_gi_field_grid(&grid, min, max);
-    return hg_gi_field_place_grid(f, &grid);
-}
-
 void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
 {
     if (gpu)

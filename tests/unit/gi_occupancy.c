@@ -48,7 +48,9 @@ static void scene_init(struct scene *s, uint32_t triangles)
 static void place(struct scene *s, const float min[3], const float max[3])
 {
     s->field = (struct hg_gi_field){0};
-    assert_int_equal(hg_gi_field_place(&s->field, min, max), HG_OK);
+    struct hg_gi_field grid = {0};
+    hg_gi_field_grid(&grid, min, max);
+    assert_int_equal(hg_gi_field_place_grid(&s->field, &grid), HG_OK);
     hg_gi_occupy(&s->field, &s->surfaces);
 }
 

@@ -83,7 +83,6 @@ struct hg_gltf_at hg_gltf_item(const struct hg_gltf_at *at, size_t index);
 struct hg_gltf_at hg_gltf_extension(
     const struct hg_gltf_at *at, const char *name, struct hg_gltf_at *extensions);
 size_t hg_gltf_count(const struct hg_gltf_at *at); // items of an array, else 0
-void hg_gltf_pointer(const struct hg_gltf_at *at, char *dst, size_t dst_size);
 
 enum hg_status hg_gltf_fail(struct hg_gltf *g, const struct hg_gltf_at *at, enum hg_status status,
     const char *fmt, ...) HG_PRINTF(4, 5);
