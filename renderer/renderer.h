@@ -408,7 +408,7 @@ struct hg_pick {
     bool hit;
     uint64_t revision, node, mesh, material;
     uint32_t part, triangle;
-    float position[3], normal[3], uv[2], distance;
+    float position[3], normal[3], uv[2], distance; // world space, metres
 };
 
 // Picking: the surface at a pixel centre in the newest step (unjittered sample of the same state).

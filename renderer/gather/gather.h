@@ -27,7 +27,7 @@ struct hg_gather_input {
 struct hg_gather; // 92 bytes per pixel, and 57 more while it is filtered; with lamps 12 and
                   // 12 more, and 4 for each
 
-// What the film has; the input is not needed any more then. HG_E_NOMEM.
+// Creates a film of the input, which it copies. HG_E_NOMEM.
 enum hg_status hg_gather_load(struct hg_jobs *jobs, const struct hg_gather_input *input,
     struct hg_gather **out, struct hg_error *err) HG_MUST_CHECK;
 // words: [hg_gather_rows(height, lamps)][width][4] as the device reads them
@@ -52,7 +52,7 @@ enum hg_status hg_gather_glass(struct hg_jobs *jobs, const struct hg_gather_inpu
 #define HG_GATHER_LEAST_SAMPLES 8u
 void hg_gather_samples(
     struct hg_jobs *jobs, const struct hg_gather_input *input, uint32_t samples, uint32_t *counts);
-// Rows of the image: those of the picture, and those of lamps.
+// Rows of the image of words: those of the picture, and behind them those of lamps.
 uint32_t hg_gather_rows(uint32_t height, bool lamps);
 void hg_gather_free(struct hg_gather *gather); // accepts NULL
 

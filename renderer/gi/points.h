@@ -27,7 +27,7 @@ struct hg_gi_points {
     struct hg_gpu_buffer *rays, *blocked;
     struct hg_host_direct *direct; // [count]
 };
-// Lights points [0, count). Device errors.
+// Computes `light` of points [0, count). Device errors.
 enum hg_status hg_gi_points_light(const struct hg_gi_points *with, struct hg_gi_lit *points,
     uint32_t count, struct hg_error *err) HG_MUST_CHECK;
 // Shadow rays that the last call cast for them.

@@ -29,12 +29,12 @@ struct hg_host_emissive {                        // zeroed: none
     uint64_t built;                             // when they were built that often
 };
 
-// In line with surfaces that were synced. HG_E_NOMEM.
+// Brings the emitters up to date with surfaces that were synced. HG_E_NOMEM.
 enum hg_status hg_host_emissive_sync(
     struct hg_host_emissive *emissive, const struct hg_host_surfaces *surfaces) HG_MUST_CHECK;
 void hg_host_emissive_finish(struct hg_host_emissive *emissive);
 
-// Who asks for a point: a surface, or a probe, which has no normal.
+// What the light is for: a surface, or a probe, which has no normal.
 struct hg_host_emissive_receiver {
     float position[3];
     const float *normal; // unit; its other rays go over the cosine. NULL: light from everywhere

@@ -14,12 +14,12 @@ struct hg_host_environment { // zeroed: nothing is known
     float *sums; // [count] of peaks' luminance times solid angle, up to each texel
 };
 
-// In line with the environment of this revision. HG_E_NOMEM.
+// Brings it up to date with the environment of this revision. HG_E_NOMEM.
 enum hg_status hg_host_environment_sync(struct hg_host_environment *environment,
     const struct hg_lighting_sources *sources, uint64_t revision) HG_MUST_CHECK;
 void hg_host_environment_finish(struct hg_host_environment *environment);
 
-// Radiance from a direction without peaks.
+// Radiance from a direction (unit), without that of peaks.
 void hg_host_environment_even(const struct hg_host_environment *environment,
     const struct hg_lighting_sources *sources, const float direction[3], float out[3]);
 // A direction to a peak (unit) by three numbers in [0, 1), with a chance in proportion to its

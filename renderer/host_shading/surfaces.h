@@ -8,7 +8,7 @@
 #include "renderer/trace/ray_geometry.h"
 #include "shaders/shared/ray.h"
 
-// What lets light through as smooth surfaces do.
+// Transmission of a material, as of smooth surfaces (KHR_materials_transmission, _volume).
 struct hg_host_glass {
     bool clear; // else it does not, or is rough
     bool thin;  // walls without a volume behind them
@@ -40,8 +40,8 @@ struct hg_host_surfaces { // zeroed: none
     uint64_t built;                            // times
 };
 
-// In line with ray geometry, which is borrowed until the next sync. Waits for textures that are
-// seen for the first time to be decoded. HG_E_NOMEM.
+// Brings the surfaces up to date with ray geometry, which is borrowed until the next sync. Waits
+// for textures that are seen for the first time to be decoded. HG_E_NOMEM.
 enum hg_status hg_host_surfaces_sync(struct hg_host_surfaces *surfaces,
     const struct hg_geometry *geometry, const struct hg_ray_geometry *rays,
     struct hg_textures *textures) HG_MUST_CHECK;
@@ -54,10 +54,10 @@ struct hg_host_surface {
     bool inner;  // met from behind, whether it has one side or two: from inside of closed surfaces
     bool layers; // blends or transmits
 };
-// Of a hit; direction: of the ray.
+// The surface at a hit; direction: of the ray, world space.
 void hg_host_surface_at(const struct hg_host_surfaces *surfaces, const struct hg_gpu_hit *hit,
     const float direction[3], struct hg_host_surface *out);
-// The alpha of its mask is that of a hole there.
+// Whether the alpha mask has a hole at a hit.
 bool hg_host_surface_is_hole(const struct hg_host_surfaces *surfaces, const struct hg_gpu_hit *hit);
 // The interpolated normal there, unit, on the ray's side: the geometric one of deformed parts, and
 // where the ray comes from behind it.
