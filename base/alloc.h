@@ -12,28 +12,28 @@
 // Zeroed memory for count x size bytes; NULL on overflow or exhaustion.
 // A zero-byte request returns a unique non-NULL pointer.
 void *hg_calloc(size_t count, size_t size) HG_MUST_CHECK;
-// The same, aligned to a power of two >= sizeof(void *); size must be a multiple of it.
+// As hg_calloc, aligned to `align`, a power of two >= sizeof(void *); size: a multiple of it.
 void *hg_calloc_aligned(size_t align, size_t size) HG_MUST_CHECK;
 // Resizes to count x size bytes; new bytes are not cleared. NULL leaves `ptr` valid.
 void *hg_realloc(void *ptr, size_t count, size_t size) HG_MUST_CHECK;
-char *hg_strdup(const char *text) HG_MUST_CHECK;
-// Copies at most `length` bytes and terminates.
+char *hg_strdup(const char *text) HG_MUST_CHECK; // NULL: no memory
+// Copies at most `length` bytes and terminates the copy. NULL: no memory.
 char *hg_strndup(const char *text, size_t length) HG_MUST_CHECK;
-void hg_free(void *ptr);
+void hg_free(void *ptr); // accepts NULL
 
 // Grows *ptr (elements of `size` bytes, capacity *capacity) so that it holds `need` elements.
 // Geometric growth; on failure nothing changes and HG_E_NOMEM is returned.
 enum hg_status hg_grow(void *ptr_to_ptr, size_t *capacity, size_t need, size_t size) HG_MUST_CHECK;
 
-// Zeroed memory in pages of its own, for a multiple of their size: those that are never touched
-// take nothing, and none is left when it is freed (hg_pages_free, with the same size).
+// Zeroed memory in whole pages, `size` bytes, a multiple of the page size; NULL: no memory. Pages
+// that are not touched take no memory; hg_pages_free (same size) returns all to the system.
 void *hg_pages_calloc(size_t size) HG_MUST_CHECK;
 void hg_pages_free(void *ptr, size_t size); // accepts NULL
 
-// Gives what is free in the heap back to the system: after much was taken and freed by many threads.
-// Takes milliseconds.
+// Returns free heap memory to the system, after many threads have allocated and freed much. Takes
+// milliseconds.
 void hg_alloc_trim(void);
-// What an array takes in memory: 0 for NULL and for one that is spilled (spill.h).
+// Bytes of memory that an allocation takes: 0 for NULL and for one that is spilled (spill.h).
 size_t hg_alloc_resident_bytes(const void *ptr);
 
 // Test hook: let the n-th allocation from now (1 = next) fail once; 0 disarms.

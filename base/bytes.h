@@ -22,7 +22,7 @@ static inline struct hg_reader hg_reader_make(const void *data, size_t size)
     struct hg_reader r = {(const uint8_t *)data, size, 0, false}; // also valid C++
     return r;
 }
-
+// The next value, little-endian; 0 on failure.
 uint8_t hg_read_u8(struct hg_reader *r);
 uint16_t hg_read_u16(struct hg_reader *r);
 uint32_t hg_read_u32(struct hg_reader *r);
@@ -39,7 +39,7 @@ struct hg_writer {
     size_t limit_bytes; // 0 = unlimited
     bool failed;
 };
-
+// Appends a value, little-endian.
 void hg_write_u8(struct hg_writer *w, uint8_t v);
 void hg_write_u16(struct hg_writer *w, uint16_t v);
 void hg_write_u32(struct hg_writer *w, uint32_t v);
@@ -49,8 +49,8 @@ void hg_write_f64(struct hg_writer *w, double v);
 void hg_write_bytes(struct hg_writer *w, const void *data, size_t size);
 // Overwrites 4 bytes at `pos`, which must have been written.
 void hg_write_patch_u32(struct hg_writer *w, size_t pos, uint32_t v);
-// Before the first byte: room for about so many, spilled when that is much (spill.h).
+// Before the first write: reserves about `bytes` bytes, spilled to disk when large (spill.h).
 void hg_writer_spill(struct hg_writer *w, size_t bytes);
-void hg_writer_finish(struct hg_writer *w);
+void hg_writer_finish(struct hg_writer *w); // accepts a zeroed one
 
 #endif

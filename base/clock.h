@@ -8,7 +8,7 @@
 uint64_t hg_clock_now_ns(void);
 // Nanoseconds since 1970-01-01 UTC.
 uint64_t hg_clock_wall_ns(void);
-// CPU time of this process so far, all threads.
+// Nanoseconds of CPU time that all threads of this process have used.
 uint64_t hg_clock_cpu_ns(void);
 // Sleeps at least this long (signals do not shorten it).
 void hg_clock_sleep_ns(uint64_t ns);

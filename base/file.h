@@ -34,7 +34,7 @@ int hg_file_descriptor(const char *path);
 enum hg_status hg_file_target(
     const char *path, char **target, bool *stream, struct hg_error *err) HG_MUST_CHECK;
 
-// Creates the file in the folder of `path`, or opens the stream.
+// Creates the file in the folder of `path`, or opens the stream. Statuses: hg_status_from_errno.
 enum hg_status hg_file_begin(
     struct hg_file_out *out, const char *path, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_file_write(
@@ -45,7 +45,7 @@ enum hg_status hg_file_commit(struct hg_file_out *out, struct hg_error *err) HG_
 // Removes the temporary. Accepts a zeroed, begun or finished object (fd -1 or both names NULL).
 void hg_file_abort(struct hg_file_out *out);
 
-// begin + write + commit.
+// begin + write + commit: the file at `path` has the new content in full, or its old one.
 enum hg_status hg_file_write_atomic(
     const char *path, const void *data, size_t size, struct hg_error *err) HG_MUST_CHECK;
 // Maps errno to a status (ENOENT -> NOTFOUND, EACCES/EPERM/EROFS -> PERM, ENOSPC/EDQUOT -> NOSPACE,

@@ -11,13 +11,13 @@ struct hg_jobs;
 
 typedef void hg_jobs_fn(void *user, size_t index);
 
-// How many threads the process may use for one thing at a time; 0 = as many as there are cores. To
-// be set before threads start.
+// Threads that the process may use for one task at a time; 0 = as many as there are cores. Set it
+// before threads start.
 void hg_jobs_set_limit(unsigned threads);
 unsigned hg_jobs_limit(void); // as it was set
 unsigned hg_jobs_cores(void); // the limit, else the cores; at least 1
 
-// threads 0 = hg_jobs_cores. NULL when memory or threads are not to be had.
+// threads 0 = hg_jobs_cores. NULL: no memory, or a thread could not be started.
 struct hg_jobs *hg_jobs_create(unsigned threads) HG_MUST_CHECK;
 void hg_jobs_destroy(struct hg_jobs *jobs); // waits for running work
 unsigned hg_jobs_threads(const struct hg_jobs *jobs);

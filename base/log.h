@@ -58,7 +58,7 @@ void hg_log_set_scope_level(enum hg_log_scope scope, enum hg_log_level level);
 // changed.
 enum hg_status hg_log_configure(const char *spec, struct hg_error *err) HG_MUST_CHECK;
 bool hg_log_is_enabled(enum hg_log_level level, enum hg_log_scope scope);
-
+// Formats a record, cut to 1023 bytes, and hands it to the sink if it passes. session: 0 = none.
 void hg_log_write(enum hg_log_level level, enum hg_log_scope scope, enum hg_status status,
     uint64_t session, const char *fmt, ...) HG_PRINTF(5, 6);
 

@@ -17,7 +17,7 @@ struct hg_queue {
     int event_fd; // readable while the queue holds items
     bool closed;
 };
-
+// Room for `capacity` items (pointers). HG_E_NOMEM; HG_E_LIMIT: no descriptor is left.
 enum hg_status hg_queue_init(struct hg_queue *q, size_t capacity) HG_MUST_CHECK;
 // HG_E_AGAIN when full, HG_E_CLOSED after hg_queue_close. Never blocks.
 enum hg_status hg_queue_push(struct hg_queue *q, void *item) HG_MUST_CHECK;

@@ -14,11 +14,11 @@ enum { HG_SHA256_BYTES = 32, HG_SHA256_HEX = 65 };
 struct hg_sha256;
 
 struct hg_sha256 *hg_sha256_create(void) HG_MUST_CHECK; // NULL: no memory
-void hg_sha256_update(struct hg_sha256 *h, const void *data, size_t size);
+void hg_sha256_update(struct hg_sha256 *h, const void *data, size_t size); // appends the bytes
 // Writes the digest and destroys the hasher.
 void hg_sha256_end(struct hg_sha256 *h, uint8_t digest[HG_SHA256_BYTES]);
 
-// One shot. HG_E_NOMEM.
+// Digest of `size` bytes. HG_E_NOMEM.
 enum hg_status hg_sha256(const void *data, size_t size, uint8_t digest[HG_SHA256_BYTES])
     HG_MUST_CHECK;
 // 64 lower-case hexadecimal digits, terminated.

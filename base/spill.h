@@ -12,7 +12,7 @@
 // stay.
 //
 // A disk may fail when a page is read back. Nothing can go on then with what it held: the kernel
-// sends SIGBUS, and hg_spill_watch says who is told what was lost.
+// sends SIGBUS, and the function of hg_spill_watch gets what was lost.
 #ifndef HG_BASE_SPILL_H
 #define HG_BASE_SPILL_H
 
@@ -33,9 +33,9 @@ void hg_spill_set_folder(const char *dir);
 
 // As hg_calloc.
 void *hg_spill_calloc(size_t count, size_t size) HG_MUST_CHECK;
-// For what is in use as long as it lives, and soon gone: only what is really large is spilled.
+// As hg_spill_calloc, for short-lived scratch: spilled from HG_SPILL_SCRATCH_BYTES on.
 void *hg_spill_scratch(size_t count, size_t size) HG_MUST_CHECK;
-// Bytes of its file; 0: it is in memory, or NULL.
+// Bytes of the file of an array; 0: it is in memory, or NULL.
 size_t hg_spill_size(const void *ptr);
 // Adds a reference: one more hg_free; read-only from now on. False: it is in memory, or NULL.
 bool hg_spill_share(void *ptr) HG_MUST_CHECK;
@@ -49,10 +49,10 @@ struct hg_spill_loss {
     const char *folder, *what; // what "": not known
     uint64_t offset, bytes;    // the page's place, the array's size
 };
-// Is called by the thread that looked, in the handler of SIGBUS, once in the life of a process: it
-// does what handlers may and does not return. Other threads that look at lost pages wait for ever.
+// Called in the handler of SIGBUS, on the thread that read the page, once per process: does only
+// what handlers may, and does not return. Other threads that read lost pages wait for ever.
 typedef void hg_spill_lost_fn(void *user, const struct hg_spill_loss *loss);
-// From now on, for the whole process. SIGBUS of other memory does what it did before.
+// Sets that function for the whole process. SIGBUS of other memory does what it did before.
 void hg_spill_watch(hg_spill_lost_fn *fn, void *user);
 
 struct hg_spill_stats {

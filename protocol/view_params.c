@@ -117,12 +117,6 @@ const struct hgp_view_param *hgp_view_param_find(const char *name)
     return NULL;
 }
 
-const struct hgp_field *hgp_view_param_field(const struct hgp_view_param *param)
-{
-    // The view's number comes first, then the table in its order.
-    return &hgp_layout_find(HGP_T_view_set)->fields[1 + (param - hgp_view_params)];
-}
-
 // ---- texts -------------------------------------------------------------------------------------
 
 static void make_word(char *text)

@@ -69,9 +69,6 @@ const char *hgp_view_param_attribute(const struct hgp_view_param *param);
 const struct hgp_view_param *hgp_view_param_find_word(const char *word);
 const struct hgp_view_param *hgp_view_param_find(const char *name);
 
-// Where view_set holds it, and its range on the wire.
-const struct hgp_field *hgp_view_param_field(const struct hgp_view_param *param);
-
 enum { HGP_WORD_BYTES = 32, HGP_VIEW_TEXT_BYTES = 320 };
 // Name of an enum's value as options, scripts and files write it: "pbr-neutral". "" when unknown.
 void hgp_enum_word(const char *enum_name, uint32_t value, char dst[HGP_WORD_BYTES]);

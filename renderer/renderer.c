@@ -8,8 +8,8 @@
 
 #include "base/alloc.h"
 #include "base/log.h"
-#include "renderer/frame/meter.h"
-#include "renderer/frame/path_view.h"
+#include "renderer/frame/exposure/meter.h"
+#include "renderer/frame/paths/path_view.h"
 #include "renderer/internal.h"
 #include "renderer/passes/resolve.h"
 #include "renderer/passes/shade.h"

@@ -150,8 +150,6 @@ enum hg_filter {               // of pixels in HG_MODE_PATH, with their default 
     HG_FILTER_GAUSSIAN,        // 1.5 px, standard deviation a third of the radius
 };
 
-float hg_filter_radius_px(enum hg_filter filter); // default; 0 of what is no filter
-
 enum hg_view_denoise { // of HG_MODE_PATH: the picture, not its planes
     HG_DENOISE_OFF,
     HG_DENOISE_STILL,     // from its own samples
@@ -410,7 +408,7 @@ struct hg_pick {
     bool hit;
     uint64_t revision, node, mesh, material;
     uint32_t part, triangle;
-    float position[3], normal[3], uv[2], distance;
+    float position[3], normal[3], uv[2], distance; // world space, metres
 };
 
 // Picking: the surface at a pixel centre in the newest step (unjittered sample of the same state).

@@ -141,11 +141,6 @@ enum hg_status hg_view_write_look(
     return hg_look_write_key(view->look, scene, w);
 }
 
-uint64_t hg_view_look_bytes(const struct hg_view *view)
-{
-    return view->look != NULL ? hg_view_tables_bytes(&view->look->tables) : 0;
-}
-
 // --- surfaces ------------------------------------------------------------------------------------
 
 struct reading {

@@ -5,11 +5,11 @@
 // own: nodes that it hides, tints, selects or sees through, layers, material variants and clipping
 // planes. All of that changes what the camera sees, in both modes, and nothing else: shadows,
 // reflections and global illumination are those of the whole scene. Members:
-// renderer/frame/look_params.h. Why: docs/decisions/0031-looks-of-views.md.
+// renderer/frame/look/look_params.h. Why: docs/decisions/0031-looks-of-views.md.
 #ifndef HG_RENDERER_VIEW_LOOK_H
 #define HG_RENDERER_VIEW_LOOK_H
 
-#include "renderer/frame/look_params.h"
+#include "renderer/frame/look/look_params.h"
 #include "renderer/renderer.h"
 
 // Planes in place of those before; normals of any length but 0. HG_E_INVAL names the member that is
@@ -32,8 +32,6 @@ enum hg_status hg_view_set_variant(
 // What of it settled pictures depend on; nothing for a view that shows the scene as it is.
 enum hg_status hg_view_write_look(
     const struct hg_view *view, const struct hg_scene *scene, struct hg_writer *w) HG_MUST_CHECK;
-// Device memory that the look of the view takes; 0: it has none.
-uint64_t hg_view_look_bytes(const struct hg_view *view);
 
 // What one pixel shows.
 struct hg_surface_point {

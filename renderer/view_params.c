@@ -6,7 +6,7 @@
 
 #include "protocol/view_params.h"
 #include "renderer/camera/exposure.h"
-#include "renderer/frame/meter.h"
+#include "renderer/frame/exposure/meter.h"
 #include "renderer/internal.h"
 
 #define ALL_MATTES (1u << HG_MATTE_OBJECT | 1u << HG_MATTE_MATERIAL | 1u << HG_MATTE_ASSET)
@@ -113,7 +113,8 @@ enum hg_status hg_view_params_check(const struct hg_view_params *p, struct hg_er
 
 // ---- defaults ----------------------------------------------------------------------------------
 
-float hg_filter_radius_px(enum hg_filter filter)
+// Radius where the parameters name none; 0 of what is no filter.
+static float default_radius_px(enum hg_filter filter)
 {
     static const float radius_px[] = {1.5f, 0.5f, 1.0f, 1.5f};
     return (unsigned)filter <= HG_FILTER_GAUSSIAN ? radius_px[filter] : 0.0f;
@@ -134,7 +135,7 @@ struct hg_view_params hg_view_params_filled(const struct hg_view_params *params)
     struct hg_view_params p = *params;
 #define HGP_VIEW_PARAM(kind, field, a, b, standard, ...) FILL_##kind(p.field, standard)
 #include "protocol/view_params.def"
-    FILL_F32(p.filter_radius_px, hg_filter_radius_px(p.filter))
+    FILL_F32(p.filter_radius_px, default_radius_px(p.filter))
     FILL_F32(p.series_s, p.frame_s)
     FILL_U32(p.mattes, ALL_MATTES)
     return p;

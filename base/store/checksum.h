@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+// XXH64 of `size` bytes. Another seed gives another checksum; 0 is that of the specification.
 uint64_t hg_store_checksum(const void *data, size_t size, uint64_t seed);
 
 #endif

@@ -6,7 +6,8 @@
 #include "base/clock.h"
 #include "client/cli/cli.h"
 
-enum hg_status hg_cli_connect_daemon(
+// Connects to the daemon that --connect names.
+static enum hg_status connect_daemon(
     struct hg_cli *cli, enum hg_cli_doing *doing, struct hg_error *err)
 {
     *doing = HG_CLI_DOING_ARGUMENTS;
@@ -31,7 +32,7 @@ enum hg_cli_exit hg_cli_at_daemon(const struct hg_cli_options *options,
     struct hg_error err = {0};
     enum hg_cli_doing doing;
     hg_cli_init(&cli, options);
-    enum hg_status status = hg_cli_connect_daemon(&cli, &doing, &err);
+    enum hg_status status = connect_daemon(&cli, &doing, &err);
     if (!status)
         status = act(&cli, &err);
     return hg_cli_end(&cli, doing, status, &err);
@@ -231,7 +232,7 @@ enum hg_cli_exit hg_cli_quarantine(const struct hg_cli_options *options)
     if (!clear && strcmp(verb, "list") != 0)
         status = hg_error_set(&err, HG_E_INVAL, "quarantine", NULL, "takes list or clear");
     if (!status)
-        status = hg_cli_connect_daemon(&cli, &doing, &err);
+        status = connect_daemon(&cli, &doing, &err);
     if (!status && !clear)
         status = list_quarantine(&cli, &err);
     else if (!status && options->arg_count < 2)

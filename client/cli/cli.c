@@ -74,7 +74,7 @@ void hg_cli_clean(char *dst, size_t size, const char *text, size_t length)
     dst[n] = 0;
 }
 
-enum hg_cli_exit hg_cli_exit_of(enum hg_cli_doing doing, enum hg_status status)
+static enum hg_cli_exit exit_of(enum hg_cli_doing doing, enum hg_status status)
 {
     static const enum hg_cli_exit otherwise[] = {HG_CLI_EXIT_USAGE, HG_CLI_EXIT_UNREACHABLE,
         HG_CLI_EXIT_INPUT, HG_CLI_EXIT_RENDER, HG_CLI_EXIT_RENDER};
@@ -146,7 +146,7 @@ enum hg_cli_exit hg_cli_report(
     enum hg_status status = in_file ? HG_E_FORMAT : err->status;
     if (status == HG_E_CANCELLED) // by the daemon, which ends or is replaced
         status = HG_E_CLOSED;
-    return hg_cli_exit_of(doing, stopped ? HG_E_CANCELLED : status);
+    return exit_of(doing, stopped ? HG_E_CANCELLED : status);
 }
 
 // ---- arguments of programs that work for this one ----------------------------------------------

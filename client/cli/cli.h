@@ -47,7 +47,6 @@ struct hg_cli {
     uint64_t begin_ns, connect_ns; // start of the program; how long connecting took
 };
 
-enum hg_cli_exit hg_cli_exit_of(enum hg_cli_doing doing, enum hg_status status);
 // Prints "helio: what: where: reason" (peer bytes made harmless) and returns the exit code.
 enum hg_cli_exit hg_cli_report(
     struct hg_cli *cli, enum hg_cli_doing doing, const struct hg_error *err);
@@ -195,9 +194,6 @@ enum hg_status hg_cli_stats_complete(json_t *stats, const struct hg_cli *cli, js
 
 // ---- commands for administrators of a daemon ----------------------------------------------------
 
-// Connects to the daemon that --connect names.
-enum hg_status hg_cli_connect_daemon(
-    struct hg_cli *cli, enum hg_cli_doing *doing, struct hg_error *err) HG_MUST_CHECK;
 // The end of a command: reports the error, if there is one.
 enum hg_cli_exit hg_cli_end(
     struct hg_cli *cli, enum hg_cli_doing doing, enum hg_status status, const struct hg_error *err);

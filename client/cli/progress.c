@@ -72,7 +72,8 @@ void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns)
     p->frame_begin_ns = hg_clock_now_ns();
 }
 
-double hg_cli_progress_share(const struct hg_cli_progress *p)
+// Share of the whole command that is done, 0 to 1; 0 while nothing is known.
+static double share_done(const struct hg_cli_progress *p)
 {
     const bool samples = strcmp(p->stage, "samples") == 0 && p->total > 0;
     const double part = samples ? (double)p->done / (double)p->total : 0;
@@ -124,7 +125,7 @@ static void print_progress_event(const struct hg_cli_progress *p, uint64_t now)
     json_object_set_new(o, "done", json_integer((json_int_t)p->done));
     json_object_set_new(o, "total", json_integer((json_int_t)p->total));
     set_frame(o, p);
-    json_object_set_new(o, "share", json_real(hg_cli_progress_share(p)));
+    json_object_set_new(o, "share", json_real(share_done(p)));
     const double left = hg_cli_progress_left(p, now);
     if (left >= 0)
         json_object_set_new(o, "left_s", json_real(left));
@@ -140,7 +141,7 @@ void hg_cli_progress_output(struct hg_cli_progress *p, const char *path, uint64_
     json_t *o = make_event(p, took_ns ? "written" : "skipped");
     set_text(o, "path", path);
     set_frame(o, p);
-    json_object_set_new(o, "share", json_real(hg_cli_progress_share(p)));
+    json_object_set_new(o, "share", json_real(share_done(p)));
     if (took_ns)
         json_object_set_new(o, "took_s", json_real((double)took_ns / 1e9));
     print_event(o);
@@ -210,8 +211,7 @@ static void print_line(struct hg_cli_progress *p, uint64_t now)
     p->line_open = true;
     fprintf(stderr, "\r\033[K");
     if (p->index)
-        fprintf(stderr, "%3.0f %%, frame %u of %u: ", 100 * hg_cli_progress_share(p), p->index,
-            p->frames);
+        fprintf(stderr, "%3.0f %%, frame %u of %u: ", 100 * share_done(p), p->index, p->frames);
     fprintf(stderr, "%s", p->stage);
     if (p->total)
         fprintf(stderr, " %3u %%", (unsigned)(100.0 * (double)p->done / (double)p->total));

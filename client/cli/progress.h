@@ -48,8 +48,6 @@ void hg_cli_progress_begin_frame(struct hg_cli_progress *p, int32_t frame, uint3
 void hg_cli_progress_frame(struct hg_cli_progress *p, uint64_t took_ns);
 // An output was written, or (took_ns 0) left as it was. An event of the JSON stream alone.
 void hg_cli_progress_output(struct hg_cli_progress *p, const char *path, uint64_t took_ns);
-// Share of the whole command that is done, 0 to 1; 0 while nothing is known.
-double hg_cli_progress_share(const struct hg_cli_progress *p);
 // Estimated seconds until the command is done; negative = unknown.
 double hg_cli_progress_left(const struct hg_cli_progress *p, uint64_t now_ns);
 // Says the warnings since the last call in one line: the only one, or the first and how many there

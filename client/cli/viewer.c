@@ -87,6 +87,42 @@ static enum hg_status subscribe(struct hg_viewer *v, struct hg_error *err)
     return helio_call_for(v->h, HGP_T_subscribe, &ask, HGP_T_ok, NULL, err);
 }
 
+// The fitted camera, turned about the vertical axis through its target.
+static struct hgp_view_camera pose_camera(const struct hg_viewer *v, uint64_t seq)
+{
+    struct hgp_view_camera camera = v->fit;
+    const uint32_t turn = v->options.poses > 1 ? v->options.poses : TURN_POSES;
+    const double angle = 6.283185307179586 * (double)(seq % turn) / (double)turn;
+    const double x = (double)(v->fit.eye[0] - v->fit.target[0]),
+                 z = (double)(v->fit.eye[2] - v->fit.target[2]);
+    camera.view = HG_VIEWER_VIEW;
+    camera.input_seq = seq;
+    camera.eye[0] = v->fit.target[0] + (float)(cos(angle) * x + sin(angle) * z);
+    camera.eye[2] = v->fit.target[2] + (float)(cos(angle) * z - sin(angle) * x);
+    return camera;
+}
+
+// Sends the next pose.
+static enum hg_status send_pose(struct hg_viewer *v, struct hg_error *err)
+{
+    const struct hgp_view_camera camera = pose_camera(v, v->seq + 1);
+    const uint64_t now_ns = hg_clock_now_ns();
+    enum hg_status status = helio_send(v->h, HGP_T_view_camera, &camera, NULL, err);
+    if (status == HG_E_AGAIN)
+        return HG_OK; // the network takes nothing: a later one will do
+    if (status)
+        return status;
+    v->seq++;
+    v->sent_ns[v->seq % HG_VIEWER_POSES] = now_ns;
+    v->settled = false;
+    if (v->options.poses_per_s > 0) {
+        const uint64_t step_ns = (uint64_t)(1e9 / v->options.poses_per_s);
+        const uint64_t due_ns = v->next_pose_ns + step_ns;
+        v->next_pose_ns = due_ns > now_ns ? due_ns : now_ns + step_ns;
+    }
+    return HG_OK;
+}
+
 enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
 {
     const struct helio_options options = {.url = v->options.url,
@@ -104,7 +140,7 @@ enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
         const char *asks;
         enum hg_status (*step)(struct hg_viewer *v, struct hg_error *err);
     } steps[] = {{"the daemon's clock", take_offset}, {"the scene", open_scene},
-        {"a view of it", open_view}, {"a first pose", hg_viewer_pose}, {"frames", subscribe}};
+        {"a view of it", open_view}, {"a first pose", send_pose}, {"frames", subscribe}};
     for (size_t i = 0; i < sizeof steps / sizeof *steps && !status; i++) {
         status = steps[i].step(v, err);
         if (status == HG_E_TIMEOUT)
@@ -127,41 +163,6 @@ enum hg_status hg_viewer_hide(struct hg_viewer *v, bool hidden, struct hg_error 
 }
 
 // ---- poses --------------------------------------------------------------------------------------
-
-// The fitted camera, turned about the vertical axis through its target.
-static struct hgp_view_camera pose_camera(const struct hg_viewer *v, uint64_t seq)
-{
-    struct hgp_view_camera camera = v->fit;
-    const uint32_t turn = v->options.poses > 1 ? v->options.poses : TURN_POSES;
-    const double angle = 6.283185307179586 * (double)(seq % turn) / (double)turn;
-    const double x = (double)(v->fit.eye[0] - v->fit.target[0]),
-                 z = (double)(v->fit.eye[2] - v->fit.target[2]);
-    camera.view = HG_VIEWER_VIEW;
-    camera.input_seq = seq;
-    camera.eye[0] = v->fit.target[0] + (float)(cos(angle) * x + sin(angle) * z);
-    camera.eye[2] = v->fit.target[2] + (float)(cos(angle) * z - sin(angle) * x);
-    return camera;
-}
-
-enum hg_status hg_viewer_pose(struct hg_viewer *v, struct hg_error *err)
-{
-    const struct hgp_view_camera camera = pose_camera(v, v->seq + 1);
-    const uint64_t now_ns = hg_clock_now_ns();
-    enum hg_status status = helio_send(v->h, HGP_T_view_camera, &camera, NULL, err);
-    if (status == HG_E_AGAIN)
-        return HG_OK; // the network takes nothing: a later one will do
-    if (status)
-        return status;
-    v->seq++;
-    v->sent_ns[v->seq % HG_VIEWER_POSES] = now_ns;
-    v->settled = false;
-    if (v->options.poses_per_s > 0) {
-        const uint64_t step_ns = (uint64_t)(1e9 / v->options.poses_per_s);
-        const uint64_t due_ns = v->next_pose_ns + step_ns;
-        v->next_pose_ns = due_ns > now_ns ? due_ns : now_ns + step_ns;
-    }
-    return HG_OK;
-}
 
 static bool is_pose_due(const struct hg_viewer *v, uint64_t now_ns)
 {
@@ -248,7 +249,7 @@ enum hg_status hg_viewer_run(
         if (has_enough(v))
             return status;
         if (!status && moves && is_pose_due(v, hg_clock_now_ns()))
-            status = hg_viewer_pose(v, err);
+            status = send_pose(v, err);
         const bool timed = moves && v->options.poses_per_s > 0 && v->next_pose_ns < until_ns;
         if (!status)
             status = wait_some(v, timed ? v->next_pose_ns : until_ns, err);

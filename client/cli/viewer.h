@@ -72,8 +72,6 @@ struct hg_viewer {
 // hg_viewer_close is still to be called.
 enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err) HG_MUST_CHECK;
 void hg_viewer_close(struct hg_viewer *v);
-// Sends the next pose.
-enum hg_status hg_viewer_pose(struct hg_viewer *v, struct hg_error *err) HG_MUST_CHECK;
 // Takes what comes until then; with `moves` it sends poses when they are due.
 enum hg_status hg_viewer_run(
     struct hg_viewer *v, uint64_t until_ns, bool moves, struct hg_error *err) HG_MUST_CHECK;

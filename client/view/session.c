@@ -23,7 +23,7 @@ void hg_view_tell(struct hg_view_session *s)
     s->changed(s->user);
 }
 
-void hg_view_wake(struct hg_view_session *s)
+static void wake_up(struct hg_view_session *s)
 {
     const uint64_t one = 1;
     const ssize_t n = write(s->wake_fd, &one, sizeof one);
@@ -425,7 +425,7 @@ void hg_view_session_destroy(struct hg_view_session *s)
         pthread_mutex_lock(&s->lock);
         s->wanted.stop = true;
         pthread_mutex_unlock(&s->lock);
-        hg_view_wake(s);
+        wake_up(s);
         pthread_join(s->thread, NULL);
     }
     if (hg_cli_recorder_finish(s->work.recorder, &err))
@@ -447,7 +447,7 @@ void hg_view_session_open(struct hg_view_session *s, const char *path)
     s->wanted.open = true;
     snprintf(s->wanted.path, sizeof s->wanted.path, "%s", path ? path : "");
     pthread_mutex_unlock(&s->lock);
-    hg_view_wake(s);
+    wake_up(s);
 }
 
 void hg_view_session_status(struct hg_view_session *s, struct hg_view_status *out)
@@ -488,7 +488,7 @@ uint64_t hg_view_session_camera(struct hg_view_session *s, const struct hgp_view
     wanted->has_camera = true;
     const uint64_t seq = wanted->input_seq;
     pthread_mutex_unlock(&s->lock);
-    hg_view_wake(s);
+    wake_up(s);
     return seq;
 }
 
@@ -498,7 +498,7 @@ void hg_view_session_pose(struct hg_view_session *s, double time_s)
     s->wanted.pose_s = time_s;
     s->wanted.has_pose = true;
     pthread_mutex_unlock(&s->lock);
-    hg_view_wake(s);
+    wake_up(s);
 }
 
 void hg_view_session_clip(struct hg_view_session *s, const struct hg_clipping_list *planes)
@@ -507,7 +507,7 @@ void hg_view_session_clip(struct hg_view_session *s, const struct hg_clipping_li
     s->wanted.clip = *planes;
     s->wanted.has_clip = true;
     pthread_mutex_unlock(&s->lock);
-    hg_view_wake(s);
+    wake_up(s);
 }
 
 bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request *request)
@@ -518,7 +518,7 @@ bool hg_view_session_ask(struct hg_view_session *s, const struct hg_view_request
     if (room)
         wanted->requests[(wanted->first + wanted->count++) % HG_VIEW_REQUESTS_MAX] = *request;
     pthread_mutex_unlock(&s->lock);
-    hg_view_wake(s);
+    wake_up(s);
     return room;
 }
 

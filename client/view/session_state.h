@@ -81,7 +81,6 @@ enum hg_status hg_view_ask_place(
 void hg_view_do_wanted(struct hg_view_session *s);
 // session.c. The window is to look at what is shown.
 void hg_view_tell(struct hg_view_session *s);
-void hg_view_wake(struct hg_view_session *s);
 // An answer that is an error comes back as a message.
 enum hg_status hg_view_send(
     struct hg_view_session *s, enum hgp_type type, const void *message, struct hg_error *err);

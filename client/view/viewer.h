@@ -141,8 +141,6 @@ bool hg_viewer_panel_key(struct hg_viewer *v, SDL_Scancode key, bool shift);
 bool hg_viewer_panel_pointer(struct hg_viewer *v, const SDL_Event *event);
 void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box);
 void hg_viewer_draw_panel(struct hg_viewer *v);
-// Text is what the nodes are filtered by, from the key that begins it to Enter or Esc.
-void hg_viewer_search(struct hg_viewer *v, bool on);
 void hg_viewer_type(struct hg_viewer *v, const char *text);
 // Takes back what Esc ends first. False: there is nothing.
 bool hg_viewer_escape(struct hg_viewer *v);

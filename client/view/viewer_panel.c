@@ -7,11 +7,23 @@
 
 enum { COLUMNS = 40, TITLE_ROWS = 1, CUT_ROWS = 4, LINE_PX = 18, ADVANCE_PX = 9 };
 
+// Text is what the nodes are filtered by, from the key that begins it to Enter or Esc.
+static void set_search(struct hg_viewer *v, bool on)
+{
+    v->panels.searches = on;
+    if (on) {
+        hg_controls_release(&v->controls);
+        SDL_StartTextInput();
+    } else {
+        SDL_StopTextInput();
+    }
+}
+
 void hg_viewer_switch_panel(struct hg_viewer *v, enum hg_viewer_panel panel)
 {
     v->panels.open = v->panels.open == panel ? HG_VIEWER_NO_PANEL : panel;
     v->panels.slides = false;
-    hg_viewer_search(v, false);
+    set_search(v, false);
     v->help = false;
     hg_controls_release(&v->controls); // arrows that are held were the camera's
     hg_viewer_refresh_tree(v);
@@ -29,7 +41,7 @@ void hg_viewer_reset_panels(struct hg_viewer *v)
     p->listed_ns = 0;
     p->measure.count = 0;
     p->slides = p->says_selected = false;
-    hg_viewer_search(v, false);
+    set_search(v, false);
     hg_clipping_reset(&p->clipping, v->scene->has_box, v->scene->min, v->scene->max);
 }
 
@@ -54,17 +66,6 @@ void hg_viewer_panel_box(const struct hg_viewer *v, struct hg_viewer_box *box)
 }
 
 // ---- searching ---------------------------------------------------------------------------------
-
-void hg_viewer_search(struct hg_viewer *v, bool on)
-{
-    v->panels.searches = on;
-    if (on) {
-        hg_controls_release(&v->controls);
-        SDL_StartTextInput();
-    } else {
-        SDL_StopTextInput();
-    }
-}
 
 void hg_viewer_type(struct hg_viewer *v, const char *text)
 {
@@ -102,7 +103,7 @@ static bool search_key(struct hg_viewer *v, SDL_Scancode key, const struct hg_vi
     else if (key != SDL_SCANCODE_SPACE && key != SDL_SCANCODE_RETURN && key != SDL_SCANCODE_TAB)
         (void)hg_viewer_tree_key(v, key, box);
     if (key == SDL_SCANCODE_ESCAPE || key == SDL_SCANCODE_RETURN)
-        hg_viewer_search(v, false);
+        set_search(v, false);
     return true;
 }
 
@@ -112,7 +113,7 @@ static bool tree_key(struct hg_viewer *v, SDL_Scancode key, const struct hg_view
         return search_key(v, key, box);
     if (key != SDL_SCANCODE_SLASH)
         return hg_viewer_tree_key(v, key, box);
-    hg_viewer_search(v, true);
+    set_search(v, true);
     return true;
 }
 

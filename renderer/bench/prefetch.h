@@ -1,5 +1,6 @@
-// prefetch.h - what looking ahead of a moving camera brings (frame/prefetch.h): flights with and
-// without it, turn by turn, each in a renderer that has no pages yet. Private to renderer/bench.
+// prefetch.h - what looking ahead of a moving camera brings (frame/streaming/prefetch.h): flights
+// with and without it, turn by turn, each in a renderer that has no pages yet. Private to
+// renderer/bench.
 //
 // A flight is a walk along the corridor, turning to either wall, with a frame each
 // 1 / HG_BENCH_PREFETCH_FPS s (or as fast as they come), as an interactive client asks for them.

@@ -7,7 +7,7 @@
 #include "base/clock.h"
 #include "base/json.h"
 #include "renderer/bench/bench.h"
-#include "renderer/frame/governor.h"
+#include "renderer/frame/quality/governor.h"
 #include "renderer/internal.h"
 
 #define DEFAULT_POSES  16

@@ -36,6 +36,7 @@ struct hg_framed {
     float half_height;              // orthographic
 };
 
+// Begins without points; then they are added one by one, in world space, metres.
 void hg_framing_begin(struct hg_framing *framing, const struct hg_framing_lens *lens);
 void hg_framing_add(struct hg_framing *framing, const float point[3]);
 // The circle that a point describes about a vertical axis through `axis`.

@@ -108,8 +108,9 @@ struct hg_view_stats {
     bool waits; // the newest step, for paths of other views (path_lease.h)
 };
 
+// Appends a stage, named by a literal; those beyond HG_VIEW_MAX_STAGES are dropped.
 void hg_view_stats_add_stage(struct hg_view_stats *stats, const char *name, uint64_t ns);
-// The stages of the device's newest batch, or part of one.
+// Adds the stages of the device's newest batch, or part of one.
 void hg_view_stats_add_device(struct hg_view_stats *stats, const struct hg_gpu *gpu);
 
 struct hg_view_buffers {

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "renderer/frame/frame.h"
+#include "renderer/frame/batch/batch.h"
 
 void hg_frame_history_finish(struct hg_frame_history *history)
 {

@@ -1,7 +1,7 @@
 // state.c - see state.h.
 #include "renderer/frame/state.h"
 
-#include "renderer/frame/gi_view.h"
+#include "renderer/frame/light/gi_view.h"
 
 struct hg_picture_region hg_view_region(const struct hg_view_settings *settings)
 {

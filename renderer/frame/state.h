@@ -1,28 +1,32 @@
 // state.h - the state of a view.
 // Floor 4. Thread: the render thread.
 //
-// The files of this room call each other downwards only:
-//   view.h                                 one step of a view; reading
-//   tiled_accumulation.h, prefetch.h,      how its picture comes about when not all fits at once,
-//   quality.h, path_view.h                 what comes next, how coarse it may be, paths
-//   frame.h                                what one batch draws
-//   draw.h                                 what is to be drawn, and what it is drawn with
-//   phase.h, targets.h                     how far the picture is; its images
+// The files of this room call each other downwards, but for the passes of light/ and
+// temporal_view.c that batch/graph.c declares with its own (batch/recording.h):
+//   view.h                        one step of a view; reading
+//   exposure/, light/, paths/     metering; light by rays (probes, gathered light, reflections,
+//                                 mirrors, glass); paths, and which views may trace them at rest
+//   streaming/, temporal_view.h   pictures while pages are streamed, and pictures made of several
+//   quality/                      how coarse pictures in motion may be
+//   batch/                        what one batch draws
+//   draw.h                        what is to be drawn, and what it is drawn with
+//   look/                         how the view shows its scene; caps and outlines
+//   phase.h, targets.h            how far the picture is; its images
 #ifndef HG_RENDERER_FRAME_STATE_H
 #define HG_RENDERER_FRAME_STATE_H
 
 #include "renderer/camera/camera.h"
 #include "renderer/frame/draw.h"
-#include "renderer/frame/prefetch.h"
+#include "renderer/frame/streaming/prefetch.h"
 #include "renderer/pathtrace/path.h"
-#include "renderer/frame/glass_view.h"
+#include "renderer/frame/light/glass_view.h"
 #include "renderer/frame/history.h"
-#include "renderer/frame/look.h"
-#include "renderer/frame/mirror_view.h"
-#include "renderer/frame/quality.h"
-#include "renderer/frame/reflect_view.h"
+#include "renderer/frame/look/look.h"
+#include "renderer/frame/light/mirror_view.h"
+#include "renderer/frame/quality/quality.h"
+#include "renderer/frame/light/reflect_view.h"
 #include "renderer/frame/temporal_view.h"
-#include "renderer/frame/tiled_accumulation.h"
+#include "renderer/frame/streaming/tiled_accumulation.h"
 #include "renderer/passes/shadow.h"
 #include "renderer/passes/visibility.h"
 

@@ -6,8 +6,8 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/frame/frame_batch.h"
-#include "renderer/frame/governor.h"
+#include "renderer/frame/batch/recording.h"
+#include "renderer/frame/quality/governor.h"
 #include "renderer/passes/posed_motion.h"
 #include "renderer/temporal/sharpen.h"
 #include "shaders/shared/debug.h"

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/frame/caps.h"
-#include "renderer/frame/overlay.h"
-#include "renderer/frame/path_view.h"
+#include "renderer/frame/look/caps.h"
+#include "renderer/frame/look/overlay.h"
+#include "renderer/frame/paths/path_view.h"
 #include "renderer/frame/view.h"
 #include "renderer/passes/skin.h"
 #include "shaders/shared/pick.h"

@@ -1,4 +1,4 @@
-// geometry.h - meshes, instances, materials and draws of a scene on the device, and culling.
+// geometry.h - meshes, instances, materials and draws of a scene on the device.
 // Floor 2 (geometry). Thread: the render thread.
 //
 // Parts are uploaded once and kept by {mesh id, revision}; instances, draws and materials are small
@@ -59,7 +59,7 @@ void hg_geometry_destroy(struct hg_geometry *geometry); // accepts NULL
 bool hg_geometry_set_origin(struct hg_geometry *geometry, const double eye_ws[3]);
 void hg_geometry_origin(const struct hg_geometry *geometry, double out[3]);
 
-// Brings the device in line with the scene (hg_scene_update was called, `textures` are synced).
+// Brings the device up to date with the scene (hg_scene_update was called, `textures` are synced).
 // HG_E_LIMIT (geometry budget, before memory is taken; what was shown before stays), HG_E_NOMEM,
 // device errors. Nothing is written when nothing changed.
 enum hg_status hg_geometry_sync(struct hg_geometry *geometry, const struct hg_scene *scene,
@@ -67,11 +67,11 @@ enum hg_status hg_geometry_sync(struct hg_geometry *geometry, const struct hg_sc
 // In front of each frame: brings in what threads have made. True: sync again. Waits until
 // all parts are baked or that time of hg_clock_now_ns has come; 0 = does not, HG_COND_FOREVER.
 bool hg_geometry_poll(struct hg_geometry *geometry, uint64_t until_ns);
-uint32_t hg_geometry_baking(const struct hg_geometry *geometry); // parts that are not yet
-bool hg_geometry_has_levels(const struct hg_geometry *geometry); // baked parts
+uint32_t hg_geometry_baking(const struct hg_geometry *geometry); // parts not baked yet
+bool hg_geometry_has_levels(const struct hg_geometry *geometry); // of baked parts
 // Shadow maps may show other levels than views: of baked parts or of posed ones.
 bool hg_geometry_is_simplified(const struct hg_geometry *geometry);
-bool hg_geometry_blends(const struct hg_geometry *geometry); // or transmits, some of it
+bool hg_geometry_blends(const struct hg_geometry *geometry); // some draw blends or transmits
 // All of it is what rays of gathering paths meet first: triangles that are opaque or masked.
 bool hg_geometry_is_solid(const struct hg_geometry *geometry);
 // Draws that rays do not hit (trace/ray_geometry.h): lines, and points that have no discs. shown:

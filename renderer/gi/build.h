@@ -15,7 +15,7 @@ struct hg_gi_build { // zeroed: none
     struct hg_gi_field field;
     struct hg_gi_key key;
     bool keyed;
-    uint32_t *list, listed;              // probes that a round is of, ascending
+    uint32_t *list, listed;              // probes that the round updates, ascending
     uint32_t round, next;                // of the schedule; next: of the list
     uint32_t end;                        // rounds of the schedule; 0: not known yet
     double log_light[HG_GI_WARM_WINDOW]; // after the newest rounds
@@ -32,7 +32,7 @@ struct hg_gi_build_params {
 
 void hg_gi_build_finish(struct hg_gi_build *build, struct hg_gpu *gpu);
 bool hg_gi_build_has_key(const struct hg_gi_build *build, const struct hg_gi_key *key);
-bool hg_gi_build_is_done(const struct hg_gi_build *build); // the schedule is
+bool hg_gi_build_is_done(const struct hg_gi_build *build); // all rounds of the schedule are
 bool hg_gi_build_is_placed(const struct hg_gi_build *build);
 
 // Empty probes around a box (relative to the geometry's origin); NULL: none, as there is nothing to

@@ -26,11 +26,11 @@ static void meet(const struct job *j, uint32_t i)
     const float length = sqrtf(hg_dot3(way, way));
     struct hg_gi_lit *p = &j->points[i];
     struct hg_gi_camera_hit *out = &j->out[i];
-    struct hg_gi_surface surface;
+    struct hg_host_surface surface;
     p->skipped = true;
     if (hit->draw == HG_HIT_NONE)
         return;
-    hg_gi_surface_at(j->s->surfaces, hit, way, &surface);
+    hg_host_surface_at(j->s->surfaces, hit, way, &surface);
     if (surface.back)
         return;
     p->skipped = false;
@@ -52,7 +52,8 @@ static void meet_some(void *user, size_t index)
         meet(j, (uint32_t)i);
 }
 
-static enum hg_status light(const struct job *j, struct hg_gi_direct *direct, struct hg_error *err)
+static enum hg_status light(
+    const struct job *j, struct hg_host_direct *direct, struct hg_error *err)
 {
     const struct hg_gi_points with = {.jobs = j->s->jobs,
         .trace = j->s->trace,
@@ -73,7 +74,7 @@ enum hg_status hg_gi_camera_hits_find(const struct hg_gi_camera_hits *s,
 {
     struct job job = {.s = s, .out = out, .count = count};
     const size_t room = count > 0 ? count : 1;
-    struct hg_gi_direct *direct = hg_calloc(room, sizeof *direct);
+    struct hg_host_direct *direct = hg_calloc(room, sizeof *direct);
     memset(out, 0, count * sizeof *out);
     job.points = hg_calloc(room, sizeof *job.points);
     enum hg_status status =

@@ -5,7 +5,7 @@
 #include "base/alloc.h"
 #include "base/jobs.h"
 #include "base/simd.h"
-#include "renderer/gi/words.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 
 #define IRRADIANCE_SIDE   HG_PROBE_IRRADIANCE_SIDE
@@ -135,13 +135,6 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     memset(f->stale, true, f->count * sizeof *f->stale);
     set_lobes(&f->lobes);
     return HG_OK;
-}
-
-enum hg_status hg_gi_field_place(struct hg_gi_field *f, const float min[3], const float max[3])
-{
-    struct hg_gi_field grid = {0};
-    hg_gi_field_grid(&grid, min, max);
-    return hg_gi_field_place_grid(f, &grid);
 }
 
 void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
@@ -608,11 +601,11 @@ static void pack_probe(void *user, size_t probe)
     for (uint32_t t = 0; t < IRRADIANCE_TEXELS; t++) {
         const float scale = from->weight[t] > 0 ? 1 / from->weight[t] : 0;
         const float sky = from->sky[t] * scale;
-        irradiance[t] = hg_gi_rgb9e5(means[t][0], means[t][1], means[t][2]);
-        between[t] = hg_gi_rgb9e5(fmaxf(means[t][0] - from->emitters[0][t] * scale, 0),
+        irradiance[t] = hg_rgb9e5_pack(means[t][0], means[t][1], means[t][2]);
+        between[t] = hg_rgb9e5_pack(fmaxf(means[t][0] - from->emitters[0][t] * scale, 0),
             fmaxf(means[t][1] - from->emitters[1][t] * scale, 0),
             fmaxf(means[t][2] - from->emitters[2][t] * scale, 0));
-        reflection[2 * t] = hg_gi_rgb9e5(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
+        reflection[2 * t] = hg_rgb9e5_pack(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
             from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);
     }

@@ -64,12 +64,9 @@ struct hg_gi_field { // zeroed: none
 
 // counts, count, origin and spacing for these bounds.
 void hg_gi_field_grid(struct hg_gi_field *field, const float min[3], const float max[3]);
-// Probes for these bounds (relative to the geometry's origin), all empty and needed. HG_E_NOMEM.
-enum hg_status hg_gi_field_place(
-    struct hg_gi_field *field, const float min[3], const float max[3]) HG_MUST_CHECK;
-// Probes for a grid: counts, count, origin and spacing are those of `grid`, as are coarser and
-// salt. Of a grid with a coarser one none is needed until relocation finds surfaces near.
-// HG_E_NOMEM.
+// Empty probes for a grid: counts, count, origin and spacing are those of `grid`, as are coarser
+// and salt. All are needed; of a grid with a coarser one none is until relocation finds surfaces
+// near. HG_E_NOMEM.
 enum hg_status hg_gi_field_place_grid(
     struct hg_gi_field *field, const struct hg_gi_field *grid) HG_MUST_CHECK;
 // A probe becomes what that of another grid with the same spacing is.

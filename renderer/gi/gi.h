@@ -39,7 +39,7 @@ enum hg_status hg_gi_create(
     const struct hg_gi_params *params, struct hg_gi **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_gi_destroy(struct hg_gi *gi); // accepts NULL; before the rays
 
-// What a field is of.
+// The state of the scene that a field is built for.
 struct hg_gi_key {
     uint64_t scene, environment, geometry; // revisions
 };
@@ -75,7 +75,7 @@ bool hg_gi_is_settled(
 // Marks the view's grids as in use; those unused for longest make room for others.
 void hg_gi_touch(struct hg_gi *gi, uint64_t view);
 
-// What shaders read of a field: its grids as the view's camera has them. NO_FIELD: zeroed.
+// Fills the block that shaders read: the grids of a field for the view's camera. NO_FIELD: zeroed.
 void hg_gi_fill(
     const struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_t view, struct hg_gpu_probes *out);
 
@@ -99,16 +99,16 @@ struct hg_gi_camera_rays {
 enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_rays *camera,
     struct hg_gi_camera_hit *out, struct hg_error *err) HG_MUST_CHECK;
 
-// What rays of other passes meet, and what there is to light it with.
-struct hg_gi_environment;
-struct hg_gi_surfaces;
-struct hg_gi_emissive;
+// For passes that send rays of their own: the surfaces they hit, and the light there.
+struct hg_host_environment;
+struct hg_host_surfaces;
+struct hg_host_emissive;
 struct hg_gi_field;
 struct hg_gi_world {
     struct hg_trace *trace;                // NULL: there is none
-    const struct hg_gi_environment *environment; // environment.h
-    const struct hg_gi_surfaces *surfaces; // surfaces.h
-    const struct hg_gi_emissive *emissive; // emissive.h
+    const struct hg_host_environment *environment; // environment.h
+    const struct hg_host_surfaces *surfaces;       // surfaces.h
+    const struct hg_host_emissive *emissive;       // emissive.h
     const struct hg_gi_field *whole;       // field.h: the grid over the whole scene
     const struct hg_gi_field *field;       // the finest one of the view, that knows coarser ones
     uint64_t rounds; // updates of all probes of a dynamic field since the last change

@@ -94,7 +94,7 @@ static void add(struct work *w, const struct triangle *t)
             }
 }
 
-void hg_gi_occupy(struct hg_gi_field *field, const struct hg_gi_surfaces *surfaces)
+void hg_gi_occupy(struct hg_gi_field *field, const struct hg_host_surfaces *surfaces)
 {
     struct work w = {.field = field, .missing = field->count};
     bool all = false;

@@ -4,11 +4,11 @@
 #define HG_RENDERER_GI_OCCUPANCY_H
 
 #include "renderer/gi/field.h"
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 // Sets field->needed of the corners of all cells that surfaces are in or near enough to for the
 // lookup's bias (HG_PROBE_BIAS_*); conservative, the same for equal geometry. All of them where
 // draws have no triangles (lines, points), and where it would take too long to tell.
-void hg_gi_occupy(struct hg_gi_field *field, const struct hg_gi_surfaces *surfaces);
+void hg_gi_occupy(struct hg_gi_field *field, const struct hg_host_surfaces *surfaces);
 
 #endif

@@ -19,7 +19,7 @@ void hg_gi_patches_finish(struct hg_gi_patches *patches, struct hg_gpu *gpu)
 enum hg_status hg_gi_patches_reserve(
     struct hg_gi_patches *patches, struct hg_gpu *gpu, uint32_t count, struct hg_error *err)
 {
-    const uint64_t rays = (uint64_t)count * HG_GI_SHADOW_RAYS;
+    const uint64_t rays = (uint64_t)count * HG_HOST_SHADOW_RAYS;
     patches->count = 0;
     if (count <= patches->capacity)
         return HG_OK;

@@ -16,7 +16,7 @@ struct hg_gi_patch {
 struct hg_gi_patches { // zeroed: empty
     struct hg_gpu_buffer rays, blocked;
     struct hg_gi_patch *points;
-    struct hg_gi_direct *direct;
+    struct hg_host_direct *direct;
     struct hg_gi_lit *lit;
     float (*radiance)[3];
     uint32_t count, capacity;

@@ -5,8 +5,8 @@
 #define HG_RENDERER_GI_POINTS_H
 
 #include "base/jobs.h"
-#include "renderer/gi/direct.h"
 #include "renderer/gi/field.h"
+#include "renderer/host_shading/direct.h"
 #include "renderer/trace/trace.h"
 
 struct hg_gi_lit {
@@ -23,11 +23,11 @@ struct hg_gi_points {
     struct hg_trace *trace;
     const struct hg_lighting_sources *sources;
     const struct hg_gi_field *field;
-    // Of count * HG_GI_SHADOW_RAYS rays and words.
+    // Of count * HG_HOST_SHADOW_RAYS rays and words.
     struct hg_gpu_buffer *rays, *blocked;
-    struct hg_gi_direct *direct; // [count]
+    struct hg_host_direct *direct; // [count]
 };
-// Lights points [0, count). Device errors.
+// Computes `light` of points [0, count). Device errors.
 enum hg_status hg_gi_points_light(const struct hg_gi_points *with, struct hg_gi_lit *points,
     uint32_t count, struct hg_error *err) HG_MUST_CHECK;
 // Shadow rays that the last call cast for them.

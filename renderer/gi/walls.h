@@ -19,7 +19,7 @@ struct hg_gi_ray {
     float normal[3];    // geometric, of what it met, on its side
     float light[3];
     float even[3];    // of the environment that way, met or not (environment.h)
-    float emitted[3]; // of light what an emitter sent (hg_gi_material)
+    float emitted[3]; // of light what an emitter sent (hg_host_material)
     bool back; // the back of a surface that has one side: what begins there lies inside of it
 };
 

@@ -33,8 +33,8 @@ static enum hg_status create_buffers(struct hg_gi_waves *w, struct hg_error *err
         const char *name;
     } rows[] = {{&w->probe_rays, most * sizeof(struct hg_gpu_ray), "probe rays"},
         {&w->probe_hits, most * sizeof(struct hg_gpu_hit), "probe hits"},
-        {&w->shadow_rays, most * HG_GI_SHADOW_RAYS * sizeof(struct hg_gpu_ray), "probe shadows"},
-        {&w->blocked, most * HG_GI_SHADOW_RAYS * sizeof(uint32_t), "probe shadows blocked"},
+        {&w->shadow_rays, most * HG_HOST_SHADOW_RAYS * sizeof(struct hg_gpu_ray), "probe shadows"},
+        {&w->blocked, most * HG_HOST_SHADOW_RAYS * sizeof(uint32_t), "probe shadows blocked"},
         {&w->peak_rays, peaks * sizeof(struct hg_gpu_ray), "rays to peaks"},
         {&w->peak_blocked, peaks * sizeof(uint32_t), "rays to peaks blocked"}};
     enum hg_status status = HG_OK;
@@ -67,15 +67,15 @@ void hg_gi_waves_finish(struct hg_gi_waves *w)
 {
     struct hg_gpu *gpu = w->params.gpu;
     hg_rays_unref(w->rays);
-    hg_gi_emissive_finish(&w->emissive);
-    hg_gi_surfaces_finish(&w->surfaces);
+    hg_host_emissive_finish(&w->emissive);
+    hg_host_surfaces_finish(&w->surfaces);
     hg_gpu_buffer_destroy(gpu, &w->probe_rays);
     hg_gpu_buffer_destroy(gpu, &w->probe_hits);
     hg_gpu_buffer_destroy(gpu, &w->shadow_rays);
     hg_gpu_buffer_destroy(gpu, &w->blocked);
     hg_gpu_buffer_destroy(gpu, &w->peak_rays);
     hg_gpu_buffer_destroy(gpu, &w->peak_blocked);
-    hg_gi_environment_finish(&w->environment);
+    hg_host_environment_finish(&w->environment);
     hg_free(w->brought);
     hg_free(w->peaks);
     hg_free(w->direct);
@@ -99,10 +99,10 @@ enum hg_status hg_gi_waves_sync_surfaces(struct hg_gi_waves *w, bool exact, stru
         status = hg_rays_sync(w->rays, err);
     if (status != HG_OK)
         return status;
-    status = hg_gi_surfaces_sync(
+    status = hg_host_surfaces_sync(
         &w->surfaces, w->params.geometry, hg_rays_geometry(w->rays), w->params.textures);
     if (status == HG_OK)
-        status = hg_gi_emissive_sync(&w->emissive, &w->surfaces);
+        status = hg_host_emissive_sync(&w->emissive, &w->surfaces);
     return no_memory(status, err);
 }
 
@@ -112,7 +112,7 @@ enum hg_status hg_gi_waves_sync(struct hg_gi_waves *w, const struct hg_gi_key *k
     const enum hg_status status = hg_gi_waves_sync_surfaces(w, exact, err);
     if (status != HG_OK)
         return status;
-    return no_memory(hg_gi_environment_sync(&w->environment, sources, key->environment), err);
+    return no_memory(hg_host_environment_sync(&w->environment, sources, key->environment), err);
 }
 
 // --- random numbers ------------------------------------------------------------------------------
@@ -180,7 +180,7 @@ static void cast_peaks(const struct run *w, size_t index, const float at[3])
         random3((w->wave.field->salt + w->wave.probes[index]) * MOST_PEAKS + i, w->wave.round,
             0x7065616bu, xi);
         xi[0] = ((float)i + xi[0]) / (float)w->peaks;
-        hg_gi_environment_peak(
+        hg_host_environment_peak(
             &w->waves->environment, w->wave.sources, xi, peak->direction, peak->light);
         rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
             .direction_ws = {d[0], d[1], d[2]},
@@ -202,11 +202,11 @@ static void cast_emitters(const struct run *w, size_t index, const float at[3])
     const uint64_t probe = w->wave.field->salt + w->wave.probes[index];
     for (uint32_t i = 0; i < w->emitters; i++) {
         struct hg_gi_peak *emitter = &w->waves->peaks[first + i];
-        struct hg_gi_emissive_receiver r = {.position = {at[0], at[1], at[2]},
+        struct hg_host_emissive_receiver r = {.position = {at[0], at[1], at[2]},
             .density = density_of(w),
             .seed = hg_hash_mix(probe, (uint64_t)w->wave.round * MOST_PEAKS + i)};
-        struct hg_gi_emissive_ray ray = {.distance = -1};
-        (void)hg_gi_emissive_choose(&w->waves->emissive, &r, &ray);
+        struct hg_host_emissive_ray ray = {.distance = -1};
+        (void)hg_host_emissive_choose(&w->waves->emissive, &r, &ray);
         hg_copy3(ray.direction, emitter->direction);
         hg_copy3(ray.light, emitter->light);
         rays[i] = (struct hg_gpu_ray){.origin_ws = {at[0], at[1], at[2]},
@@ -236,11 +236,11 @@ static void cast_probe(void *user, size_t index)
     cast_emitters(w, index, at);
 }
 
-static void receive(const struct run *w, size_t i, const struct hg_gi_surface *surface)
+static void receive(const struct run *w, size_t i, const struct hg_host_surface *surface)
 {
     const struct hg_gpu_ray *ray = (const struct hg_gpu_ray *)w->waves->probe_rays.mapped + i;
     struct hg_gi_ray *out = &w->waves->brought[i];
-    struct hg_gi_receiver r;
+    struct hg_host_receiver r;
     struct hg_gi_point point;
     float xi[3], bounced[3];
     const uint32_t probe = w->wave.field->salt + w->wave.probes[i / w->wave.rays];
@@ -252,21 +252,21 @@ static void receive(const struct run *w, size_t i, const struct hg_gi_surface *s
         fmaxf(fabsf(r.position[0]), fmaxf(fabsf(r.position[1]), fabsf(r.position[2])));
     r.lift = 1e-3f * w->wave.field->spacing + 1e-6f * far;
     r.xi = xi[0];
-    hg_gi_direct_at(w->wave.sources, &r, &w->waves->direct[i]);
+    hg_host_direct_at(w->wave.sources, &r, &w->waves->direct[i]);
     hg_copy3(r.position, point.position);
     hg_copy3(r.normal, point.normal);
     for (int a = 0; a < 3; a++)
         point.view[a] = -out->direction[a];
     hg_gi_field_irradiance(w->wave.light, &point, xi, bounced);
-    const struct hg_gi_material *m = surface->material;
+    const struct hg_host_material *m = surface->material;
     const float cosine = fabsf(hg_dot3(surface->normal, out->direction));
-    const float share = w->emitters > 0 ? hg_gi_emissive_share(&w->waves->emissive, m->emitted,
+    const float share = w->emitters > 0 ? hg_host_emissive_share(&w->waves->emissive, m->emitted,
                                               out->distance, cosine, density_of(w))
                                         : 0;
     for (int c = 0; c < 3; c++) {
         out->emitted[c] = (1 - share) * m->emitted[c];
         out->light[c] = m->emission[c] - share * m->emitted[c] + m->albedo[c] * bounced[c];
-        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
+        for (int k = 0; k < HG_HOST_SHADOW_RAYS; k++)
             w->waves->direct[i].light[k][c] *= m->albedo[c];
     }
 }
@@ -277,17 +277,17 @@ static void shade_ray(const struct run *w, size_t i)
     const struct hg_gpu_ray *ray = (const struct hg_gpu_ray *)w->waves->probe_rays.mapped + i;
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->waves->probe_hits.mapped + i;
     struct hg_gpu_ray *shadows =
-        (struct hg_gpu_ray *)w->waves->shadow_rays.mapped + i * HG_GI_SHADOW_RAYS;
+        (struct hg_gpu_ray *)w->waves->shadow_rays.mapped + i * HG_HOST_SHADOW_RAYS;
     struct hg_gi_ray *out = &w->waves->brought[i];
     *out = (struct hg_gi_ray){.distance = FLT_MAX,
         .direction = {ray->direction_ws.x, ray->direction_ws.y, ray->direction_ws.z}};
     bool receives = false;
-    hg_gi_environment_even(&w->waves->environment, w->wave.sources, out->direction, out->even);
+    hg_host_environment_even(&w->waves->environment, w->wave.sources, out->direction, out->even);
     if (hit->draw == HG_HIT_NONE) {
         hg_copy3(out->even, out->light);
     } else {
-        struct hg_gi_surface surface;
-        hg_gi_surface_at(&w->waves->surfaces, hit, out->direction, &surface);
+        struct hg_host_surface surface;
+        hg_host_surface_at(&w->waves->surfaces, hit, out->direction, &surface);
         out->distance = hit->t;
         out->back = surface.back;
         hg_copy3(surface.normal, out->normal);
@@ -296,7 +296,7 @@ static void shade_ray(const struct run *w, size_t i)
             receive(w, i, &surface);
     }
     if (!receives)
-        hg_gi_direct_clear(&w->waves->direct[i]);
+        hg_host_direct_clear(&w->waves->direct[i]);
     memcpy(shadows, w->waves->direct[i].rays, sizeof w->waves->direct[i].rays);
 }
 
@@ -328,9 +328,9 @@ static void gather_probe(void *user, size_t index)
     }
     for (uint32_t i = 0; i < w->wave.rays; i++) {
         const size_t at = index * w->wave.rays + i;
-        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++) {
-            const struct hg_gi_direct *d = &w->waves->direct[at];
-            const bool dark = d->rays[k].t_max > 0 && blocked[at * HG_GI_SHADOW_RAYS + (size_t)k];
+        for (int k = 0; k < HG_HOST_SHADOW_RAYS; k++) {
+            const struct hg_host_direct *d = &w->waves->direct[at];
+            const bool dark = d->rays[k].t_max > 0 && blocked[at * HG_HOST_SHADOW_RAYS + (size_t)k];
             for (int c = 0; c < 3 && !dark; c++)
                 rays[i].light[c] += d->light[k][c];
         }
@@ -360,7 +360,7 @@ static void find_sky(struct run *w)
         const float way[3] = {
             lobes->irradiance[0][t], lobes->irradiance[1][t], lobes->irradiance[2][t]};
         float light[3];
-        hg_gi_environment_irradiance(w->wave.sources, way, light);
+        hg_host_environment_irradiance(w->wave.sources, way, light);
         for (int c = 0; c < 3; c++)
             w->sky[c][t] = light[c];
     }
@@ -377,7 +377,7 @@ static void count(const struct run *w)
         const bool missed = w->waves->brought[i].distance == FLT_MAX;
         s->misses += missed;
         s->shaded += !w->wave.places && !missed && !w->waves->brought[i].back;
-        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
+        for (int k = 0; k < HG_HOST_SHADOW_RAYS; k++)
             s->shadow_rays += w->waves->direct[i].rays[k].t_max > 0;
     }
 }
@@ -405,7 +405,7 @@ enum hg_status hg_gi_waves_run(
     if (!wave->places && wave->sources->count > 0) {
         batch = (struct hg_trace_wave){.rays = &waves->shadow_rays,
             .blocked = &waves->blocked,
-            .count = wave->count * wave->rays * HG_GI_SHADOW_RAYS};
+            .count = wave->count * wave->rays * HG_HOST_SHADOW_RAYS};
         status = hg_trace_blocked(trace, &batch, err);
     }
     if (status == HG_OK && w.peaks + w.emitters > 0) {

@@ -3,12 +3,12 @@
 #ifndef HG_RENDERER_GI_WAVES_H
 #define HG_RENDERER_GI_WAVES_H
 
-#include "renderer/gi/direct.h"
-#include "renderer/gi/emissive.h"
-#include "renderer/gi/environment.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/gi.h"
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/direct.h"
+#include "renderer/host_shading/emissive.h"
+#include "renderer/host_shading/environment.h"
+#include "renderer/host_shading/surfaces.h"
 
 #define HG_GI_WAVE_PROBES 128
 #define HG_GI_MOST_RAYS   96 // of a probe in a wave
@@ -17,13 +17,13 @@ struct hg_gi_waves {
     struct hg_gi_params params;
     struct hg_rays_scene *rays;
     bool exact; // of `rays`: they depend on the scene alone
-    struct hg_gi_surfaces surfaces;
-    struct hg_gi_emissive emissive;
-    struct hg_gi_environment environment;
+    struct hg_host_surfaces surfaces;
+    struct hg_host_emissive emissive;
+    struct hg_host_environment environment;
     struct hg_gpu_buffer probe_rays, probe_hits, shadow_rays, blocked, peak_rays, peak_blocked;
     struct hg_gi_ray *brought; // [HG_GI_WAVE_PROBES * HG_GI_MOST_RAYS]
     struct hg_gi_peak *peaks;  // of the environment, then emissive triangles
-    struct hg_gi_direct *direct;
+    struct hg_host_direct *direct;
     float around[HG_GI_MOST_RAYS][3]; // `around_count` directions that are spread evenly
     uint32_t around_count;
     struct hg_gi_stats stats;

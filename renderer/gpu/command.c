@@ -72,24 +72,7 @@ static void finish_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot)
     *slot = (struct hg_gpu_cmd){0};
 }
 
-void hg_gpu_commands_finish(struct hg_gpu *gpu)
-{
-    for (uint32_t i = 0; i < HG_GPU_SLOTS; i++)
-        finish_slot(gpu, &gpu->batches.slots[i]);
-    for (uint32_t i = 0; i < gpu->retired.count; i++)
-        hg_gpu_free_retired(gpu, &gpu->retired.items[i]);
-    hg_free(gpu->retired.items);
-    hg_free(gpu->images.states);
-    gpu->retired.items = NULL;
-    gpu->retired.count = 0;
-    if (gpu->batches.timeline != VK_NULL_HANDLE)
-        vkDestroySemaphore(gpu->device, gpu->batches.timeline, NULL);
-    gpu->batches.timeline = VK_NULL_HANDLE;
-}
-
-// --- lifetime ------------------------------------------------------------------------------------
-
-void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
+static void free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
 {
     for (uint32_t i = 0; i < object->layer_view_count; i++)
         vkDestroyImageView(gpu->device, object->layer_views[i], NULL);
@@ -105,6 +88,23 @@ void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object
     hg_gpu_memory_give(gpu, &memory);
 }
 
+void hg_gpu_commands_finish(struct hg_gpu *gpu)
+{
+    for (uint32_t i = 0; i < HG_GPU_SLOTS; i++)
+        finish_slot(gpu, &gpu->batches.slots[i]);
+    for (uint32_t i = 0; i < gpu->retired.count; i++)
+        free_retired(gpu, &gpu->retired.items[i]);
+    hg_free(gpu->retired.items);
+    hg_free(gpu->images.states);
+    gpu->retired.items = NULL;
+    gpu->retired.count = 0;
+    if (gpu->batches.timeline != VK_NULL_HANDLE)
+        vkDestroySemaphore(gpu->device, gpu->batches.timeline, NULL);
+    gpu->batches.timeline = VK_NULL_HANDLE;
+}
+
+// --- lifetime ------------------------------------------------------------------------------------
+
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
 {
     const bool idle = gpu->batches.open == NULL && gpu->uploads.open == NULL &&
@@ -117,7 +117,7 @@ void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object)
     }
     if (!idle) // no memory to remember it: wait instead
         vkQueueWaitIdle(gpu->queue);
-    hg_gpu_free_retired(gpu, object);
+    free_retired(gpu, object);
 }
 
 static void sweep(struct hg_gpu *gpu)
@@ -127,7 +127,7 @@ static void sweep(struct hg_gpu *gpu)
                       gpu->batches.completed >= gpu->batches.submitted;
     for (uint32_t i = 0; i < gpu->retired.count; i++) {
         if (idle || gpu->retired.items[i].value <= gpu->batches.completed)
-            hg_gpu_free_retired(gpu, &gpu->retired.items[i]);
+            free_retired(gpu, &gpu->retired.items[i]);
         else
             gpu->retired.items[kept++] = gpu->retired.items[i];
     }
@@ -191,21 +191,6 @@ enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *
     }
     sweep(gpu);
     return HG_OK;
-}
-
-enum hg_status hg_gpu_poll(struct hg_gpu *gpu, uint64_t value, bool *over, struct hg_error *err)
-{
-    uint64_t reached = gpu->batches.completed;
-    *over = value <= reached;
-    if (*over)
-        return HG_OK;
-    enum hg_status status =
-        HG_VK(gpu, err, vkGetSemaphoreCounterValue, gpu->device, gpu->batches.timeline, &reached);
-    if (status == HG_OK && value <= reached) {
-        *over = true;
-        status = hg_gpu_wait(gpu, value, err);
-    }
-    return status;
 }
 
 bool hg_gpu_is_lost(const struct hg_gpu *gpu)

@@ -58,7 +58,7 @@ const struct hg_device_strategy *hg_gpu_strategy(const struct hg_gpu *gpu);
 VkDevice hg_gpu_device(const struct hg_gpu *gpu);
 // Messages of the validation layers since creation.
 uint32_t hg_gpu_validation_messages(const struct hg_gpu *gpu);
-bool hg_gpu_is_lost(const struct hg_gpu *gpu);
+bool hg_gpu_is_lost(const struct hg_gpu *gpu); // a call has returned HG_E_DEVICE_LOST
 // One JSON object (freed with hg_free): device, driver, limits, features, fallbacks in use.
 enum hg_status hg_gpu_device_json(const struct hg_gpu *gpu, char **text) HG_MUST_CHECK;
 
@@ -171,7 +171,7 @@ enum hg_status hg_gpu_image_create(struct hg_gpu *gpu, const struct hg_gpu_image
     struct hg_gpu_image *out, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_image_destroy(struct hg_gpu *gpu, struct hg_gpu_image *image); // as for buffers
 
-// What an image would take, for hg_gpu_image_params.memory.
+// Memory that an image needs, for hg_gpu_image_params.memory.
 struct hg_gpu_image_need {
     uint64_t size_bytes, alignment;
     uint32_t type_bits; // kinds of memory that it can lie in
@@ -181,11 +181,11 @@ void hg_gpu_image_need(
 // Device memory for images that need no more than `need`. HG_E_NOMEM, HG_E_LIMIT.
 enum hg_status hg_gpu_memory_create(struct hg_gpu *gpu, const struct hg_gpu_image_need *need,
     struct hg_gpu_memory *out, struct hg_error *err) HG_MUST_CHECK;
-// Retires it, after the images in it; accepts a zeroed one.
+// Retires the memory; its images are destroyed before. Accepts a zeroed one.
 void hg_gpu_memory_destroy(struct hg_gpu *gpu, struct hg_gpu_memory *memory);
 
 // The same texels through another format of the same size and channels (UNORM and SRGB). Destroy it
-// before its owner; only the owner may be uploaded to. HG_E_DEVICE and others of image_create.
+// before its owner; only the owner may be uploaded to. HG_E_DEVICE, errors of _create.
 enum hg_status hg_gpu_image_alias(struct hg_gpu *gpu, const struct hg_gpu_image *image,
     VkFormat format, const char *name, struct hg_gpu_image *out,
     struct hg_error *err) HG_MUST_CHECK;
@@ -216,7 +216,7 @@ enum hg_status hg_gpu_submit(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, uint64_
 // Throws away what was recorded, after an error; images are as before the batch. The same happens
 // when hg_gpu_submit fails.
 void hg_gpu_discard(struct hg_gpu *gpu, struct hg_gpu_cmd *cmd);
-// The host has a part in the middle of a batch. pause: submits what was recorded and waits for it;
+// For work of the host in the middle of a batch. pause: submits what was recorded and waits for it;
 // no batch is open then. resume: recording goes on, with the same cmd; nothing is bound, and times
 // of stages are those since. An error leaves no batch open.
 enum hg_status hg_gpu_pause(
@@ -226,14 +226,11 @@ enum hg_status hg_gpu_resume(
 // Waits until the timeline has reached value, then frees what was retired. Times out after 120 s of
 // no progress with HG_E_DEVICE_LOST.
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err) HG_MUST_CHECK;
-// Whether the timeline has reached value; does not wait. What was retired is freed.
-enum hg_status hg_gpu_poll(
-    struct hg_gpu *gpu, uint64_t value, bool *over, struct hg_error *err) HG_MUST_CHECK;
 // Submits what was recorded and waits until it is over.
 enum hg_status hg_gpu_submit_and_wait(
     struct hg_gpu *gpu, struct hg_gpu_cmd *cmd, struct hg_error *err) HG_MUST_CHECK;
 
-VkCommandBuffer hg_gpu_cmd_handle(const struct hg_gpu_cmd *cmd);
+VkCommandBuffer hg_gpu_cmd_handle(const struct hg_gpu_cmd *cmd); // of the open batch
 
 // Layout and barrier for what comes next; same read use again is free. The image's contents are
 // kept, except from HG_GPU_USE_NONE.

@@ -237,7 +237,6 @@ void hg_gpu_memory_finish(struct hg_gpu *gpu);
 enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_commands_finish(struct hg_gpu *gpu);
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
-void hg_gpu_free_retired(struct hg_gpu *gpu, const struct hg_gpu_retired *object);
 enum hg_status hg_gpu_submit_uploads(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 
 // barrier.c; kind: 0 a batch, 1 an upload.

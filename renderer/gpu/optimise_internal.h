@@ -241,7 +241,7 @@ uint32_t opt_retype(struct opt *o, uint32_t value, uint32_t type);
 // Its leaves in order; room for opt_slots of its type. And back.
 uint32_t opt_flatten(struct opt *o, uint32_t value, uint32_t *leaves);
 uint32_t opt_unflatten(struct opt *o, uint32_t type, const uint32_t *leaves, uint32_t *at);
-// The value of an operation, if it can be told without computing it; else 0.
+// The value of an operation, if it is known without computing it; else 0.
 uint32_t opt_fold(
     struct opt *o, uint32_t op, uint32_t type, const uint32_t *values, uint32_t count);
 // An instruction at the end of the current block: begun, given operands, and finished. Between

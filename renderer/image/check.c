@@ -93,7 +93,11 @@ static const char *read_exr_header(struct hg_reader *r, uint32_t *count)
     }
 }
 
-enum hg_status hg_check_exr(
+// The attributes of all headers of an EXR lie inside the file. OpenEXR 3.1 takes memory for the
+// length an attribute claims (up to 2 GiB) before it looks whether there are as many bytes, and for
+// whole tiles and rows, which may be no larger than 2^24 and 2^17 px here.
+// HG_E_FORMAT with the byte offset. The first 4 bytes are known to be EXR's.
+static enum hg_status check_exr(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err)
 {
     enum { multi_part = 0x1000 };
@@ -109,7 +113,10 @@ enum hg_status hg_check_exr(
     return HG_OK;
 }
 
-enum hg_status hg_check_bmp(
+// Bits per pixel and compression of a BMP fit together: OpenImageIO 2.4 unpacks run lengths of any
+// depth as if there were one byte a pixel, and crashes. HG_E_FORMAT with the byte offset. The first
+// 2 bytes are known to be BMP's.
+static enum hg_status check_bmp(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err)
 {
     enum { info_at = 14, old_info = 12, plain = 0, rle8 = 1, rle4 = 2, bit_fields = 3 };
@@ -137,6 +144,6 @@ enum hg_status hg_check_bytes(
     if (strcmp(format, "png") == 0)
         return hg_check_png(data, size, name, err);
     if (strcmp(format, "openexr") == 0)
-        return hg_check_exr(data, size, name, err);
-    return strcmp(format, "bmp") == 0 ? hg_check_bmp(data, size, name, err) : HG_OK;
+        return check_exr(data, size, name, err);
+    return strcmp(format, "bmp") == 0 ? check_bmp(data, size, name, err) : HG_OK;
 }

@@ -11,19 +11,6 @@
 enum hg_status hg_check_png(
     const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
 
-// The attributes of all headers of an EXR lie inside the file. OpenEXR 3.1 takes memory for the
-// length an attribute claims (up to 2 GiB) before it looks whether there are as many bytes, and for
-// whole tiles and rows, which may be no larger than 2^24 and 2^17 px here.
-// HG_E_FORMAT with the byte offset. The first 4 bytes are known to be EXR's.
-enum hg_status hg_check_exr(
-    const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
-
-// Bits per pixel and compression of a BMP fit together: OpenImageIO 2.4 unpacks run lengths of any
-// depth as if there were one byte a pixel, and crashes. HG_E_FORMAT with the byte offset. The first
-// 2 bytes are known to be BMP's.
-enum hg_status hg_check_bmp(
-    const uint8_t *data, size_t size, const char *name, struct hg_error *err) HG_MUST_CHECK;
-
 // Dispatches to the check for the format (OpenImageIO's name), if there is one.
 enum hg_status hg_check_bytes(const char *format, const uint8_t *data, size_t size,
     const char *name, struct hg_error *err) HG_MUST_CHECK;

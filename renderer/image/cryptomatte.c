@@ -43,12 +43,9 @@ uint32_t hg_cryptomatte_bits(uint32_t hash)
     return exponent == 0 || exponent == 255 ? hash ^ 1u << 23 : hash;
 }
 
-float hg_cryptomatte_id(const char *name)
+uint32_t hg_cryptomatte_id(const char *name)
 {
-    uint32_t bits = hg_cryptomatte_bits(hg_cryptomatte_hash(name, strlen(name)));
-    float id;
-    memcpy(&id, &bits, sizeof id);
-    return id;
+    return hg_cryptomatte_bits(hg_cryptomatte_hash(name, strlen(name)));
 }
 
 void hg_cryptomatte_prefix(const char *layer, char out[24])
@@ -135,8 +132,7 @@ enum hg_status hg_cryptomatte_manifest(const char *const *names, uint32_t count,
         if (i)
             hg_write_u8(&w, ',');
         write_quoted(&w, sorted[i]);
-        uint32_t hash = hg_cryptomatte_hash(sorted[i], strlen(sorted[i]));
-        snprintf(hex, sizeof hex, ":\"%08x\"", hg_cryptomatte_bits(hash));
+        snprintf(hex, sizeof hex, ":\"%08x\"", hg_cryptomatte_id(sorted[i]));
         hg_write_bytes(&w, hex, 11);
     }
     hg_write_bytes(&w, "}", 2); // terminated

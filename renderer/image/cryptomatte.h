@@ -21,7 +21,7 @@ uint32_t hg_cryptomatte_hash(const void *name, size_t size);
 // The bits of the id of a hash: one bit of the exponent is turned where it would make a float that
 // is not finite or not normalised.
 uint32_t hg_cryptomatte_bits(uint32_t hash);
-float hg_cryptomatte_id(const char *name);
+uint32_t hg_cryptomatte_id(const char *name); // bits of the id of a name
 
 // "cryptomatte/1234567/" for a layer such as "CryptoObject": where its metadata stand.
 void hg_cryptomatte_prefix(const char *layer, char out[24]);

@@ -154,7 +154,9 @@ static void write_chunks(struct hg_writer *w, uint32_t part, const struct piece 
     }
 }
 
-enum hg_status hg_exr_join(
+// Joins files of one part each to one of several. HG_E_FORMAT when a piece is not such a file;
+// HG_E_NOMEM.
+static enum hg_status join_parts(
     const struct hg_exr_piece *pieces, uint32_t count, struct hg_writer *out, struct hg_error *err)
 {
     struct piece parts[HG_EXR_MAX_PARTS];
@@ -298,7 +300,7 @@ enum hg_status hg_exr_encode(const struct hg_exr_window *window, const struct hg
         pieces[i] = (struct hg_exr_piece){parts[i].name, files[i].data, files[i].size};
     }
     if (!status)
-        status = hg_exr_join(pieces, part_count, out, err);
+        status = join_parts(pieces, part_count, out, err);
     for (uint32_t i = 0; i < part_count; i++)
         hg_writer_finish(&files[i]);
     return status;

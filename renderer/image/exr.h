@@ -51,9 +51,4 @@ struct hg_exr_piece {
     size_t size;
 };
 
-// Joins files of one part each to one of several. HG_E_FORMAT when a piece is not such a file;
-// HG_E_NOMEM.
-enum hg_status hg_exr_join(const struct hg_exr_piece *pieces, uint32_t count, struct hg_writer *out,
-    struct hg_error *err) HG_MUST_CHECK;
-
 #endif

@@ -139,7 +139,7 @@ enum hg_status hg_image_encode(const struct hg_image *image, const struct hg_ima
 // files loads it before, or keeps the right to read this file and the system's libraries.
 // HG_E_UNSUPPORTED: the module cannot be loaded, and so says every call that needs it.
 enum hg_status hg_image_load_module(struct hg_error *err) HG_MUST_CHECK;
-// The same text in every call; found out in the first.
+// Path of the module's file, searched for in the first call; the same text in all.
 const char *hg_image_module_path(void);
 
 #endif

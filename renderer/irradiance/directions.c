@@ -7,16 +7,16 @@
 #define LOBES  (1 / 3.0f) // share of a rough surface's rays that go by its lobe,
 #define GUIDED 0.5f       // and of all others that go where light came from
 
-void hg_irradiance_surface_at(const struct hg_gi_texels *texels, const uint32_t at[2],
+void hg_irradiance_surface_at(const struct hg_host_texels *texels, const uint32_t at[2],
     const uint32_t light[4], const uint32_t mirror[2], struct hg_irradiance_surface *out)
 {
-    struct hg_gi_texel_mirror m;
+    struct hg_host_texel_mirror m;
     float depth, position[3];
     memcpy(&depth, &light[3], sizeof depth);
-    hg_gi_texel_mirror(mirror, &m);
-    hg_gi_texel_place(texels, at, depth, position, out->view);
-    hg_gi_texel_normal(light[2], out->normal);
-    hg_gi_texel_mirror_normal(&m, out->view, out->mirror);
+    hg_host_texel_mirror(mirror, &m);
+    hg_host_texel_place(texels, at, depth, position, out->view);
+    hg_host_texel_normal(light[2], out->normal);
+    hg_host_texel_mirror_normal(&m, out->view, out->mirror);
     hg_copy3(m.facet, out->facet);
     out->roughness = m.roughness;
     out->f0 = m.f0;

@@ -10,8 +10,8 @@
 
 #include <stdbool.h>
 
-#include "renderer/gi/lobe.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/lobe.h"
+#include "renderer/host_shading/texels.h"
 #include "renderer/irradiance/cells.h"
 #include "renderer/irradiance/guide.h"
 
@@ -25,11 +25,11 @@ struct hg_irradiance_surface { // of a texel
 // By its words (shaders/shared/reflect.h).
 static inline bool hg_irradiance_is_rough(const uint32_t mirror[2])
 {
-    struct hg_gi_texel_mirror m;
-    hg_gi_texel_mirror(mirror, &m);
+    struct hg_host_texel_mirror m;
+    hg_host_texel_mirror(mirror, &m);
     return m.roughness >= HG_LOBE_ROUGH && m.f0 > 0;
 }
-void hg_irradiance_surface_at(const struct hg_gi_texels *texels, const uint32_t at[2],
+void hg_irradiance_surface_at(const struct hg_host_texels *texels, const uint32_t at[2],
     const uint32_t light[4], const uint32_t mirror[2], struct hg_irradiance_surface *out);
 
 struct hg_irradiance_direction {

@@ -6,13 +6,13 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "base/hash.h"
-#include "renderer/gi/emissive.h"
-#include "renderer/gi/environment.h"
 #include "renderer/gi/patches.h"
-#include "renderer/gi/surfaces.h"
-#include "renderer/gi/words.h"
+#include "renderer/host_shading/emissive.h"
+#include "renderer/host_shading/environment.h"
+#include "renderer/host_shading/surfaces.h"
 #include "renderer/irradiance/cells.h"
 #include "renderer/irradiance/directions.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/sequence.h"
 
 #define MOST_RAYS  16384u
@@ -108,9 +108,9 @@ static enum hg_status make_buffers(struct hg_irradiance *r, struct hg_error *err
 
 uint64_t hg_irradiance_bytes(void)
 {
-    const uint64_t patch = sizeof(struct hg_gi_patch) + sizeof(struct hg_gi_direct) +
+    const uint64_t patch = sizeof(struct hg_gi_patch) + sizeof(struct hg_host_direct) +
                            sizeof(struct hg_gi_lit) + 3 * sizeof(float) +
-                           HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
+                           HG_HOST_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     const uint64_t ray = 2 * sizeof(struct hg_gpu_ray) + sizeof(struct hg_gpu_hit) +
                          sizeof(struct sample) + sizeof(uint32_t);
     return sizeof(struct hg_irradiance_cell) * HG_IRRADIANCE_CELLS + HG_IRRADIANCE_KEY_BYTES +
@@ -170,8 +170,8 @@ static bool find_point(
     memcpy(depth, &light[3], sizeof *depth);
     if (!(*depth > 0))
         return false;
-    hg_gi_texel_place(&w->p->texels, at, *depth, out->position, view);
-    hg_gi_texel_normal(light[2], out->normal);
+    hg_host_texel_place(&w->p->texels, at, *depth, out->position, view);
+    hg_host_texel_normal(light[2], out->normal);
     const float pixel = c->orthographic ? c->pixel_size : c->pixel_angle * *depth;
     out->eye = NULL;
     out->level =
@@ -278,7 +278,7 @@ static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradi
 {
     struct sample *s = &w->r->samples[i];
     float direction[3] = {0, 1, 0}, light[3];
-    hg_gi_environment_peak(
+    hg_host_environment_peak(
         w->p->world.environment, w->p->sources, s->direction.xi, direction, light);
     const float cosine = hg_dot3(direction, on->facet) > 0 ? hg_dot3(direction, on->normal) : 0;
     for (int c = 0; c < 3; c++)
@@ -292,11 +292,11 @@ static void choose_peak(const struct work *w, uint32_t i, const struct hg_irradi
 static void choose_emitter(const struct work *w, uint32_t i, const struct hg_irradiance_surface *on)
 {
     struct sample *s = &w->r->samples[i];
-    struct hg_gi_emissive_receiver receiver = {
+    struct hg_host_emissive_receiver receiver = {
         .normal = on->normal, .seed = hg_hash_mix(w->r->cells.picture, i)};
-    struct hg_gi_emissive_ray to;
+    struct hg_host_emissive_ray to;
     hg_copy3(s->position, receiver.position);
-    const bool shines = hg_gi_emissive_choose(w->p->world.emissive, &receiver, &to) &&
+    const bool shines = hg_host_emissive_choose(w->p->world.emissive, &receiver, &to) &&
                         hg_dot3(to.direction, on->facet) > 0;
     struct hg_gpu_ray *ray = (struct hg_gpu_ray *)w->r->straight.mapped + i;
     *ray = ray_of(s, shines ? to.direction : on->facet);
@@ -359,7 +359,7 @@ static void send(const struct work *w, uint32_t i)
     surface_at(w, s->at, &on);
     hg_mad3(point.position, on.facet, LIFT * depth, s->position);
     const uint32_t *light = w->p->looked_up + 4 * ((size_t)s->at[1] * w->columns + s->at[0]);
-    hg_gi_rgb9e5_read(light[0], s->without);
+    hg_rgb9e5_unpack(light[0], s->without);
     s->unoccluded = unoccluded_of(light);
     const bool guided =
         s->guide && hg_irradiance_guide_distribution(&r->guides, s->guide, on.normal, &d);
@@ -389,19 +389,19 @@ static void meet(const struct work *w, uint32_t i)
     struct hg_irradiance *r = w->r;
     struct sample *s = &r->samples[i];
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)r->hits.mapped + i;
-    struct hg_gi_surface surface;
-    hg_gi_environment_even(w->p->world.environment, w->p->sources, s->direction.way, s->even);
+    struct hg_host_surface surface;
+    hg_host_environment_even(w->p->world.environment, w->p->sources, s->direction.way, s->even);
     if (s->open)
         hg_copy3(s->even, s->brought);
     if (s->open || s->lost)
         return;
-    hg_gi_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
+    hg_host_surface_at(w->p->world.surfaces, hit, s->direction.way, &surface);
     struct hg_gi_patch *patch = &r->patches.points[s->patch];
-    const struct hg_gi_material *m = surface.material;
+    const struct hg_host_material *m = surface.material;
     hg_mad3(s->position, s->direction.way, hit->t, patch->position);
     hg_copy3(surface.normal, patch->normal);
     hg_copy3(m->albedo, patch->albedo);
-    const float share = hg_gi_emissive_share(w->p->world.emissive, m->emitted, hit->t,
+    const float share = hg_host_emissive_share(w->p->world.emissive, m->emitted, hit->t,
         fabsf(hg_dot3(surface.normal, s->direction.way)), s->over);
     for (int c = 0; c < 3; c++) { // what has one side shines to that side
         s->emitted[c] = surface.back ? 0 : share * m->emitted[c];
@@ -530,8 +530,8 @@ static void apply_diffuse(const struct work *w, const struct hg_irradiance_point
     hg_irradiance_look_up(&w->r->cells, point, lookups, &sums);
     if (!(sums.samples > 0))
         return;
-    hg_gi_rgb9e5_read(words[0], light);
-    hg_gi_environment_irradiance(w->p->sources, point->normal, sky);
+    hg_rgb9e5_unpack(words[0], light);
+    hg_host_environment_irradiance(w->p->sources, point->normal, sky);
     const float most = fmaxf(light[0], fmaxf(light[1], light[2]));
     const float relative = unoccluded_of(words) * sums.weight / fmaxf(sums.unoccluded, FLT_MIN);
     const float near = fminf(relative, MOST_NEAR);
@@ -542,7 +542,7 @@ static void apply_diffuse(const struct work *w, const struct hg_irradiance_point
         const float found = ratio * (light[c] + GREY * most) + fminf(share * detail, 1) * sky[c];
         light[c] = (sums.samples * found + BELIEVED * light[c]) / (sums.samples + BELIEVED);
     }
-    words[0] = hg_gi_rgb9e5(light[0], light[1], light[2]);
+    words[0] = hg_rgb9e5_pack(light[0], light[1], light[2]);
 }
 
 // What a rough surface mirrors: light of surfaces, and the share of the environment in the upper
@@ -558,12 +558,12 @@ static void apply_lobe(const struct work *w, const struct hg_irradiance_point *p
     if (!(sums.without[0] > 0))
         return;
     const float known = sums.samples / (sums.samples + BELIEVED), scale = known / sums.without[0];
-    hg_gi_rgb9e5_read(words[0], light);
+    hg_rgb9e5_unpack(words[0], light);
     for (int c = 0; c < 3; c++)
         light[c] = light[c] * (1 - known) + sums.gathered[c] * scale;
     const float sky = 255 * sums.without[1] / fmaxf(sums.without[2], FLT_MIN);
     const float open = (float)(words[1] >> 24) * (1 - known) + known * sky;
-    words[0] = hg_gi_rgb9e5(light[0], light[1], light[2]);
+    words[0] = hg_rgb9e5_pack(light[0], light[1], light[2]);
     words[1] = (words[1] & 0xffffff) | (uint32_t)(hg_clampf(open, 0, 255) + 0.5f) << 24;
 }
 

@@ -15,7 +15,7 @@
 #define HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 
 #include "renderer/gi/gi.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/texels.h"
 
 struct hg_irradiance; // of one scene
 
@@ -26,7 +26,7 @@ enum hg_status hg_irradiance_create(struct hg_gpu *gpu, struct hg_jobs *jobs,
 void hg_irradiance_destroy(struct hg_irradiance *irradiance); // accepts NULL
 
 struct hg_irradiance_picture {
-    struct hg_gi_texels texels;
+    struct hg_host_texels texels;
     double origin[3];          // of the geometry; another one: nothing is known
     uint64_t light;            // revision of the scene and its lights
     uint32_t doublings;        // of the updates of a dynamic field since the last change

@@ -4,7 +4,7 @@
 // (Garland and Heckbert 1997). For an attribute that is linear on each triangle, a(r) = g.r + d, it
 // is the sum of (g.r + d - a)^2 for a vertex at r with value a (Hoppe 1999, section 3).
 //
-// Everything is told from the vertex that has the quadric: r = p - its position, a = value - its
+// All is relative to the vertex that has the quadric: r = p - its position, a = value - its
 // own value. The planes of its triangles pass through it, so numbers stay small and single
 // precision is enough; when a vertex is merged into another, its quadric is moved there.
 #ifndef HG_RENDERER_LOD_QUADRIC_H
@@ -49,7 +49,7 @@ static inline void hg_lod_quadric_add(struct hg_lod_quadric *q, const struct hg_
     q->w += r->w;
 }
 
-// The same quadric told from a vertex that lies by (t, 0) farther.
+// The same quadric, relative to a vertex that lies by (t, 0) farther.
 static inline void hg_lod_quadric_move(struct hg_lod_quadric *q, hg_lod_vec t)
 {
     hg_lod_vec w = q->w + (q->x * t[0] + q->y * t[1] + q->z * t[2]);

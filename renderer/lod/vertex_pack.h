@@ -12,9 +12,10 @@
 #include "renderer/scene/scene.h"
 #include "shaders/shared/geometry.h"
 
+// normal: unit. tangent: unit, and the sign of the bitangent, +1 or -1, in its fourth number.
 uint32_t hg_pack_normal(const float normal[3]);
 uint32_t hg_pack_tangent(const float tangent[4]);
-// What the shaders get back.
+// The inverses, as shaders read the words.
 void hg_unpack_normal(uint32_t word, float normal[3]);
 void hg_unpack_tangent(uint32_t word, float tangent[4]);
 

@@ -8,7 +8,7 @@
 struct hg_box {
     float min[3], max[3]; // empty: min > max
 };
-
+// A box without points; then boxes are grown to contain a point, or another box.
 struct hg_box hg_box_empty(void);
 bool hg_box_is_empty(const struct hg_box *box);
 void hg_box_add_point(struct hg_box *box, const float p[3]);

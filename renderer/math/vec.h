@@ -1,5 +1,5 @@
-// vec.h - small vector arithmetic of the light room.
-// Floor 2 (light). Pure, inline.
+// vec.h - vectors of three floats, octahedral coordinates, half precision, luminance.
+// Floor 1 (math). Pure, inline.
 #ifndef HG_RENDERER_MATH_VEC_H
 #define HG_RENDERER_MATH_VEC_H
 
@@ -132,7 +132,7 @@ static inline float hg_half_to_float(uint16_t h)
     return h & 0x8000 ? -v : v;
 }
 
-// Of linear BT.709 colour.
+// Luminance of a linear BT.709 colour, in the unit of its channels.
 static inline float hg_luminance(const float rgb[3])
 {
     return 0.2126f * rgb[0] + 0.7152f * rgb[1] + 0.0722f * rgb[2];

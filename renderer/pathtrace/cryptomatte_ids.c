@@ -76,7 +76,7 @@ static enum hg_status name_all(
         if (!hg_geometry_draw_info(geometry, i, &info))
             continue;
         hg_path_name_draw(kind, &info, name);
-        out[i] = first_of(&met, i, hg_cryptomatte_bits(hg_cryptomatte_hash(name, strlen(name))));
+        out[i] = first_of(&met, i, hg_cryptomatte_id(name));
     }
     hg_free(met.slots);
     hg_free(met.ids);

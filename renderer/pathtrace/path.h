@@ -48,8 +48,8 @@ struct hg_path_settings {
 struct hg_path_gather {
     bool on;
     bool glass; // to transmissive surfaces, of which the colour is read, too; else to opaque ones
-    // Numbers of lamps, at most HG_GATHERED_LAMPS, where there are such as shadow maps are for: of
-    // each is told what of its light arrives. 0: there are none.
+    // Numbers of lamps that have shadow maps, at most HG_GATHERED_LAMPS: for each the share of its
+    // light that arrives is measured. 0: there are none.
     uint32_t lamps;
     float reach; // from which on a hit is shaded by the field, in spacings of its probes there
     float near_m;  // nearer than that no hit is, wherever: `reach` of the finest grid's spacing

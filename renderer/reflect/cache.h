@@ -12,7 +12,7 @@
 
 #include "renderer/gi/field.h"
 #include "renderer/gi/patches.h"
-#include "renderer/gi/lobe.h"
+#include "renderer/host_shading/lobe.h"
 
 #define HG_CACHE_MOST_PROBES 16
 #define HG_CACHE_SIDE        32 // texels along a face, unless another number is asked for

@@ -5,9 +5,9 @@
 
 #include "base/alloc.h"
 #include "base/clock.h"
-#include "renderer/gi/holes.h"
 #include "renderer/gi/patches.h"
-#include "renderer/gi/words.h"
+#include "renderer/host_shading/holes.h"
+#include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 
 #define TEXELS     8192u // at once, of two rays each
@@ -24,7 +24,7 @@ enum end { NOWHERE, ON_SURFACE, SKY };
 struct way {
     float origin[3], direction[3], t_min;
     float left[3];                // of the light that comes along it
-    const struct hg_gi_glass *in; // the medium around; NULL: air
+    const struct hg_host_glass *in; // the medium around; NULL: air
     float travelled;              // metres
     struct hg_gi_patch met;       // ON_SURFACE
     float radiance[3];            // from there
@@ -203,11 +203,11 @@ static void note_row(void *user, size_t y)
         const size_t i = y * w->across + x;
         const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->g->hits.mapped + i;
         const struct hg_gpu_ray *ray = (const struct hg_gpu_ray *)w->g->rays.mapped + i;
-        struct hg_gi_surface s;
+        struct hg_host_surface s;
         w->g->blocks[i] = 0;
         if (hit->draw == HG_HIT_NONE)
             continue;
-        hg_gi_surface_at(w->p->world.surfaces, hit, axes(&ray->direction_ws), &s);
+        hg_host_surface_at(w->p->world.surfaces, hit, axes(&ray->direction_ws), &s);
         w->g->blocks[i] = s.layers; // clear glass may be behind a blended surface
     }
 }
@@ -303,7 +303,7 @@ static void leave(struct way *way, const float at[3], const float side[3], float
 
 // What is met at the first surface by the mirrored ray's way.
 static void split(const struct way *on, const float at[3], const float normal[3],
-    const struct hg_gi_surface *s, const struct hg_gi_glass *glass, struct way *mirrored)
+    const struct hg_host_surface *s, const struct hg_host_glass *glass, struct way *mirrored)
 {
     mirrored->goes_on = true;
     mirrored->travelled = on->travelled;
@@ -314,9 +314,9 @@ static void split(const struct way *on, const float at[3], const float normal[3]
 
 // first: shading has this surface itself.
 static void pass_glass(struct way *way, const float at[3], const float normal[3],
-    const struct hg_gi_surface *s, bool first)
+    const struct hg_host_surface *s, bool first)
 {
-    const struct hg_gi_glass *glass = &s->material->glass;
+    const struct hg_host_glass *glass = &s->material->glass;
     float bent[3];
     hg_copy3(way->direction, bent);
     const float ratio = s->inner ? glass->ior : 1 / glass->ior;
@@ -351,14 +351,14 @@ static void meet(const struct work *w, uint32_t slot)
     struct way *way = &w->g->ways[slot];
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->g->hits.mapped + slot;
     const bool primary = slot % 2 == 0 && way->steps == 0;
-    struct hg_gi_surface s;
+    struct hg_host_surface s;
     float at[3], normal[3];
     if (hit->draw == HG_HIT_NONE) {
         way->end = primary ? NOWHERE : SKY;
         way->goes_on = false;
         return;
     }
-    hg_gi_surface_at(w->p->world.surfaces, hit, way->direction, &s);
+    hg_host_surface_at(w->p->world.surfaces, hit, way->direction, &s);
     const bool clear = s.material->glass.clear && s.layers;
     if (s.layers && !clear) { // blended, or rough glass
         way->t_min = hit->t * (1 + 1e-6f);
@@ -382,7 +382,7 @@ static void meet(const struct work *w, uint32_t slot)
         }
         return;
     }
-    hg_gi_surface_normal(w->p->world.surfaces, hit, way->direction, &s, normal);
+    hg_host_surface_normal(w->p->world.surfaces, hit, way->direction, &s, normal);
     if (primary)
         split(way, at, normal, &s, &s.material->glass, way + 1);
     pass_glass(way, at, normal, &s, primary);
@@ -438,7 +438,7 @@ static enum hg_status send_all(struct work *w, struct hg_error *err)
         status = hg_trace_closest(w->p->world.trace, &wave, err);
         uint32_t more = 0;
         if (status == HG_OK)
-            status = hg_gi_pass_holes(
+            status = hg_host_pass_holes(
                 w->p->world.surfaces, w->p->world.trace, &wave, &g->again, &more, err);
         if (status == HG_OK)
             hg_jobs_for(g->jobs, jobs_of(w->ray_count), meet_some, w);
@@ -596,11 +596,12 @@ static void write_some(void *user, size_t block)
         const float *left = on->left, *r = on->radiance, *m = mirrored->radiance;
         if (on->end == NOWHERE)
             continue;
-        out[0] = on->end == SKY ? 0 : hg_gi_rgb9e5(r[0] * left[0], r[1] * left[1], r[2] * left[2]);
+        out[0] =
+            on->end == SKY ? 0 : hg_rgb9e5_pack(r[0] * left[0], r[1] * left[1], r[2] * left[2]);
         out[1] = direction_word(on->direction);
-        out[2] = on->end == SKY ? hg_gi_rgb9e5(left[0], left[1], left[2]) : 0;
+        out[2] = on->end == SKY ? hg_rgb9e5_pack(left[0], left[1], left[2]) : 0;
         out[3] = mirrored->end == SKY ? HG_GLASS_SKY
-                                      : hg_gi_rgb9e5(m[0] * mirrored->left[0],
+                                      : hg_rgb9e5_pack(m[0] * mirrored->left[0],
                                             m[1] * mirrored->left[1], m[2] * mirrored->left[2]);
     }
 }

@@ -1,8 +1,8 @@
 // glass.h - what clear glass of a picture in motion refracts and mirrors, by rays of the host.
 // Floor 2 (reflect). Thread: the render thread; rays are made and shaded on jobs.
 //
-// A texel whose ray meets clear glass first (struct hg_gi_glass) sends two rays from there: one on
-// through the glass, bent at each of its surfaces by Snell's law, and one mirrored. Each goes on
+// A texel whose ray meets clear glass first (struct hg_host_glass) sends two rays from there: one
+// on through the glass, bent at each of its surfaces by Snell's law, and one mirrored. Each goes on
 // through glass until it meets something else, or leaves the scene. Where a surface between lets
 // only a part of the light through the rest is not followed: it counts as bright as what is seen,
 // which is exact where light is the same from everywhere. Total reflection is followed. What they

@@ -3,7 +3,7 @@
 
 #include <float.h>
 
-#include "renderer/gi/surfaces.h"
+#include "renderer/host_shading/surfaces.h"
 
 #define AT_ONCE 64 // rays that one job looks up
 
@@ -23,8 +23,8 @@ static void surface_of_hit(const struct hg_reflect_work *w, size_t i, struct hg_
     const struct hg_reflect_texel *t = &w->r->texels[i];
     const struct hg_gpu_hit *hit = (const struct hg_gpu_hit *)w->r->hits.mapped + i;
     const float *d = w->r->samples[i].direction;
-    struct hg_gi_surface surface;
-    hg_gi_surface_at(w->p->world.surfaces, hit, d, &surface);
+    struct hg_host_surface surface;
+    hg_host_surface_at(w->p->world.surfaces, hit, d, &surface);
     hg_mad3(t->position, d, t->length, out->position);
     hg_copy3(surface.normal, out->normal);
     hg_copy3(surface.material->albedo, out->albedo);

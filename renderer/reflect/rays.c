@@ -4,7 +4,7 @@
 #include <float.h>
 
 #include "base/hash.h"
-#include "renderer/gi/texels.h"
+#include "renderer/host_shading/texels.h"
 #include "renderer/math/sequence.h"
 
 #define LIFT 2e-3f // of the depth, that rays begin off surfaces: levels of detail differ
@@ -14,12 +14,12 @@
 
 // What probe light says of a texel's surface; false: it is left to others.
 static bool read_texel(const struct hg_reflect_work *w, const uint32_t at[2],
-    struct hg_gi_texel_mirror *m, struct hg_reflect_texel *out)
+    struct hg_host_texel_mirror *m, struct hg_reflect_texel *out)
 {
     const size_t texel = (size_t)at[1] * w->r->image.columns + at[0];
-    const struct hg_gi_texels texels = {w->p->camera, w->p->width, w->p->height};
+    const struct hg_host_texels texels = {w->p->camera, w->p->width, w->p->height};
     memcpy(&out->depth, &w->p->light[4 * texel + 3], sizeof out->depth);
-    hg_gi_texel_mirror(w->p->mirrors + 2 * texel, m);
+    hg_host_texel_mirror(w->p->mirrors + 2 * texel, m);
     out->sends = false;
     out->mirrors = out->depth > 0 && (w->p->dense || m->roughness < HG_LOBE_ROUGH);
     if (!out->mirrors)
@@ -27,8 +27,8 @@ static bool read_texel(const struct hg_reflect_work *w, const uint32_t at[2],
     out->roughness = m->roughness;
     out->f0 = m->f0;
     out->length = 0;
-    hg_gi_texel_place(&texels, at, out->depth, out->position, out->view);
-    hg_gi_texel_mirror_normal(m, out->view, out->normal);
+    hg_host_texel_place(&texels, at, out->depth, out->position, out->view);
+    hg_host_texel_mirror_normal(m, out->view, out->normal);
     return true;
 }
 
@@ -42,7 +42,7 @@ static int turns_log2(const struct hg_reflect_work *w)
 
 // The reflected ray of a texel, above the plane of its triangle. Its own points are evenly spread.
 static void send(
-    const struct hg_reflect_work *w, size_t i, const struct hg_gi_texel_mirror *m, int turns)
+    const struct hg_reflect_work *w, size_t i, const struct hg_host_texel_mirror *m, int turns)
 {
     struct hg_reflect_texel *t = &w->r->texels[i];
     const uint64_t bits = hg_hash_mix(0x7265666cu, i);
@@ -81,7 +81,7 @@ static void begin_row(void *user, size_t y)
         const uint32_t at[2] = {x, (uint32_t)y};
         const size_t i = y * columns + x;
         struct hg_reflect_texel *t = &r->texels[i];
-        struct hg_gi_texel_mirror m;
+        struct hg_host_texel_mirror m;
         const bool mirrors = read_texel(w, at, &m, t);
         r->sources[i] = t->depth > 0 ? HG_REFLECT_ROUGH : HG_REFLECT_NOTHING;
         r->smooth[y] += mirrors;

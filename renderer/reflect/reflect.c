@@ -5,7 +5,7 @@
 #include "base/clock.h"
 #include "renderer/reflect/hits.h"
 #include "renderer/reflect/rays.h"
-#include "renderer/gi/words.h"
+#include "renderer/math/rgb9e5.h"
 
 #define SEQUENCE 1024 // pictures until directions repeat
 
@@ -142,7 +142,7 @@ static uint64_t bytes_of(const struct hg_reflect *r)
                            sizeof(struct hg_gpu_hit) + sizeof(uint32_t);
     const uint64_t lit = sizeof *r->asks + sizeof *r->light.points + sizeof *r->light.direct +
                          sizeof *r->light.lit + sizeof *r->light.radiance +
-                         HG_GI_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
+                         HG_HOST_SHADOW_RAYS * (sizeof(struct hg_gpu_ray) + sizeof(uint32_t));
     return r->count * texel + HG_REFLECT_MOST_LIT * lit;
 }
 
@@ -202,7 +202,7 @@ static void write_row(void *user, size_t y)
             continue;
         const float open = hg_clampf((*s)[HG_REFLECT_OPEN] * scale, 0, 1);
         uint32_t *out = w->out + 4 * i;
-        out[1] = hg_gi_rgb9e5((*s)[HG_REFLECT_RED] * scale, (*s)[HG_REFLECT_GREEN] * scale,
+        out[1] = hg_rgb9e5_pack((*s)[HG_REFLECT_RED] * scale, (*s)[HG_REFLECT_GREEN] * scale,
             (*s)[HG_REFLECT_BLUE] * scale);
         out[2] = (out[2] & 0xffffff) | (uint32_t)(open * 255 + 0.5f) << 24;
     }

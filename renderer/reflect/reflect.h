@@ -10,13 +10,11 @@
 // docs/internals/reflections.md.
 //
 // Layers, lowest first:
-//   lobe
-//   texel cache
+//   texel cache mirror_planes
 //   filter picture
 //   glass
 //   work
 //   rays hits
-//   spread
 //   reflect
 #ifndef HG_RENDERER_REFLECT_REFLECT_H
 #define HG_RENDERER_REFLECT_REFLECT_H

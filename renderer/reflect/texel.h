@@ -3,7 +3,7 @@
 #ifndef HG_RENDERER_REFLECT_TEXEL_H
 #define HG_RENDERER_REFLECT_TEXEL_H
 
-#include "renderer/gi/lobe.h"
+#include "renderer/host_shading/lobe.h"
 
 struct hg_reflect_texel {
     float position[3], normal[3]; // shading normal; relative to the geometry's origin

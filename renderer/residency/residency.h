@@ -88,7 +88,7 @@ enum hg_residency_force {
 // HG_RESIDENCY_NO_KEY. HG_E_AGAIN: no slot may be taken; nothing changed.
 enum hg_status hg_residency_place(struct hg_residency *r, uint64_t key,
     enum hg_residency_force force, uint32_t *slot, uint64_t *evicted) HG_MUST_CHECK;
-// Slots that place could take now.
+// Slots that hg_residency_place could take now with that force.
 uint32_t hg_residency_available(const struct hg_residency *r, enum hg_residency_force force);
 // Empties a slot, pinned or not.
 void hg_residency_remove(struct hg_residency *r, uint32_t slot);

@@ -16,6 +16,7 @@ enum hg_primitive_mode {
     HG_MODE_TRIANGLE_FAN
 };
 
+// Lists that a mode is expanded to: points, lines or triangles.
 enum hg_topology hg_mode_topology(enum hg_primitive_mode mode);
 // Number of list indices that `count` indices of a mode expand to (incomplete ends are dropped).
 uint64_t hg_mode_list_count(enum hg_primitive_mode mode, uint32_t count);

@@ -395,7 +395,7 @@ struct hg_scene {
         uint32_t capacity, used;
     } ids[HG_OBJECT_KINDS];
 };
-
+// An empty scene. HG_E_NOMEM.
 enum hg_status hg_scene_create(struct hg_scene **out) HG_MUST_CHECK;
 void hg_scene_destroy(struct hg_scene *scene); // accepts NULL
 

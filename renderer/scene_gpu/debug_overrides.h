@@ -19,7 +19,7 @@ struct hg_debug_overrides {
     enum hg_override unlit_tiles; // shading tiles that no light reaches without lights
     uint64_t path_slice_ns;       // length of a step of path tracing; 0 = that of pathtrace/path.c
     uint32_t blend_first_nodes;   // of lists of blended surfaces; 0 = by the picture's size
-    uint32_t blend_most_nodes;    // of them, in one strip; 0 = that of frame/frame_blend.c
+    uint32_t blend_most_nodes;    // of them, in one strip; 0 = that of frame/batch/blend.c
     bool blend_lists;             // pictures in motion have them, too, however long they are
     // Pictures agree within their noise.
     uint32_t cache_side;      // texels along a face of radiance caches; 0 = HG_CACHE_SIDE

@@ -35,7 +35,7 @@ struct hg_frame_context {
     struct hg_debug_overrides overrides;
 };
 
-// A view whose paths take memory while it rests (frame/path_lease.h).
+// A view whose paths take memory while it rests (frame/paths/path_lease.h).
 enum { HG_PATH_LEASES = 2 };
 struct hg_view_state;
 struct hg_path_lease {
@@ -64,13 +64,14 @@ struct hg_scene_gpu {
     struct hg_path_lease leases[HG_PATH_LEASES];
 };
 
-// The scene's rooms, made on first use; one reference.
+// Takes a reference to what the device holds of the scene, which is made by the first one.
 enum hg_status hg_scene_gpu_ref(struct hg_frame_context *context, struct hg_scene *scene,
     struct hg_scene_gpu **out, struct hg_error *err) HG_MUST_CHECK;
 void hg_scene_gpu_unref(
     struct hg_frame_context *context, struct hg_scene_gpu *scene_gpu); // accepts NULL
 
-// What all scenes shared; before the device goes, after all rooms. Accepts a zeroed context.
+// Frees what scenes shared: after the last hg_scene_gpu_unref, before the device is destroyed.
+// Accepts a zeroed context.
 void hg_frame_context_finish(struct hg_frame_context *context);
 
 // Syncs textures and geometry with the scene; no batch may be open. Nothing happens when
@@ -84,7 +85,7 @@ enum hg_status hg_scene_gpu_sync(struct hg_frame_context *context, struct hg_sce
 // no change of geometry_revision. hg_scene_update was called in the pose; `who` is only compared.
 enum hg_status hg_scene_gpu_pose(
     struct hg_scene_gpu *scene_gpu, const void *who, struct hg_error *err) HG_MUST_CHECK;
-// It still does, for `who`, and a sync would find nothing else to do.
+// Whether it is still posed for `who`, and a sync would find nothing else to do.
 bool hg_scene_gpu_is_posed(const struct hg_scene_gpu *scene_gpu, const void *who);
 
 // A camera for a picture of that size, relative to the geometry's origin, its depth fitted to what

@@ -7,7 +7,9 @@
 #define LEAST     1e-3f // of samples outside of the window, where none lies inside
 #define PI        3.14159265f
 
-float hg_temporal_window(float x)
+// Blackman-Harris window of radius 1.5 px at x px, 1 at 0: that of accumulated pictures
+// (renderer/camera/camera.h).
+static float window_at(float x)
 {
     const float t = x / RADIUS_PX;
     if (fabsf(t) >= 1.0f)
@@ -27,8 +29,8 @@ void hg_temporal_taps_fill(
         float weight[3], sum = 0.0f, most = 0.0f;
         for (int k = 0; k < 3; k++) {
             const float place = (middle + (float)(k - 1) + 0.5f + jitter) * size;
-            const float inside = hg_temporal_window(place - centre);
-            weight[k] = inside + LEAST * hg_temporal_window((place - centre) / size);
+            const float inside = window_at(place - centre);
+            weight[k] = inside + LEAST * window_at((place - centre) / size);
             sum += weight[k];
             most = fmaxf(most, inside);
         }

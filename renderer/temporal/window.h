@@ -4,10 +4,6 @@
 
 #include <stdint.h>
 
-// Blackman-Harris window of radius 1.5 px at x px, 1 at 0: that of accumulated pictures
-// (renderer/camera/camera.h).
-float hg_temporal_window(float x);
-
 // Which three samples of a line of `samples` belong to each of `pixels` output pixels, by how much.
 struct hg_temporal_taps {
     uint32_t *first; // [pixels] number of the first of the three, plus 1: -1 .. samples

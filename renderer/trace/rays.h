@@ -1,4 +1,4 @@
-// rays.h - rays of a scene: structures that its views and passes share, batches of rays.
+// rays.h - rays of a scene: structures that its views and passes share.
 // Floor 2 (trace). Thread: the render thread.
 //
 // A scene has one service. Users take a reference to structures by a key: the backend and the level
@@ -8,9 +8,9 @@
 // views
 // (docs/decisions/0020-rays-of-a-scene.md).
 //
-// Between two submissions: hg_rays_sync, then waves at once (hg_trace_closest of hg_rays_trace) or
-// as batches (hg_trace_begin, _poll, _finish), on all backends alike. A sync may evict what culling
-// sets of views were to draw: it comes before culling.
+// Between two submissions: hg_rays_sync, then waves (hg_trace_closest and hg_trace_blocked of
+// hg_rays_trace), on all backends alike. A sync may evict what culling sets of views were to draw:
+// it comes before culling.
 #ifndef HG_RENDERER_TRACE_RAYS_H
 #define HG_RENDERER_TRACE_RAYS_H
 

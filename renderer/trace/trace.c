@@ -287,65 +287,6 @@ enum hg_status hg_trace_blocked(
     return trace(t, wave, true, err);
 }
 
-static enum hg_status hand_on(struct hg_trace *t, struct hg_trace_batch *b, struct hg_error *err)
-{
-    const uint64_t start = hg_clock_now_ns();
-    const uint32_t left = b->wave.count - b->at;
-    const struct hg_trace_piece piece = {
-        &b->wave, b->any, b->at, left < t->piece[b->any] ? left : t->piece[b->any]};
-    enum hg_status status = HG_OK;
-    b->value = 0;
-    if (piece.count > 0)
-        status = submit(t, &piece, &b->value, err);
-    b->at += piece.count;
-    b->running = status == HG_OK && (b->value > 0 || b->at < b->wave.count);
-    t->stats.trace_ns += hg_clock_now_ns() - start;
-    return status;
-}
-
-enum hg_status hg_trace_begin(struct hg_trace *t, const struct hg_trace_wave *wave, bool any,
-    struct hg_trace_batch *batch, struct hg_error *err)
-{
-    *batch = (struct hg_trace_batch){.wave = *wave, .any = any};
-    const enum hg_status status = check(t, wave, any, err);
-    if (status != HG_OK)
-        return status;
-    t->stats.rays += wave->count;
-    batch->running = wave->count > 0;
-    // The host has nothing that works by itself: its first piece is traced by the first poll.
-    return ops_of(t)->least_piece > 0 ? hand_on(t, batch, err) : HG_OK;
-}
-
-enum hg_status hg_trace_poll(
-    struct hg_trace *t, struct hg_trace_batch *batch, bool *over, struct hg_error *err)
-{
-    enum hg_status status = HG_OK;
-    bool arrived = true;
-    if (batch->running && batch->value > 0)
-        status = hg_gpu_poll(t->gpu, batch->value, &arrived, err);
-    if (status == HG_OK && batch->running && arrived)
-        status = hand_on(t, batch, err);
-    batch->running = batch->running && status == HG_OK;
-    *over = !batch->running;
-    return status;
-}
-
-enum hg_status hg_trace_finish(
-    struct hg_trace *t, struct hg_trace_batch *batch, struct hg_error *err)
-{
-    enum hg_status status = HG_OK;
-    if (!batch->running)
-        return HG_OK;
-    const uint64_t start = hg_clock_now_ns();
-    if (batch->value > 0)
-        status = hg_gpu_wait(t->gpu, batch->value, err);
-    if (status == HG_OK)
-        status = trace_from(t, &batch->wave, batch->any, batch->at, err);
-    batch->running = false;
-    t->stats.trace_ns += hg_clock_now_ns() - start;
-    return status;
-}
-
 enum hg_status hg_trace_raw(struct hg_trace *t, const struct hg_trace_wave *wave, bool any,
     uint64_t *ns, struct hg_error *err)
 {

@@ -69,32 +69,13 @@ struct hg_trace_wave {
     bool coherent; // neighbours are coherent: primary rays, shadow rays of one light
 };
 
-// Each returns when the results are there. No batch may be open. Device errors.
+// Each returns when the results are there. No batch of commands may be open. HG_E_STATE: there are
+// no structures yet; HG_E_INVAL: the wave is not in its buffers; device errors.
 enum hg_status hg_trace_closest(
     struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
 // 1: anything of the ray's mask lies between t_min and t_max.
 enum hg_status hg_trace_blocked(
     struct hg_trace *trace, const struct hg_trace_wave *wave, struct hg_error *err) HG_MUST_CHECK;
-
-// An asynchronous wave. The device executes its pieces one after the other; the host (Embree)
-// traces one piece in each poll. Its buffers are borrowed until it has ended; meanwhile the
-// structures must not be synced, nor the geometry posed.
-struct hg_trace_batch { // zeroed = none
-    struct hg_trace_wave wave;
-    bool any;       // as of hg_trace_blocked, else of hg_trace_closest
-    uint32_t at;    // rays submitted so far
-    uint64_t value; // of the piece under way on the device's timeline; 0 = none
-    bool running;
-};
-// No batch of commands may be open in any of them. Errors as above; then the batch is over.
-enum hg_status hg_trace_begin(struct hg_trace *trace, const struct hg_trace_wave *wave, bool any,
-    struct hg_trace_batch *batch, struct hg_error *err) HG_MUST_CHECK;
-// Submits the next piece if the previous one has completed; does not wait.
-enum hg_status hg_trace_poll(struct hg_trace *trace, struct hg_trace_batch *batch, bool *over,
-    struct hg_error *err) HG_MUST_CHECK;
-// Waits for all results. Accepts a batch that has ended.
-enum hg_status hg_trace_finish(
-    struct hg_trace *trace, struct hg_trace_batch *batch, struct hg_error *err) HG_MUST_CHECK;
 
 // For benchmarks: how long Embree itself takes for the wave, its rays laid out before and its hits
 // left where they are. HG_E_STATE: another backend. Other statuses as above.

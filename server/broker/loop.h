@@ -34,6 +34,7 @@ static inline uint64_t hg_loop_awake_ns(const struct hg_loop *loop)
 enum hg_status hg_loop_init(struct hg_loop *loop, struct hg_error *err) HG_MUST_CHECK;
 void hg_loop_finish(struct hg_loop *loop);
 
+// Watches the descriptor of a source for its events; the source is borrowed until it is removed.
 enum hg_status hg_loop_add(struct hg_loop *loop, struct hg_source *source) HG_MUST_CHECK;
 void hg_loop_set_events(struct hg_loop *loop, struct hg_source *source, uint32_t events);
 // Stops watching; the descriptor stays its owner's.

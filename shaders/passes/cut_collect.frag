@@ -1,5 +1,5 @@
 // Appends every fragment of what clipping planes cut to a list, for the host to find out which points
-// of the planes lie inside of solids (renderer/frame/caps.c).
+// of the planes lie inside of solids (renderer/frame/look/caps.c).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

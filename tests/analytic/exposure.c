@@ -5,7 +5,7 @@
 
 #include "base/clock.h"
 #include "renderer/camera/exposure.h"
-#include "renderer/frame/meter.h"
+#include "renderer/frame/exposure/meter.h"
 #include "tests/analytic/path_rig.h"
 
 static const float eye[3] = {0.5f, 2, 3}, target[3] = {0, 0, 0};

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "renderer/internal.h"
-#include "renderer/frame/glass_region.h"
+#include "renderer/frame/light/glass_region.h"
 #include "tests/analytic/gi_rig.h"
 
 enum { COLUMNS = 8, ROWS = 6, MOVES = 8 };

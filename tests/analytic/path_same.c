@@ -327,11 +327,10 @@ static void test_device_film(void **state)
 
 enum { ASKED_ROW = 80, ASKED_ROWS = 50, ASKED = ASKED_ROW * ASKED_ROWS };
 
-// What a pass of a real-time view does: rays at the default level of detail, in batches.
+// What a pass of a real-time view does: rays at the default level of detail.
 struct pass {
     struct hg_rays_scene *rays;
-    struct hg_gpu_buffer wave[2], once; // rays and hits; hits of a wave that is not interrupted
-    struct hg_trace_batch batch;
+    struct hg_gpu_buffer wave[2], once; // rays and hits; hits before the step of the other view
 };
 
 static void open_pass(struct pass *pass, struct hg_view *beside)
@@ -366,25 +365,23 @@ static void close_pass(struct pass *pass, struct hg_view *beside)
     hg_gpu_buffer_destroy(gpu, &pass->once);
 }
 
-// Asks before a step of the path-traced view, and has its answers after it.
+// Traces before a step of the path-traced view, and the same rays after it.
 static void ask(struct pass *pass)
 {
     struct hg_error err = {0};
-    struct hg_trace_wave wave = {.rays = &pass->wave[0], .hits = &pass->once, .count = ASKED};
+    const struct hg_trace_wave wave = {.rays = &pass->wave[0], .hits = &pass->once, .count = ASKED};
     memset(pass->once.mapped, 0x55, ASKED * sizeof(struct hg_gpu_hit)); // misses leave some
     memset(pass->wave[1].mapped, 0x55, ASKED * sizeof(struct hg_gpu_hit));
     test_ok(hg_rays_sync(pass->rays, &err), &err);
     test_ok(hg_trace_closest(hg_rays_trace(pass->rays), &wave, &err), &err);
-    wave.hits = &pass->wave[1];
-    test_ok(hg_trace_begin(hg_rays_trace(pass->rays), &wave, false, &pass->batch, &err), &err);
 }
 
 static void hear(struct pass *pass)
 {
     struct hg_error err = {0};
-    bool over;
-    test_ok(hg_trace_poll(hg_rays_trace(pass->rays), &pass->batch, &over, &err), &err);
-    test_ok(hg_trace_finish(hg_rays_trace(pass->rays), &pass->batch, &err), &err);
+    const struct hg_trace_wave wave = {
+        .rays = &pass->wave[0], .hits = &pass->wave[1], .count = ASKED};
+    test_ok(hg_trace_closest(hg_rays_trace(pass->rays), &wave, &err), &err);
     assert_memory_equal(pass->wave[1].mapped, pass->once.mapped, ASKED * sizeof(struct hg_gpu_hit));
     const struct hg_gpu_hit *hits = pass->wave[1].mapped;
     uint32_t found = 0;

@@ -21,6 +21,7 @@
 #include "base/alloc.h"
 #include "renderer/texture/source/page_source.h"
 #include "tests/support/folder.h"
+#include "tests/support/page_cut.h"
 
 enum { WIDTH = 900, HEIGHT = 700, PAGE_BYTES = HG_PAGE_PITCH * HG_PAGE_PITCH * 4 };
 
@@ -87,7 +88,7 @@ static void make_scene(struct scene *s, uint32_t seed)
     s->pages = calloc(s->layout.pages, PAGE_BYTES);
     assert_non_null(s->pages);
     for (uint32_t i = 0; i < s->layout.pages; i++)
-        hg_page_cut(&s->layout, &mips, i, HG_WRAP_REPEAT, HG_WRAP_MIRROR,
+        page_cut(&s->layout, &mips, i, (const enum hg_wrap[2]){HG_WRAP_REPEAT, HG_WRAP_MIRROR},
             s->pages + (size_t)i * PAGE_BYTES);
     hg_mips_finish(&mips);
     s->origin = (struct hg_image_source){.label = "test", .pixels = s->image, .pixels_srgb = true};

@@ -270,7 +270,7 @@ static struct hg_camera_setup random_camera(struct fixture *f, const struct worl
     return s;
 }
 
-// What the frame asks for; see camera_view of renderer/frame/frame.c.
+// What the frame asks for; see camera_view of renderer/frame/batch/batch.c.
 static struct hg_culling_view view_of(const struct hg_gpu_camera *camera, bool culled)
 {
     struct hg_culling_view look = {.eye = {camera->eye_ws.x, camera->eye_ws.y, camera->eye_ws.z},

@@ -1,7 +1,7 @@
 // frame_history.c - what a pass knows of the frame before: camera, jitter, places of nodes; read by
 // a shader in the frame after.
 
-#include "renderer/frame/frame.h"
+#include "renderer/frame/batch/batch.h"
 #include "renderer/internal.h"
 #include "tests/unit/render_rig.h"
 

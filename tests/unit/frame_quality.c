@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "renderer/frame/quality.h"
+#include "renderer/frame/quality/quality.h"
 
 #define TARGET 50.0f
 

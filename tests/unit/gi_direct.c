@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "base/alloc.h"
-#include "renderer/gi/direct.h"
+#include "renderer/host_shading/direct.h"
 #include "renderer/light/lights.h"
 #include "renderer/scene/asset.h"
 #include "renderer/scene/light_table.h"
@@ -79,14 +79,14 @@ static void mean_at(const struct lit *l, double x, double z, double rgb[3])
     memset(rgb, 0, 3 * sizeof *rgb);
     for (uint32_t i = 0; i < POINTS;
          i++) { // a point of the light is chosen by where the receiver is
-        const struct hg_gi_receiver r = {
+        const struct hg_host_receiver r = {
             .position = {(float)(x + (i % 141) * 1e-5), 0, (float)(z + i / 141 * 1e-5)},
             .normal = {0, 1, 0},
             .lift = 1e-3f,
             .xi = ((float)i + 0.5f) / POINTS};
-        struct hg_gi_direct direct;
-        hg_gi_direct_at(&l->sources, &r, &direct);
-        for (int k = 0; k < HG_GI_SHADOW_RAYS; k++)
+        struct hg_host_direct direct;
+        hg_host_direct_at(&l->sources, &r, &direct);
+        for (int k = 0; k < HG_HOST_SHADOW_RAYS; k++)
             for (int c = 0; c < 3; c++)
                 rgb[c] += (double)direct.light[k][c] / POINTS;
     }

@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "renderer/gi/emissive.h"
+#include "renderer/host_shading/emissive.h"
 #include "renderer/math/vec.h"
 
 enum { POINTS = 20000 };
@@ -18,9 +18,9 @@ static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
 struct rig {
     struct hg_ray_geometry_piece pieces[64];
     uint32_t piece_materials[64];
-    struct hg_gi_material materials[2];
-    struct hg_gi_surfaces surfaces;
-    struct hg_gi_emissive emissive;
+    struct hg_host_material materials[2];
+    struct hg_host_surfaces surfaces;
+    struct hg_host_emissive emissive;
 };
 
 // Squares of half a side `half` at (x, 3, 0), of material 0.
@@ -40,7 +40,7 @@ static void begin(struct rig *r)
     r->materials[0].emitted[0] = 4;
     r->materials[0].emitted[1] = 2;
     r->materials[0].emitted[2] = 1;
-    r->surfaces = (struct hg_gi_surfaces){.pieces = r->pieces,
+    r->surfaces = (struct hg_host_surfaces){.pieces = r->pieces,
         .piece_materials = r->piece_materials,
         .materials = r->materials,
         .material_count = 2,
@@ -49,7 +49,7 @@ static void begin(struct rig *r)
 
 static void sync(struct rig *r)
 {
-    assert_int_equal(hg_gi_emissive_sync(&r->emissive, &r->surfaces), HG_OK);
+    assert_int_equal(hg_host_emissive_sync(&r->emissive, &r->surfaces), HG_OK);
 }
 
 #define EVERYWHERE (1 / (4 * (float)HG_PI)) // density of directions of a probe
@@ -67,7 +67,7 @@ static void meet(struct rig *r, float half, const float *normal, double sum[3])
             continue;
         const float *emitted = r->materials[0].emitted;
         const float other = normal ? up / (float)HG_PI : EVERYWHERE;
-        const float share = hg_gi_emissive_share(&r->emissive, emitted, 3 / up, up, other);
+        const float share = hg_host_emissive_share(&r->emissive, emitted, 3 / up, up, other);
         for (int c = 0; c < 3; c++)
             sum[c] += (double)(emitted[c] * (1 - share) / (normal ? 1 : EVERYWHERE));
     }
@@ -80,10 +80,10 @@ static void measure(
 {
     double sum[3] = {0}, squares = 0;
     for (uint64_t i = 0; i < POINTS; i++) {
-        const struct hg_gi_emissive_receiver receiver = {
+        const struct hg_host_emissive_receiver receiver = {
             .normal = normal, .density = EVERYWHERE, .seed = i * 2654435761u};
-        struct hg_gi_emissive_ray ray;
-        if (!hg_gi_emissive_choose(&r->emissive, &receiver, &ray))
+        struct hg_host_emissive_ray ray;
+        if (!hg_host_emissive_choose(&r->emissive, &receiver, &ray))
             continue;
         assert_float_equal(hg_length3(ray.direction), 1, 1e-5f);
         assert_true(ray.distance > 2.9f && ray.distance < 1000);
@@ -128,7 +128,7 @@ static void test_square(void **state)
     assert_true(deviation < 0.5);
     measure(&r, 2, down, mean, &deviation);
     assert_true(mean[0] == 0);
-    hg_gi_emissive_finish(&r.emissive);
+    hg_host_emissive_finish(&r.emissive);
 }
 
 // What has one side shines to that side alone, also where the instance is mirrored.
@@ -151,7 +151,7 @@ static void test_sides(void **state)
         sync(&r);
         measure(&r, 1, up, mean, &deviation);
         assert_int_equal(mean[0] > 0, i != 0);
-        hg_gi_emissive_finish(&r.emissive);
+        hg_host_emissive_finish(&r.emissive);
     }
 }
 
@@ -172,7 +172,7 @@ static void test_many(void **state)
     print_message("one of 32: %.4f of %.4f, one ray is off by %.2f\n", (double)mean[0] / 4,
         form_factor(1.5), deviation);
     assert_true(fabs((double)mean[0] / 4 / form_factor(1.5) - 1) < 0.05);
-    hg_gi_emissive_finish(&r.emissive);
+    hg_host_emissive_finish(&r.emissive);
 }
 
 // A probe asks for illuminance across the direction: of a small square the intensity over the
@@ -188,7 +188,7 @@ static void test_probe(void **state)
     sync(&r);
     measure(&r, 0.05f, NULL, mean, &deviation);
     assert_true(fabs((double)mean[0] / (4 * 0.01 / 9) - 1) < 0.01);
-    hg_gi_emissive_finish(&r.emissive);
+    hg_host_emissive_finish(&r.emissive);
 }
 
 // Dark ones, those without area and too many of them: none is known. Another revision is noticed.
@@ -209,10 +209,10 @@ static void test_none(void **state)
     sync(&r);
     assert_int_equal(r.emissive.count, 2);
     r.surfaces.built = 3;
-    r.pieces[1].triangle_count = HG_GI_MOST_EMISSIVE;
+    r.pieces[1].triangle_count = HG_HOST_MOST_EMISSIVE;
     sync(&r);
     assert_int_equal(r.emissive.count, 0);
-    hg_gi_emissive_finish(&r.emissive);
+    hg_host_emissive_finish(&r.emissive);
 }
 
 int main(void)

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "base/alloc.h"
-#include "renderer/gi/gather.h"
+#include "renderer/gather/gather.h"
 #include "shaders/shared/gi.h"
 #include "shaders/shared/path.h"
 #include "shaders/shared/sample_blocks.h"
@@ -29,7 +29,7 @@ static void film_init(struct film *f, uint32_t threads)
 {
     f->sums = hg_calloc(FILM, sizeof(float));
     f->lamps = NULL;
-    f->words = hg_calloc(4 * (size_t)WIDTH * hg_gi_gather_rows(HEIGHT, true), sizeof(uint32_t));
+    f->words = hg_calloc(4 * (size_t)WIDTH * hg_gather_rows(HEIGHT, true), sizeof(uint32_t));
     assert_non_null(f->sums);
     assert_non_null(f->words);
     f->halves = f->sums + (size_t)HG_PATH_GUIDE_CHANNELS * PIXELS;
@@ -75,7 +75,7 @@ static void put_light(struct film *f, size_t at, float scattered, float mirrored
 static void run(struct film *f)
 {
     struct hg_error err = {0};
-    const struct hg_gi_gather_input input = {.width = WIDTH,
+    const struct hg_gather_input input = {.width = WIDTH,
         .height = HEIGHT,
         .samples = f->samples,
         .first_half = (f->samples + 1) / 2,
@@ -83,10 +83,10 @@ static void run(struct film *f)
         .halves = f->halves,
         .lamps = f->lamps,
         .lamp_count = HG_GATHERED_LAMPS};
-    struct hg_gi_gather *gather;
-    assert_int_equal(hg_gi_gather_load(f->jobs, &input, &gather, &err), HG_OK);
-    assert_int_equal(hg_gi_gather_filter(gather, f->jobs, f->words, &err), HG_OK);
-    hg_gi_gather_free(gather);
+    struct hg_gather *gather;
+    assert_int_equal(hg_gather_load(f->jobs, &input, &gather, &err), HG_OK);
+    assert_int_equal(hg_gather_filter(gather, f->jobs, f->words, &err), HG_OK);
+    hg_gather_free(gather);
 }
 
 static float channel(uint32_t rgb9e5, uint32_t c)
@@ -529,13 +529,13 @@ static void put_glass(struct film *f, float *colors)
 static void filter_glass(const struct film *f, float *colors)
 {
     struct hg_error err = {0};
-    const struct hg_gi_gather_input input = {.width = WIDTH,
+    const struct hg_gather_input input = {.width = WIDTH,
         .height = HEIGHT,
         .samples = SAMPLES,
         .first_half = SAMPLES / 2,
         .sums = f->sums,
         .halves = f->halves};
-    assert_int_equal(hg_gi_gather_glass(f->jobs, &input, HEIGHT, colors, &err), HG_OK);
+    assert_int_equal(hg_gather_glass(f->jobs, &input, HEIGHT, colors, &err), HG_OK);
 }
 
 // Clear glass keeps its bytes, frosted glass its light, without the noise and within its edges.
@@ -591,9 +591,9 @@ static uint32_t block_at(const uint32_t *counts, size_t x, size_t y)
 
 static void count_samples(const struct film *f, uint32_t samples, uint32_t *counts)
 {
-    const struct hg_gi_gather_input input = {
+    const struct hg_gather_input input = {
         .width = WIDTH, .height = HEIGHT, .samples = f->samples, .sums = f->sums};
-    hg_gi_gather_samples(f->jobs, &input, samples, counts);
+    hg_gather_samples(f->jobs, &input, samples, counts);
 }
 
 // From left to right a plain wall, which lies aslant; a corner; paint of another colour; a step to

@@ -26,7 +26,7 @@ struct scene {
     float positions[TRIANGLES * 9];
     uint32_t indices[TRIANGLES * 3], first_pieces[3];
     struct hg_ray_geometry_piece piece;
-    struct hg_gi_surfaces surfaces;
+    struct hg_host_surfaces surfaces;
     struct hg_gi_field field;
 };
 
@@ -41,14 +41,16 @@ static void scene_init(struct scene *s, uint32_t triangles)
         .world = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
     s->first_pieces[0] = 0;
     s->first_pieces[1] = 1;
-    s->surfaces = (struct hg_gi_surfaces){
+    s->surfaces = (struct hg_host_surfaces){
         .pieces = &s->piece, .piece_count = 1, .first_pieces = s->first_pieces, .draw_count = 1};
 }
 
 static void place(struct scene *s, const float min[3], const float max[3])
 {
     s->field = (struct hg_gi_field){0};
-    assert_int_equal(hg_gi_field_place(&s->field, min, max), HG_OK);
+    struct hg_gi_field grid = {0};
+    hg_gi_field_grid(&grid, min, max);
+    assert_int_equal(hg_gi_field_place_grid(&s->field, &grid), HG_OK);
     hg_gi_occupy(&s->field, &s->surfaces);
 }
 

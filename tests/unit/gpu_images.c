@@ -311,9 +311,6 @@ static void test_in_flight(void **state)
         hg_gpu_buffer_destroy(f->gpu, &words);
     }
     ok(f, hg_gpu_wait(f->gpu, values[BATCHES - 1], &f->err));
-    bool over;
-    ok(f, hg_gpu_poll(f->gpu, values[0], &over, &f->err));
-    assert_true(over);
     for (uint32_t i = 0; i < BATCHES; i++) {
         const uint32_t *words = back[i].mapped;
         for (uint32_t k = 0; k < 64; k++) {
@@ -322,20 +319,6 @@ static void test_in_flight(void **state)
         }
         hg_gpu_buffer_destroy(f->gpu, &back[i]);
     }
-}
-
-static void test_poll(void **state)
-{
-    struct fixture *f = *state;
-    bool over = true;
-    uint64_t value;
-    ok(f, hg_gpu_poll(f->gpu, 1, &over, &f->err));
-    assert_false(over); // nothing was submitted
-    ok(f, hg_gpu_begin(f->gpu, &f->cmd, &f->err));
-    ok(f, hg_gpu_submit(f->gpu, f->cmd, &value, &f->err));
-    for (uint32_t i = 0; i < 100000000 && !over; i++)
-        ok(f, hg_gpu_poll(f->gpu, value, &over, &f->err));
-    assert_true(over);
 }
 
 // Every call fails once: no leak, no crash, and the same works afterwards.
@@ -395,7 +378,6 @@ int main(void)
         BOTH(test_in_flight),
         cmocka_unit_test_setup_teardown(test_limits, setup_mapped, teardown),
         cmocka_unit_test_setup_teardown(test_nothing_bound, setup_mapped, teardown),
-        cmocka_unit_test_setup_teardown(test_poll, setup_mapped, teardown),
         cmocka_unit_test_setup_teardown(test_failing_calls, setup_mapped, teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/gi/lobe.h"
+#include "renderer/host_shading/lobe.h"
 #include "renderer/irradiance/directions.h"
 
 #define RAYS 200000

@@ -130,7 +130,9 @@ static void set_up(struct fixture *f)
 {
     const float min[3] = {-2, -2, -2}, max[3] = {2, 2, 2};
     *f = (struct fixture){.key = {.light = 1, .side = 32, .lit_enough = 1}};
-    assert_int_equal(hg_gi_field_place(&f->field, min, max), HG_OK);
+    struct hg_gi_field grid = {0};
+    hg_gi_field_grid(&grid, min, max);
+    assert_int_equal(hg_gi_field_place_grid(&f->field, &grid), HG_OK);
     for (uint32_t i = 0; i < f->field.count; i++) // all see equally far
         for (int k = 0; k < HG_PROBE_MOMENT_TEXELS; k++)
             f->field.means[i].reach[k][0] = 1;

@@ -59,7 +59,7 @@ static float share(const struct hg_matte *matte, uint32_t x, const char *of)
 {
     const float *rank =
         (const float *)(const void *)matte->ranks->data + (16 * SIDE + x) * 2 * RANKS;
-    const float id = hg_cryptomatte_id(of);
+    const uint32_t id = hg_cryptomatte_id(of);
     float sum = 0;
     for (int i = 0; i < RANKS; i++) {
         assert_true(i == 0 || rank[2 * i + 1] <= rank[2 * i - 1]);
@@ -91,10 +91,8 @@ static void test_objects(void **state)
     assert_near(share(&matte, 20, "node 2"), 0.5f);
     assert_true(share(&matte, 25, "node 2") == 0 && share(&matte, 25, "near") == 0);
     char wanted[100];
-    const float ids[2] = {hg_cryptomatte_id("near"), hg_cryptomatte_id("node 2")};
-    uint32_t bits[2];
-    memcpy(bits, ids, sizeof bits);
-    snprintf(wanted, sizeof wanted, "{\"near\":\"%08x\",\"node 2\":\"%08x\"}", bits[0], bits[1]);
+    snprintf(wanted, sizeof wanted, "{\"near\":\"%08x\",\"node 2\":\"%08x\"}",
+        hg_cryptomatte_id("near"), hg_cryptomatte_id("node 2"));
     assert_string_equal(matte.manifest, wanted);
     hg_cryptomatte_view_finish(&matte);
     rig_close(&rig);

@@ -13,6 +13,7 @@
 #include "renderer/texture/source/half.h"
 #include "renderer/texture/source/mips.h"
 #include "renderer/texture/source/pages.h"
+#include "tests/support/page_cut.h"
 
 static uint32_t random_state = 1;
 
@@ -364,11 +365,13 @@ static void test_layout(void **state)
         uint8_t *taken = calloc(l.entries, 1);
         assert_non_null(taken);
         for (uint32_t page = 0; page < l.pages; page++) {
-            const uint32_t entry = hg_page_entry(&l, page);
+            uint32_t x, y;
+            const uint32_t mip = hg_page_find(&l, page, &x, &y);
+            const uint32_t entry = hg_page_entry(&l, mip, x, y);
             assert_true(entry < l.entries);
             assert_int_equal(taken[entry]++, 0); // no two pages share an entry
         }
-        assert_int_equal(hg_page_entry(&l, l.pages - 1), l.entries - 1);
+        assert_int_equal(hg_page_entry(&l, l.tail, 0, 0), l.entries - 1);
         free(taken);
     }
     assert_int_equal(hg_page_layout_of(64, 64).pages, 1);
@@ -425,7 +428,7 @@ static void test_cut(void **state)
             const bool tail = m >= l.tail;
             const int64_t across = tail ? 1 : (w + 127) / 128, down = tail ? 1 : (h + 127) / 128;
             for (int64_t p = 0; p < across * down; p++) {
-                hg_page_cut(&l, &mips, page, ws, wt, page_texels);
+                page_cut(&l, &mips, page, (const enum hg_wrap[2]){ws, wt}, page_texels);
                 const int64_t ox = tail ? HG_TAIL_X((int)(m - l.tail)) : 0;
                 const int64_t oy = tail ? HG_TAIL_Y((int)(m - l.tail)) : 0;
                 const int64_t x0 = p % across * 128, y0 = p / across * 128;

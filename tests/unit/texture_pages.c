@@ -20,6 +20,7 @@
 #include "renderer/texture/source/page_source.h"
 #include "renderer/texture/source/tile_cache.h"
 #include "tests/support/folder.h"
+#include "tests/support/page_cut.h"
 #include "tests/unit/image_files.h"
 
 enum { SLOT = HG_PAGE_PITCH * HG_PAGE_PITCH };
@@ -124,7 +125,7 @@ static void check_pages(struct hg_page_source *source, const struct reference *r
         uint32_t x, y;
         const uint32_t mip = hg_page_find(&r->layout, page, &x, &y);
         assert_int_equal(hg_page_number(&r->layout, mip, x, y), page);
-        hg_page_cut(&r->layout, &r->mips, page, wrap_s, wrap_t, want);
+        page_cut(&r->layout, &r->mips, page, (const enum hg_wrap[2]){wrap_s, wrap_t}, want);
         memset(got, 0xa5, bytes);
         enum hg_status status;
         while ((status = hg_page_source_read(source, mip, x, y, got, NULL)) == HG_E_AGAIN)

@@ -1,5 +1,5 @@
-// trace_rays.c - rays of a scene: who shares structures, what a move builds, and batches that go on
-// while others trace, for each backend.
+// trace_rays.c - rays of a scene: who shares structures, what a move builds, and which waves are
+// refused, for each backend.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -210,88 +210,12 @@ static void settles(void **state)
     rig_close(r);
 }
 
-// --- batches -------------------------------------------------------------------------------------
-
-static void fill_all(struct rig *r)
-{
-    memset(r->hits.mapped, 0x55, RAYS * sizeof(struct hg_gpu_hit));
-    memset(r->blocked.mapped, 0x55, RAYS * 4ull);
-}
-
-// Another user of the scene's rays, with structures of its own and memory of its own.
-static void disturb(struct rig *r, struct hg_rays_scene *other, struct hg_gpu_buffer own[2])
-{
-    const struct hg_trace_wave wave = {.rays = &own[0], .hits = &own[1], .count = 100};
-    rig_check(r, hg_trace_closest(hg_rays_trace(other), &wave, &r->err));
-}
-
-static void batches(void **state)
-{
-    (void)state;
-    struct rig *r = rig_open(backend);
-    struct hg_rays_scene *scene = NULL, *other = NULL;
-    struct hg_gpu_buffer own[2] = {0};
-    const uint64_t sizes[2] = {100 * sizeof(struct hg_gpu_ray), 100 * sizeof(struct hg_gpu_hit)};
-    soups(r);
-    rig_pose(r);
-    struct hg_rays *rays = open_rays(r);
-    struct hg_rays_key key = hg_rays_default_key(rays, backend, true);
-    rig_check(r, hg_rays_ref(rays, &key, &scene, &r->err));
-    key.exact = true;
-    rig_check(r, hg_rays_ref(rays, &key, &other, &r->err));
-    rig_check(r, hg_rays_sync(scene, &r->err));
-    rig_check(r, hg_rays_sync(other, &r->err));
-    for (int i = 0; i < 2; i++)
-        rig_check(r, hg_gpu_buffer_create(
-                         r->gpu, HG_GPU_BUFFER_READBACK, sizes[i], "other", &own[i], &r->err));
-    rig_fill_rays(r, RAYS);
-    memcpy(own[0].mapped, r->rays.mapped, sizes[0]);
-    const struct hg_trace_wave wave = wave_of(r, RAYS);
-    struct hg_gpu_hit *hits = hg_calloc(RAYS, sizeof *hits);
-    uint32_t *blocked = hg_calloc(RAYS, sizeof *blocked);
-    assert_true(hits != NULL && blocked != NULL);
-    fill_all(r); // of what is missed not all is written
-    rig_check(r, hg_trace_closest(hg_rays_trace(scene), &wave, &r->err));
-    rig_check(r, hg_trace_blocked(hg_rays_trace(scene), &wave, &r->err));
-    memcpy(hits, r->hits.mapped, RAYS * sizeof *hits);
-    memcpy(blocked, r->blocked.mapped, RAYS * sizeof *blocked);
-    for (int way = 0; way < 4; way++) { // nearest and any; polled to the end, or waited for
-        const bool any = (way & 1) != 0;
-        struct hg_trace_batch batch;
-        uint32_t polls = 0;
-        bool over = false;
-        fill_all(r);
-        rig_check(r, hg_trace_begin(hg_rays_trace(scene), &wave, any, &batch, &r->err));
-        disturb(r, other, own);
-        while (!over && (way & 2) != 0) {
-            rig_check(r, hg_trace_poll(hg_rays_trace(scene), &batch, &over, &r->err));
-            polls++;
-        }
-        rig_check(r, hg_trace_finish(hg_rays_trace(scene), &batch, &r->err));
-        assert_true((way & 2) == 0 || polls >= 2); // in more than one piece
-        if (any)
-            assert_memory_equal(blocked, r->blocked.mapped, RAYS * sizeof *blocked);
-        else
-            assert_memory_equal(hits, r->hits.mapped, RAYS * sizeof *hits);
-    }
-    hg_free(hits);
-    hg_free(blocked);
-    for (int i = 0; i < 2; i++)
-        hg_gpu_buffer_destroy(r->gpu, &own[i]);
-    hg_rays_unref(other);
-    hg_rays_unref(scene);
-    hg_rays_destroy(rays);
-    rig_close(r);
-}
-
 // Before there are structures, and of waves that are not in their buffers.
 static void refused(void **state)
 {
     (void)state;
     struct rig *r = rig_open(backend);
     struct hg_rays_scene *scene = NULL;
-    struct hg_trace_batch batch;
-    bool over = false;
     soups(r);
     rig_pose(r);
     struct hg_rays *rays = open_rays(r);
@@ -299,15 +223,10 @@ static void refused(void **state)
     rig_check(r, hg_rays_ref(rays, &key, &scene, &r->err));
     rig_fill_rays(r, 16);
     struct hg_trace_wave wave = wave_of(r, 16);
-    assert_int_equal(
-        hg_trace_begin(hg_rays_trace(scene), &wave, false, &batch, &r->err), HG_E_STATE);
-    rig_check(r, hg_trace_poll(hg_rays_trace(scene), &batch, &over, &r->err));
-    assert_true(over);
+    assert_int_equal(hg_trace_closest(hg_rays_trace(scene), &wave, &r->err), HG_E_STATE);
     rig_check(r, hg_rays_sync(scene, &r->err));
     wave.count = 1u << 20;
-    assert_int_equal(
-        hg_trace_begin(hg_rays_trace(scene), &wave, false, &batch, &r->err), HG_E_INVAL);
-    rig_check(r, hg_trace_finish(hg_rays_trace(scene), &batch, &r->err));
+    assert_int_equal(hg_trace_closest(hg_rays_trace(scene), &wave, &r->err), HG_E_INVAL);
     hg_rays_unref(scene);
     hg_rays_destroy(rays);
     rig_close(r);
@@ -316,8 +235,7 @@ static void refused(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(sharing), cmocka_unit_test(default_key),
-        cmocka_unit_test(moves), cmocka_unit_test(settles), cmocka_unit_test(batches),
-        cmocka_unit_test(refused)};
+        cmocka_unit_test(moves), cmocka_unit_test(settles), cmocka_unit_test(refused)};
     backend = rig_backend(argc, argv);
     if (backend == HG_TRACE_AUTO)
         return 2;

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "renderer/frame/waiting_pixels.h"
+#include "renderer/frame/streaming/waiting_pixels.h"
 #include "shaders/shared/sample_blocks.h"
 #include "shaders/shared/texture.h"
 

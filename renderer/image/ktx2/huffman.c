@@ -27,7 +27,10 @@ unsigned hg_bits_take(struct hg_bits *b, unsigned count)
     return value;
 }
 
-enum hg_status hg_huffman_init(struct hg_huffman *t, const uint8_t *lengths, unsigned symbol_count)
+// A table from its lengths (0: no such symbol; 1..HG_HUFFMAN_LENGTH), or as BasisLZ stores it.
+// HG_E_FORMAT (no code, damaged), HG_E_NOMEM: it is zeroed.
+static enum hg_status init_table(
+    struct hg_huffman *t, const uint8_t *lengths, unsigned symbol_count)
 {
     uint16_t next[HG_HUFFMAN_LENGTH + 1] = {0};
     enum hg_status status = HG_E_FORMAT;
@@ -119,14 +122,14 @@ enum hg_status hg_huffman_read(struct hg_huffman *t, struct hg_bits *b)
     for (unsigned i = 0; i < code_count; i++)
         code_lengths[order[i]] = (uint8_t)hg_bits_take(b, 3);
     struct hg_huffman codes;
-    enum hg_status status = hg_huffman_init(&codes, code_lengths, sizeof order);
+    enum hg_status status = init_table(&codes, code_lengths, sizeof order);
     uint8_t *lengths = hg_calloc(symbol_count, 1);
     if (lengths == NULL)
         status = HG_E_NOMEM;
     if (status == HG_OK && !read_lengths(&codes, b, lengths, symbol_count))
         status = HG_E_FORMAT;
     if (status == HG_OK)
-        status = hg_huffman_init(t, lengths, symbol_count);
+        status = init_table(t, lengths, symbol_count);
     hg_huffman_finish(&codes);
     hg_free(lengths);
     return status;

@@ -31,10 +31,6 @@ struct hg_huffman {
     uint16_t count[HG_HUFFMAN_LENGTH + 1]; // of each length
 };
 
-// A table from its lengths (0: no such symbol; 1..HG_HUFFMAN_LENGTH), or as BasisLZ stores it.
-// HG_E_FORMAT (no code, damaged), HG_E_NOMEM: it is zeroed.
-enum hg_status hg_huffman_init(
-    struct hg_huffman *table, const uint8_t *lengths, unsigned symbol_count) HG_MUST_CHECK;
 enum hg_status hg_huffman_read(struct hg_huffman *table, struct hg_bits *bits) HG_MUST_CHECK;
 void hg_huffman_finish(struct hg_huffman *table);
 // The next symbol; 0 and bits->failed when there is none of that code.

@@ -261,7 +261,9 @@ static enum hg_status clean_image(const struct hg_image *image, struct hg_image 
     return HG_OK;
 }
 
-enum hg_status hg_environment_map_create(
+// image: RGBA32F equirectangular. Convention of struct hg_environment (scene.h). NaN, infinite and
+// negative values count as 0. HG_E_NOMEM. About 0.6 s of one core for a 1k image.
+static enum hg_status map_create(
     struct hg_environment_map *map, const struct hg_image *image, struct hg_jobs *jobs)
 {
     struct hg_cubemap cube = {0};
@@ -299,7 +301,7 @@ enum hg_status hg_environment_map_load(struct hg_environment_map *map, const str
         *cached = found;
     if (found)
         return HG_OK;
-    enum hg_status status = hg_environment_map_create(map, image, jobs);
+    enum hg_status status = map_create(map, image, jobs);
     struct hg_error err = {0};
     if (status || !store)
         return status;

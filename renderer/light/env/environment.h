@@ -29,10 +29,6 @@ float hg_environment_roughness(uint32_t level);
 // mirror is as sharp as the image, within MIN_FACE..MAX_FACE.
 uint32_t hg_environment_face_size(uint32_t image_width);
 
-// image: RGBA32F equirectangular. Convention of struct hg_environment (scene.h). NaN, infinite and
-// negative values count as 0. HG_E_NOMEM. About 0.6 s of one core for a 1k image.
-enum hg_status hg_environment_map_create(struct hg_environment_map *map,
-    const struct hg_image *image, struct hg_jobs *jobs) HG_MUST_CHECK;
 void hg_environment_map_finish(struct hg_environment_map *map); // accepts a zeroed one
 
 // The same through the store (NULL: none) by `key`, the content's SHA-256. What is missing or

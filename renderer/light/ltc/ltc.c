@@ -109,7 +109,8 @@ static void transform(const struct hg_ltc *t, const double o[3], double w[3])
     w[2] = -t->sine * x + cosine * z;
 }
 
-double hg_ltc_density(const struct hg_ltc *t, const double l[3])
+// Density of a direction, per steradian.
+static double lobe_density(const struct hg_ltc *t, const double l[3])
 {
     const double cosine = sqrt(fmax(0, 1 - t->sine * t->sine));
     const double x = cosine * l[0] - t->sine * l[2], z = t->sine * l[0] + cosine * l[2];
@@ -144,7 +145,7 @@ static double error_of(const struct lobe *b, const struct hg_ltc *t)
             transform(t, o, l);
             normalize(l);
         }
-        const double f = evaluate(b, l, &density) / b->albedo, g = hg_ltc_density(t, l);
+        const double f = evaluate(b, l, &density) / b->albedo, g = lobe_density(t, l);
         const double d = fabs(f - g), both = density + g;
         sum += both > 0 ? d * d / both : 0;
     }
@@ -227,7 +228,9 @@ static struct hg_ltc search(const struct lobe *b, const struct hg_ltc *start, bo
     return with(start, s[0].p, isotropic);
 }
 
-struct hg_ltc hg_ltc_fit(double n_dot_v, double alpha, const struct hg_ltc *near)
+// The fit to GGX with height-correlated Smith masking, times the cosine of the light, at a cosine
+// of the eye in (0, 1] and an alpha in (0, 1]; near: where to begin, m11 and m22 above 0.
+static struct hg_ltc fit_lobe(double n_dot_v, double alpha, const struct hg_ltc *near)
 {
     const struct lobe b = make_lobe(n_dot_v, alpha);
     struct hg_ltc start = *near;
@@ -268,7 +271,7 @@ void hg_ltc_fill(uint32_t out[HG_LTC_WORDS])
                 near.m22 *= ratio;
             }
             const double s = i / last;
-            table[row][i] = hg_ltc_fit(fmax(s * s, 1e-3), roughness * roughness, &near);
+            table[row][i] = fit_lobe(fmax(s * s, 1e-3), roughness * roughness, &near);
         }
     }
     for (int i = 0; i < HG_LTC_SIZE * HG_LTC_SIZE; i++) {

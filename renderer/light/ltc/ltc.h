@@ -14,12 +14,6 @@ struct hg_ltc {
     double m11, m22, m13, sine;
 };
 
-// The fit to GGX with height-correlated Smith masking, times the cosine of the light, at a cosine
-// of the eye in (0, 1] and an alpha in (0, 1]; near: where to begin, m11 and m22 above 0.
-struct hg_ltc hg_ltc_fit(double n_dot_v, double alpha, const struct hg_ltc *near);
-// Density of a direction, per steradian.
-double hg_ltc_density(const struct hg_ltc *lobe, const double l[3]);
-
 // All of the table (HG_LTC_* of shared/light.h): words of two half floats, m11 and m22, then m13
 // and the sine over that of the eye, which are smooth where the eye is at the normal; the root of
 // the cosine changes fastest, then perceptual roughness.

@@ -38,12 +38,7 @@ bool hg_page_table_place(const struct hg_page_set *set, uint32_t entry, struct p
 
 uint32_t hg_page_table_entry(const struct hg_page_set *set, const struct page_place *place)
 {
-    const struct hg_page_layout *l = &set->info->layout;
-    uint32_t entry = set->table;
-    for (uint32_t mip = 0; mip < place->mip; mip++)
-        entry += 1u << (2 * (l->grid_log2 - mip));
-    return place->mip == l->tail ? entry
-                                 : entry + (place->y << (l->grid_log2 - place->mip)) + place->x;
+    return set->table + hg_page_entry(&set->info->layout, place->mip, place->x, place->y);
 }
 
 static uint32_t at_most(uint32_t value, uint32_t most)

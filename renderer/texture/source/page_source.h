@@ -96,7 +96,7 @@ const struct hg_page_source_info *hg_page_source_info(const struct hg_page_sourc
 // it.
 void hg_page_source_prefetch(struct hg_page_source *source);
 
-// One page with its border: HG_PAGE_PITCH^2 texels, as hg_page_cut makes them. mip == layout.tail
+// One page with its border: HG_PAGE_PITCH^2 texels, as hg_page_take makes them. mip == layout.tail
 // (x, y 0) is the tail page, else x, y count pages of that mip. Many threads may read one source.
 //
 // HG_E_AGAIN: not decoded or baked yet; loading has begun, try again when the revision grows.

@@ -59,12 +59,10 @@ uint32_t hg_page_number(const struct hg_page_layout *l, uint32_t mip, uint32_t x
     return x < across && y < hg_pages_across(l->height, mip) ? page + y * across + x : UINT32_MAX;
 }
 
-uint32_t hg_page_entry(const struct hg_page_layout *layout, uint32_t page)
+uint32_t hg_page_entry(const struct hg_page_layout *layout, uint32_t mip, uint32_t x, uint32_t y)
 {
-    uint32_t column, row;
-    const uint32_t mip = hg_page_find(layout, page, &column, &row);
     const uint32_t before = entries_before(layout->grid_log2, mip);
-    return mip == layout->tail ? before : before + (row << (layout->grid_log2 - mip)) + column;
+    return mip == layout->tail ? before : before + (y << (layout->grid_log2 - mip)) + x;
 }
 
 uint32_t hg_page_layout_bits(const struct hg_page_layout *layout)
@@ -199,14 +197,4 @@ void hg_page_take(const struct hg_page_view *v, const struct hg_mips *mips, uint
     const struct hg_page_part whole[4] = {
         {mips->levels[mip], (size_t)w * mips->texel_bytes, 0, 0, w, h}};
     hg_page_assemble(v, mip, x, y, whole, dst);
-}
-
-void hg_page_cut(const struct hg_page_layout *layout, const struct hg_mips *mips, uint32_t page,
-    enum hg_wrap wrap_s, enum hg_wrap wrap_t, void *dst)
-{
-    const struct hg_page_view v = {
-        .layout = layout, .wrap_s = wrap_s, .wrap_t = wrap_t, .texel_bytes = mips->texel_bytes};
-    uint32_t column, row;
-    const uint32_t mip = hg_page_find(layout, page, &column, &row);
-    hg_page_take(&v, mips, mip, column, row, dst);
 }

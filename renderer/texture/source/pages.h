@@ -23,8 +23,9 @@ uint32_t hg_pages_across(uint32_t side, uint32_t mip);
 // when there is no such page. And back; returns the mip.
 uint32_t hg_page_number(const struct hg_page_layout *layout, uint32_t mip, uint32_t x, uint32_t y);
 uint32_t hg_page_find(const struct hg_page_layout *layout, uint32_t page, uint32_t *x, uint32_t *y);
-// Place of a page in the table, relative to the texture's first entry.
-uint32_t hg_page_entry(const struct hg_page_layout *layout, uint32_t page);
+// Place in the page table of a page of a mip (mip == tail, x and y 0: the tail page), relative to
+// the texture's first entry: below layout->entries.
+uint32_t hg_page_entry(const struct hg_page_layout *layout, uint32_t mip, uint32_t x, uint32_t y);
 // Fields of hg_gpu_texture.bits that the layout decides.
 uint32_t hg_page_layout_bits(const struct hg_page_layout *layout);
 
@@ -64,8 +65,5 @@ void hg_page_assemble_tail(
 // One page (mip == tail: the tail page) from a chain in memory.
 void hg_page_take(const struct hg_page_view *view, const struct hg_mips *mips, uint32_t mip,
     uint32_t x, uint32_t y, void *dst);
-// The same by its number, alpha as it is.
-void hg_page_cut(const struct hg_page_layout *layout, const struct hg_mips *mips, uint32_t page,
-    enum hg_wrap wrap_s, enum hg_wrap wrap_t, void *dst);
 
 #endif

@@ -7,6 +7,7 @@
 
 enum { HG_UDIM_COLUMNS = 10, HG_UDIM_ROWS = 10 }; // tiles 1001..1100
 
+// Whether a path names a set of tiles ("<UDIM>" in its file's name).
 bool hg_udim_is_pattern(const char *path);
 // HG_E_NOTFOUND: no tile at all; else what is wrong with a tile.
 enum hg_status hg_udim_identify(struct hg_store *store, const char *pattern,

@@ -78,7 +78,7 @@ struct hg_conn {
 struct hg_conn_events {
     // Its peer has become known: may it stay (conn_admission.h)?
     void (*admit)(struct hg_conn *conn);
-    // One that may not, and has still to be told so (slot.why), has been read from.
+    // Bytes came of one that may not, to which the refusal (slot.why) has not been sent yet.
     void (*refused)(struct hg_conn *conn, enum hg_status status);
     // It has not proved who it is: its certificate is refused, or missing.
     void (*unproven)(struct hg_conn *conn, const char *reason);

@@ -26,9 +26,9 @@ struct hg_annotations {
     struct hg_annotation *items; // by number
     size_t capacity;
     uint32_t count, last_number;
-    bool due;                           // something is to be told
+    bool due;                           // changes are to be sent to clients
     bool all_due;                       // all of them: more are gone than are kept count of
-    uint32_t gone[HG_ANNOTATIONS_GONE]; // removed and not told yet
+    uint32_t gone[HG_ANNOTATIONS_GONE]; // removed, which clients have not got yet
     uint32_t gone_count;
 };
 

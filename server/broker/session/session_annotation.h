@@ -1,6 +1,6 @@
 // session_annotation.h - messages about annotations: who may make, change and remove them.
-// Floor 6 (broker). Thread: the loop. Answers wait until they are durable; others are told with the
-// next tick, and a client that was slow is told all of them when it is not any more.
+// Floor 6 (broker). Thread: the loop. Answers wait until they are durable; other clients get
+// changes with the next tick, and a slow client gets all annotations once it has caught up.
 #ifndef HG_BROKER_SESSION_ANNOTATION_H
 #define HG_BROKER_SESSION_ANNOTATION_H
 

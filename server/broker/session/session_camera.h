@@ -28,7 +28,7 @@ void hg_session_camera_moved(
 void hg_session_camera_accepted(struct hg_session *session, struct hg_session_view *view);
 void hg_session_camera_leave(struct hg_session *session); // its scene, or its client
 void hg_session_camera_tell(struct hg_session *session);  // state and pose, as they are now
-// Every 50 ms: whose turn is over, what is to be told.
+// Every 50 ms: ends turns that are over, and sends the state and pose to followers.
 void hg_session_camera_tick(struct hg_session_table *table, struct hg_shared_scene *scene);
 
 #endif

@@ -5,8 +5,9 @@
 
 #include "server/broker/session/session_state.h"
 
-// It cannot be resumed, now or after a restart; its edits under way are done. Its client is told
-// the error and the reason. Returns the position in the state log after which that is durable.
+// Ends a session: it cannot be resumed, now or after a restart; its edits under way are done. Its
+// client gets the error and the reason. Returns the position in the state log after which that is
+// durable.
 uint64_t hg_session_end_now(
     struct hg_session *session, const struct hg_error *err, const char *reason);
 // Likewise, but a session that its client keeps waits for it, as after a broken connection, and its

@@ -9,7 +9,7 @@
 
 uint32_t hg_session_record_color(const struct hg_session *session); // 0xRRGGBB
 void hg_session_record(struct hg_session *session);                 // as it is now
-// What a record says of how others see it and of what it is told.
+// Takes the label, colour and subscriptions to events of the scene (scene_watch) from a record.
 void hg_session_record_take_share(
     struct hg_session *session, const struct hg_state_session *record);
 void hg_session_record_end(struct hg_session *session);

@@ -1,7 +1,7 @@
-// session_share.h - what the sessions of a scene are told of each other: who is there, where they
-// point, which edits were made.
-// Floor 6 (broker). Thread: the loop. What many clients cause is told once in a tick, newest first:
-// a fast client costs the others at most 20 messages a second. Clients that are slow miss it.
+// session_share.h - events that the sessions of a scene get of each other: participants, cursors,
+// edits.
+// Floor 6 (broker). Thread: the loop. Frequent events are sent once in a tick, the newest only: a
+// fast client costs the others at most 20 messages a second. Clients that are slow miss them.
 #ifndef HG_BROKER_SESSION_SHARE_H
 #define HG_BROKER_SESSION_SHARE_H
 

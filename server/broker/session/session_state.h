@@ -53,7 +53,7 @@ struct hg_session_looks {
 // Of a view: whether it has the scene's shared camera.
 struct hg_session_follow {
     bool on;
-    bool due; // its worker has not been told the newest one
+    bool due; // its worker does not have the newest one yet
 };
 
 struct hg_session_view {
@@ -67,7 +67,7 @@ struct hg_session_view {
     bool subscribed, resubscribe;
     uint32_t credit;       // credit: frames that the client accepts
     uint32_t first_credit; // of the newest subscription
-    bool unrecorded;       // its camera has changed since the state log was told
+    bool unrecorded;       // its camera has changed since it was written to the state log
     uint32_t granted;      // of these, given to the worker
     uint64_t frame_bytes;  // as many as the newest frame had, before it as many as the size says
     uint64_t last_number, number_base;
@@ -112,12 +112,12 @@ struct hg_session_resume {
     bool only;          // its join ticket is used up: it may resume a session, and nothing else
 };
 
-// What a client is told of its scene (scene_watch).
+// Events of its scene that the client has subscribed to (scene_watch).
 struct hg_session_watch {
     bool participants, cursors, camera, annotations, edits;
 };
 
-// What it shares with the others of its scene, and is told of them.
+// What the session shares with the others of its scene, and has of theirs.
 struct hg_session_share {
     struct hg_session *prev, *next; // of the same scene
     struct hg_session_watch watch;
@@ -125,8 +125,8 @@ struct hg_session_share {
     char label[65];           // what it calls itself
     bool has_color;           // else one by its number
     uint32_t color;           // 0xRRGGBB
-    struct hgp_cursor cursor; // as it was told, or is to be
-    bool cursor_due;          // to tell the others
+    struct hgp_cursor cursor; // as the others have it, or are to
+    bool cursor_due;          // is to be sent to the others
     uint64_t asked_ns;        // since when it waits for the shared camera; 0 = it does not
 };
 
@@ -134,14 +134,14 @@ struct hg_session_share {
 struct hg_session_pace {
     struct hg_pixel_account *account;     // of its token; NULL: not known yet
     bool waits;                           // subscribed frames wait for pixels
-    uint64_t wait_told_ns;                // when its client was told that; 0 = never
+    uint64_t wait_told_ns;                // when the client got that notice; 0 = never
     uint64_t frames, pixels, frame_bytes; // that came from the worker, for statistics
     double acts;            // changes that go to many, or into logs, which it may make now
     uint64_t acts_ns;       // when that was counted
     uint64_t active_ns;     // when its client last did something; 0: has not yet
-    bool warned;            // that it will end for want of it
-    uint64_t statistics_ns; // between statistics that it is sent; 0 = none
-    uint64_t told_ns;       // when the newest one was
+    bool warned;            // that it will end, as it is idle
+    uint64_t statistics_ns; // between the statistics sent to it; 0 = none
+    uint64_t told_ns;       // when the newest ones were sent
 };
 
 struct hg_session_bytes {
@@ -182,18 +182,18 @@ struct hg_session_drain {
     bool over;       // they have ended
 };
 
-// All sessions and their scenes.
 // Uploads whose content is on its way to the disk (session_sync.h), oldest first.
 struct hg_session_syncs {
     struct hg_session_sync *first, **last;
 };
 
-// What the thread of the upload store has to say (session_upload.h).
+// Events from the thread of the upload store (session_upload.h).
 struct hg_session_store_watch {
     struct hg_source source;
     uint64_t unwritten; // bytes of all uploads that wait for the disk
 };
 
+// All sessions and their scenes.
 struct hg_session_table {
     const struct hg_loop *loop;
     const struct hg_options *options;

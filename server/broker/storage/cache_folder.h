@@ -1,8 +1,8 @@
 // cache_folder.h - which folder a daemon keeps its cache in: one that no other daemon has.
 // Floor 6 (broker). Thread: the loop.
 //
-// The folder that was asked for, where it is free. Several daemons that are told the same one, such
-// as two `helio serve` of a user, have each their own: CACHE, CACHE/daemons/2, CACHE/daemons/3 and
+// The folder that was asked for, where it is free. Several daemons with the same one, such as two
+// `helio serve` of a user, have each their own: CACHE, CACHE/daemons/2, CACHE/daemons/3 and
 // so on, the first that is free. One with a state-dir does not start instead: its scenes need the
 // uploads in CACHE. Programs without a daemon use CACHE/store and CACHE/shaders, which are made for
 // sharing, beside it.

@@ -34,7 +34,7 @@ enum hg_status hg_upload_append(struct hg_upload *upload, const struct hg_upload
     struct hg_error *err) HG_MUST_CHECK;
 // All bytes came: once they are written the hash is verified and the content taken into the store,
 // which `ended` reports (HG_E_HASH, HG_E_NOSPACE, HG_E_IO, HG_E_NOMEM). `synced`: the files for
-// hg_upload_take_files are kept open. HG_E_NOMEM: it was aborted, and nothing will be told.
+// hg_upload_take_files are kept open. HG_E_NOMEM: it was aborted; `ended` is not called.
 enum hg_status hg_upload_commit(
     struct hg_upload *upload, uint32_t request, bool synced, struct hg_error *err) HG_MUST_CHECK;
 bool hg_upload_is_committed(const struct hg_upload *upload); // and has not ended

@@ -95,7 +95,7 @@ void hg_upload_store_close(struct hg_upload_store *store, struct hg_upload_file 
 
 struct hg_upload;
 
-// What becomes of uploads, told in the loop.
+// Callbacks about uploads, called in the loop.
 struct hg_upload_news {
     void *user;
     // Nothing waits for the disk of a piece of so many bytes any more.

@@ -61,11 +61,11 @@ struct hg_transport {
     void *state;          // of the class
     struct hg_peer *peer; // who it is, once that is known
     const char *fault;    // with HG_E_FORMAT: which rule was broken
-    // Changes when a request or an answer of the transport itself begins: time limits begin anew.
+    // Changes when a request or an answer of the transport itself begins: time limits restart.
     // Odd while an answer is sent.
     uint32_t stage, known_stage; // known_stage: of the owner
     bool farewell;               // of the owner: it has ended the writing
-    bool renamed;                // *peer has become another: what is counted of it is counted anew
+    bool renamed;                // *peer has become another: its counters restart
     bool served;                 // it has answered something itself: its end is nothing to warn of
 };
 

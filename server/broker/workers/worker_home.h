@@ -39,8 +39,8 @@ struct hg_home {
 // is made, which looks at uploads. Not where workers are taken over: they are in their homes.
 enum hg_status hg_homes_recover(const char *cache_dir, struct hg_error *err) HG_MUST_CHECK;
 
-// Before a worker starts. A home without a tenant is made anew: nothing of the process before it is
-// left. HG_E_PERM, HG_E_NOSPACE, HG_E_IO, HG_E_LIMIT (a name is too long).
+// Makes the folders, before a worker starts. A home without a tenant is emptied first: nothing of
+// the process before it is left. HG_E_PERM, HG_E_NOSPACE, HG_E_IO, HG_E_LIMIT (a name is too long).
 enum hg_status hg_home_make(struct hg_home *home, struct hg_error *err) HG_MUST_CHECK;
 // From now on it is the tenant's, with what that has. HG_E_NOMEM; HG_E_PERM, HG_E_NOSPACE, HG_E_IO:
 // the worker has to do without (it bakes again).
@@ -50,8 +50,8 @@ enum hg_status hg_home_give(
 // the tenant has sent is not known any more.
 enum hg_status hg_home_resume(
     struct hg_home *home, const char *tenant, struct hg_error *err) HG_MUST_CHECK;
-// Nothing is left of what the worker, which is gone, has written; the tenant's next one is made a
-// folder anew.
+// Removes all that the worker, which is gone, has written; the tenant's next worker gets an empty
+// folder.
 void hg_home_empty(struct hg_home *home);
 // The worker is gone: what is the tenant's goes back, the rest is removed.
 void hg_home_leave(struct hg_home *home);

@@ -2,7 +2,7 @@
 // Floor 6, private to server/worker. Pure: measurements in, quality out; one thread at a time.
 //
 // Encoders run at constant quality; this chooses it frame by frame, so that one rule serves video,
-// JPEG and tiles, frame rates may vary, and nothing is opened anew. A leaky bucket holds what was
+// JPEG and tiles, frame rates may vary, and no encoder is reopened. A leaky bucket holds what was
 // sent beyond the rate; a frame may take its share of the rate less a part of the bucket. The size
 // of the next frame is taken for that of the newest, times 2 for every 16 steps of quality.
 #ifndef HG_SERVER_WORKER_ENCODE_RATE_CONTROL_H

@@ -46,17 +46,17 @@ struct hg_control_sent {
     bool failed; // it could not be encoded: what is under way is forgotten
 };
 
-// What a client says of a frame, and when the daemon was told.
+// A client's report of a frame (`taken`), and when it reached the daemon.
 struct hg_control_delivery {
     uint64_t number, at_ns;
-    uint64_t begun_ns, received_ns; // first and last byte, of the client's clock; 0 = not told
-    uint64_t rtt_ns;                // of a ping; 0 = not told
+    uint64_t begun_ns, received_ns; // first and last byte, of the client's clock; 0 = not reported
+    uint64_t rtt_ns;                // of a ping; 0 = not reported
 };
 
 struct hg_control_flight {
     uint64_t number, begin_ns, bytes;
     uint64_t sent_ns;     // 0: it is being encoded
-    uint64_t expected_ns; // when it should be known to have come; 0 = cannot be told
+    uint64_t expected_ns; // when its report is due; 0 = not known
 };
 
 // The least of a measure in the last ten to twenty seconds.
@@ -73,7 +73,7 @@ struct hg_control {
     double rate;   // bytes a second; 0 = not known
     struct hg_control_least rtt;
     uint64_t free_ns;                    // when the bottleneck has taken all that was sent
-    uint64_t acked_ns;                   // when the daemon was told of the newest frame
+    uint64_t acked_ns;                   // when the newest frame was reported
     double work_ns;                      // from the begin of rendering until it is sent
     double encode_ns, read_ns, delay_ns; // delay: until it is known to have come
     double usual_bytes;                  // of a lossy frame at quality 80

@@ -35,7 +35,8 @@ FLOORS = {
     "renderer/math": 1, "renderer/camera": 1,
     "renderer/scene": 2, "renderer/texture": 2, "renderer/lod": 2, "renderer/cluster": 2, "renderer/mesh": 2,
     "renderer/deform": 2, "renderer/geometry": 2, "renderer/cpu_raster": 2, "renderer/cull": 2,
-    "renderer/trace": 2, "renderer/light": 2, "renderer/gi": 2, "renderer/irradiance": 2, "renderer/reflect": 2, "renderer/denoise": 2, "renderer/graph": 2,
+    "renderer/trace": 2, "renderer/light": 2, "renderer/host_shading": 2,
+    "renderer/gi": 2, "renderer/irradiance": 2, "renderer/reflect": 2, "renderer/gather": 2, "renderer/denoise": 2, "renderer/graph": 2,
     "renderer/temporal": 2,
     "renderer/scene_gpu": 2, "shaders/passes": 2,
     "renderer/passes": 3,
@@ -48,7 +49,8 @@ FLOORS = {
 HILL = {room: height for height, room in enumerate((
     "renderer/scene", "renderer/texture", "renderer/lod", "renderer/cluster", "renderer/mesh",
     "renderer/deform", "renderer/geometry", "renderer/cpu_raster", "renderer/cull",
-    "renderer/trace", "renderer/light", "renderer/gi", "renderer/irradiance", "renderer/reflect", "renderer/scene_gpu"))}
+    "renderer/trace", "renderer/light", "renderer/host_shading", "renderer/gi",
+    "renderer/irradiance", "renderer/reflect", "renderer/gather", "renderer/scene_gpu"))}
 # Floor 6: which rooms a room may include beside base and protocol; "" stands for itself.
 APART = {
     "server": {"server"},

@@ -77,14 +77,16 @@ struct hg_gltf_accessor {
 
 // ---- gltf_json.c: places, checked values, errors with JSON pointers ----------------------------
 
+// The place of a member of an object, or of an item of an array; json NULL when absent.
 struct hg_gltf_at hg_gltf_key(const struct hg_gltf_at *at, const char *key);
 struct hg_gltf_at hg_gltf_item(const struct hg_gltf_at *at, size_t index);
 // Member "extensions"/name, json NULL when absent.
 struct hg_gltf_at hg_gltf_extension(
     const struct hg_gltf_at *at, const char *name, struct hg_gltf_at *extensions);
 size_t hg_gltf_count(const struct hg_gltf_at *at); // items of an array, else 0
-void hg_gltf_pointer(const struct hg_gltf_at *at, char *dst, size_t dst_size);
 
+// Fills the error with the JSON pointer of `at` and a reason, and returns `status`. Warnings go to
+// the asset likewise.
 enum hg_status hg_gltf_fail(struct hg_gltf *g, const struct hg_gltf_at *at, enum hg_status status,
     const char *fmt, ...) HG_PRINTF(4, 5);
 void hg_gltf_warn(struct hg_gltf *g, const struct hg_gltf_at *at, const char *fmt, ...)

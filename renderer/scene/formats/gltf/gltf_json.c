@@ -64,7 +64,7 @@ static size_t append_pointer(const struct hg_gltf_at *at, char *dst, size_t size
     return append_token(dst, size, pos, at->key ? at->key : number);
 }
 
-void hg_gltf_pointer(const struct hg_gltf_at *at, char *dst, size_t dst_size)
+static void pointer_of(const struct hg_gltf_at *at, char *dst, size_t dst_size)
 {
     dst[append_pointer(at, dst, dst_size)] = '\0';
 }
@@ -73,7 +73,7 @@ enum hg_status hg_gltf_fail(
     struct hg_gltf *g, const struct hg_gltf_at *at, enum hg_status status, const char *fmt, ...)
 {
     char where[128], reason[256];
-    hg_gltf_pointer(at, where, sizeof where);
+    pointer_of(at, where, sizeof where);
     va_list args;
     va_start(args, fmt);
     vsnprintf(reason, sizeof reason, fmt, args);
@@ -84,7 +84,7 @@ enum hg_status hg_gltf_fail(
 void hg_gltf_warn(struct hg_gltf *g, const struct hg_gltf_at *at, const char *fmt, ...)
 {
     char where[128], reason[256];
-    hg_gltf_pointer(at, where, sizeof where);
+    pointer_of(at, where, sizeof where);
     va_list args;
     va_start(args, fmt);
     vsnprintf(reason, sizeof reason, fmt, args);
