@@ -39,8 +39,10 @@ static inline void hg_host_texel_place(const struct hg_host_texels *t, const uin
 // The interpolated normal, from the third word of a texel.
 static inline void hg_host_texel_normal(uint32_t word, float out[3])
 {
-    hg_octahedral3((float)(word & 4095) * (2.0f / 4095) - 1,
-        (float)(word >> 12 & 4095) * (2.0f / 4095) - 1, out);
+    const float scale = 2.0f / HG_PROBE_LIGHT_NORMAL_MOST;
+    const uint32_t y = word >> HG_PROBE_LIGHT_NORMAL_BITS;
+    hg_octahedral3((float)(word & HG_PROBE_LIGHT_NORMAL_MOST) * scale - 1,
+        (float)(y & HG_PROBE_LIGHT_NORMAL_MOST) * scale - 1, out);
 }
 
 // What the two words say of its surface (shaders/shared/reflect.h).

@@ -520,6 +520,17 @@ static enum hg_status gather(struct work *w, struct hg_error *err)
 
 // --- what they change ----------------------------------------------------------------------------
 
+// So much of the environment's irradiance pixels add themselves, on normals that textures turn.
+static void leave_to_pixels(float share, const float sky[3], float light[3], uint32_t words[4])
+{
+    const uint32_t steps = (uint32_t)(share * HG_PROBE_LIGHT_SKY_MOST);
+    const float left = (float)steps * (1.0f / HG_PROBE_LIGHT_SKY_MOST);
+    for (int c = 0; c < 3; c++)
+        light[c] = fmaxf(light[c] - left * sky[c], 0);
+    words[0] = hg_rgb9e5_pack(light[0], light[1], light[2]);
+    words[2] |= steps << HG_PROBE_LIGHT_SKY_SHIFT;
+}
+
 // Light of surfaces as much more or less than probe light as in the cells; the environment's as
 // much as is seen of it there, in more or less near occlusion.
 static void apply_diffuse(const struct work *w, const struct hg_irradiance_point *point,
@@ -535,14 +546,18 @@ static void apply_diffuse(const struct work *w, const struct hg_irradiance_point
     const float most = fmaxf(light[0], fmaxf(light[1], light[2]));
     const float relative = unoccluded_of(words) * sums.weight / fmaxf(sums.unoccluded, FLT_MIN);
     const float near = fminf(relative, MOST_NEAR);
+    const float known = sums.samples / (sums.samples + BELIEVED);
+    float least = 1;
     for (int c = 0; c < 3; c++) {
         const float ratio = fminf(sums.gathered[c] / fmaxf(sums.without[c], FLT_MIN), MOST_RATIO);
         const float share = sums.seen[c] / fmaxf(sums.all[c], FLT_MIN);
         const float detail = 1 + (near - 1) * fminf((1 - share) * NEAR_FROM, 1);
-        const float found = ratio * (light[c] + GREY * most) + fminf(share * detail, 1) * sky[c];
-        light[c] = (sums.samples * found + BELIEVED * light[c]) / (sums.samples + BELIEVED);
+        const float seen = fminf(share * detail, 1);
+        const float found = ratio * (light[c] + GREY * most) + seen * sky[c];
+        light[c] = known * found + (1 - known) * light[c];
+        least = fminf(least, known * seen);
     }
-    words[0] = hg_rgb9e5_pack(light[0], light[1], light[2]);
+    leave_to_pixels(least, sky, light, words);
 }
 
 // What a rough surface mirrors: light of surfaces, and the share of the environment in the upper

@@ -20,7 +20,7 @@ void hg_probe_light_look(vec2 pixel, float depth, vec3 n)
     vec2 at = pixel * (1.0 / float(HG_PROBE_LIGHT_PX)) - (0.5 + 0.5 / float(HG_PROBE_LIGHT_PX));
     vec2 low = floor(at), f = at - low;
     vec3 irradiance = vec3(0.0), surfaces = vec3(0.0);
-    vec3 sum = vec3(0.0); // of the share of sky, of weights, of what is open
+    vec4 sum = vec4(0.0); // of the share of sky, of weights, of what is open, of the sky's irradiance
     for (int i = 0; i < 4; i++) {
         ivec2 off = ivec2(i & 1, i >> 1);
         uvec4 t = texelFetch(hg_gathered, clamp(ivec2(low) + off, ivec2(0), last), 0);
@@ -32,14 +32,15 @@ void hg_probe_light_look(vec2 pixel, float depth, vec3 n)
         w = deep > 0.0 ? w : 0.0;
         irradiance += w * hg_rgb9e5(t.x);
         surfaces += w * hg_rgb9e5(t.y);
-        sum += w * vec3(float(t.z >> 24), 1.0, float(t.w & HG_PROBE_LIGHT_OPEN_MASK));
+        sum += w * vec4(float(t.z >> 24), 1.0, float(t.w & HG_PROBE_LIGHT_OPEN_MASK),
+            hg_probe_light_sky(t.z));
     }
     // What no block has seen is thin, and has nothing about it that would hide the environment.
     bool none = sum.y <= 0.0;
     float scale = 1.0 / max(sum.y, 1e-20);
     bool dark = hg_frame.lighting.env_kind == HG_ENV_KIND_NONE;
     vec3 open = dark ? vec3(0.0) : hg_environment_irradiance(n);
-    hg_probes_irradiance = none ? open : irradiance * scale;
+    hg_probes_irradiance = none ? open : (irradiance + sum.w * open) * scale;
     hg_probes_surfaces = surfaces * scale;
     hg_probes_sky = none ? 1.0 : sum.x * scale * (1.0 / 255.0);
     hg_probe_light_open = none ? 1.0 : sum.z * scale * (1.0 / float(HG_PROBE_LIGHT_OPEN_MASK));

@@ -16,16 +16,24 @@ ivec2 hg_probe_light_pixel(ivec2 texel, int number)
     return min(texel * HG_PROBE_LIGHT_PX + at, ivec2(hg_frame.width, hg_frame.height) - 1);
 }
 
-// Normal with 12 bits for each coordinate, and a share.
+// Normal, no share of the environment's irradiance, and that of its reflection.
 uint hg_probe_light_pack(vec3 n, float share)
 {
-    uvec2 e = uvec2(round((hg_oct_encode(n) * 0.5 + 0.5) * 4095.0));
-    return e.x | e.y << 12 | uint(round(clamp(share, 0.0, 1.0) * 255.0)) << 24;
+    uvec2 e = uvec2(round((hg_oct_encode(n) * 0.5 + 0.5) * float(HG_PROBE_LIGHT_NORMAL_MOST)));
+    return e.x | e.y << HG_PROBE_LIGHT_NORMAL_BITS | uint(round(clamp(share, 0.0, 1.0) * 255.0)) << 24;
 }
 
 vec3 hg_probe_light_normal(uint word)
 {
-    return hg_oct_decode(vec2(word & 4095u, word >> 12 & 4095u) * (2.0 / 4095.0) - 1.0);
+    uvec2 e = uvec2(word, word >> HG_PROBE_LIGHT_NORMAL_BITS) & HG_PROBE_LIGHT_NORMAL_MOST;
+    return hg_oct_decode(vec2(e) * (2.0 / float(HG_PROBE_LIGHT_NORMAL_MOST)) - 1.0);
+}
+
+// Of the environment's irradiance.
+float hg_probe_light_sky(uint word)
+{
+    return float(word >> HG_PROBE_LIGHT_SKY_SHIFT & HG_PROBE_LIGHT_SKY_MOST) *
+        (1.0 / float(HG_PROBE_LIGHT_SKY_MOST));
 }
 
 #endif

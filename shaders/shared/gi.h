@@ -20,9 +20,11 @@
 // arrives, in 8 bits for each HG_GATHERED_LAMP. Lamps beyond the first HG_GATHERED_LAMPS share numbers.
 //
 // Probe light, RGBA32UI at a quarter of the picture's sides, rounded up (lib/probe_light.glsl): irradiance over pi
-// and what reflections need of surfaces, both RGB9E5; normal in twice 12 bits and the share of the environment
-// that is seen in 8; depth whose last bits (HG_PROBE_LIGHT_OPEN_MASK) are the share of the cosine lobe that
-// nothing near occludes. Of the surface in the middle of 4 x 4 px.
+// and what reflections need of surfaces, both RGB9E5; normal in twice HG_PROBE_LIGHT_NORMAL_BITS, a share of the
+// environment's irradiance on the pixel's own normal that is to be added (renderer/irradiance) in
+// HG_PROBE_LIGHT_SKY_BITS, and the share of the environment that reflections see in 8; depth whose last bits
+// (HG_PROBE_LIGHT_OPEN_MASK) are the share of the cosine lobe that nothing near occludes. Of the surface in the
+// middle of 4 x 4 px.
 #ifndef HG_SHADERS_SHARED_GI_H
 #define HG_SHADERS_SHARED_GI_H
 
@@ -58,6 +60,11 @@
 #define HG_GATHERED_LAMPS 16u
 #define HG_GATHERED_LAMP(id) ((id) % HG_GATHERED_LAMPS) // id: of the scene's lights
 #define HG_PROBE_LIGHT_OPEN_MASK 0xffu
+#define HG_PROBE_LIGHT_NORMAL_BITS 9
+#define HG_PROBE_LIGHT_NORMAL_MOST 511u
+#define HG_PROBE_LIGHT_SKY_SHIFT 18
+#define HG_PROBE_LIGHT_SKY_BITS  6
+#define HG_PROBE_LIGHT_SKY_MOST  63u
 // How far things occlude for pictures in motion, in spacings: what stands closer to a point is between
 // it and where probes are asked for it.
 #define HG_GTAO_REACH 1.0f
