@@ -22,8 +22,8 @@ enum { NORMAL_X, NORMAL_Y, NORMAL_Z, ALONG, DEPTH, SLOPE_X, SLOPE_Y, ROUGHNESS, 
 enum { SCATTERED, MIRRORED, SUNLIT, LAMPLIT, KINDS };
 
 struct hg_gather {
-    struct hg_gather_input in;    // sums and halves while it is loaded; lamps: own, or NULL
-    float *loaded, *more;         // memory of `from`, guides and lamps; of `to` and rows
+    struct hg_gather_input in; // sums and halves while it is loaded; lamps: own, or NULL
+    float *loaded, *more;      // memory of `from`, guides and lamps; of `to` and rows
     float *guides[GUIDES];
     float *from[KINDS][LIGHT_PLANES], *to[KINDS][LIGHT_PLANES];
     float *rows;           // [strips][LIGHT_PLANES + 1][width]

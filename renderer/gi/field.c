@@ -605,8 +605,8 @@ static void pack_probe(void *user, size_t probe)
         between[t] = hg_rgb9e5_pack(fmaxf(means[t][0] - from->emitters[0][t] * scale, 0),
             fmaxf(means[t][1] - from->emitters[1][t] * scale, 0),
             fmaxf(means[t][2] - from->emitters[2][t] * scale, 0));
-        reflection[2 * t] = hg_rgb9e5_pack(from->surfaces[0][t] * scale, from->surfaces[1][t] * scale,
-            from->surfaces[2][t] * scale);
+        reflection[2 * t] = hg_rgb9e5_pack(from->surfaces[0][t] * scale,
+            from->surfaces[1][t] * scale, from->surfaces[2][t] * scale);
         memcpy(&reflection[2 * t + 1], &sky, sizeof sky);
     }
     for (uint32_t t = 0; t < MOMENT_TEXELS; t++) {
