@@ -24,6 +24,7 @@
 #define DYNAMIC_RAYS 16
 #define FIRST_RAYS   8 // of the first updates since a change, so that light bounces on sooner
 #define FIRST_ROUNDS 12
+#define MOVING_UPDATES 12u // that probes count as having had, at most, as long as geometry moves
 #define MOVE_ENOUGH  40 // updates of each probe since a change, after which none are needed
 
 void hg_gi_build_finish(struct hg_gi_build *b, struct hg_gpu *gpu)
@@ -250,12 +251,13 @@ enum hg_status hg_gi_build_relocate_new(struct hg_gi_build *b,
     return status;
 }
 
-void hg_gi_build_outdate(struct hg_gi_build *b, bool moved)
+void hg_gi_build_outdate(struct hg_gi_build *b, enum hg_gi_change change)
 {
-    b->updates = 0;
+    const bool moves = change == HG_GI_MOVES;
+    b->updates = moves ? b->updates : 0;
     if (b->field.count == 0)
         return;
-    if (moved) { // surfaces may come anywhere
+    if (change != HG_GI_LIGHT) { // surfaces may come anywhere
         const uint32_t next = b->next;
         hg_gi_field_doubt_distances(&b->field);
         b->field.follows = true;
@@ -263,7 +265,10 @@ void hg_gi_build_outdate(struct hg_gi_build *b, bool moved)
         list_probes(b);
         b->next = b->listed > 0 ? next % b->listed : 0;
     }
-    memset(b->field.updates, 0, b->field.count * sizeof *b->field.updates);
+    for (uint32_t i = 0; i < b->field.count; i++)
+        b->field.updates[i] = !moves                                 ? 0
+                              : b->field.updates[i] < MOVING_UPDATES ? b->field.updates[i]
+                                                                     : MOVING_UPDATES;
 }
 
 // The next probes of the list that have not had enough updates, up to its end.

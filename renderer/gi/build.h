@@ -52,8 +52,19 @@ enum hg_status hg_gi_build_begin_new(struct hg_gi_build *build, struct hg_error 
 // coarser grids. Device errors.
 enum hg_status hg_gi_build_relocate_new(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, uint64_t *rays, struct hg_error *err) HG_MUST_CHECK;
-// Marks what the probes of a dynamic grid hold as out of date; moved: geometry has changed.
-void hg_gi_build_outdate(struct hg_gi_build *build, bool moved);
+// What makes the light of probes out of date. Geometry that moves from picture to picture takes
+// little of it with it each time: probes go on with the mean of the newest updates.
+enum hg_gi_change { HG_GI_LIGHT, HG_GI_MOVED, HG_GI_MOVES };
+// moves_on: geometry moved a few pictures ago, too.
+static inline enum hg_gi_change hg_gi_change_of(
+    const struct hg_gi_key *from, const struct hg_gi_key *to, bool moves_on)
+{
+    if (from->geometry == to->geometry || from->environment != to->environment)
+        return from->geometry == to->geometry ? HG_GI_LIGHT : HG_GI_MOVED;
+    return moves_on ? HG_GI_MOVES : HG_GI_MOVED;
+}
+// Marks what the probes of a dynamic grid hold as out of date.
+void hg_gi_build_outdate(struct hg_gi_build *build, enum hg_gi_change change);
 // Updates probes that have no light yet: those that slept before geometry moved. Device errors.
 enum hg_status hg_gi_build_light_new(struct hg_gi_build *build,
     const struct hg_gi_build_params *params, struct hg_error *err) HG_MUST_CHECK;

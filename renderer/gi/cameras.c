@@ -409,11 +409,11 @@ static enum hg_status settle_next(struct hg_gi_camera *c, const struct hg_gi_cam
 }
 
 // Surfaces that moved may need probes that have had no light so far.
-static enum hg_status outdate(struct hg_gi_build *b, bool moved,
+static enum hg_status outdate(struct hg_gi_build *b, enum hg_gi_change change,
     const struct hg_gi_camera_params *params, struct hg_error *err)
 {
     const struct hg_gi_build_params build = {params->waves, params->sources, &b->field};
-    hg_gi_build_outdate(b, moved);
+    hg_gi_build_outdate(b, change);
     return hg_gi_build_light_new(b, &build, err);
 }
 
@@ -423,7 +423,7 @@ static enum hg_status take_next(
     bool is_new[HG_GI_FINER] = {false};
     struct hg_gi_finer *n = &c->next;
     const bool changed = memcmp(&n->key, params->key, sizeof n->key) != 0;
-    const bool moved = n->key.geometry != params->key->geometry;
+    const enum hg_gi_change change = hg_gi_change_of(&n->key, params->key, params->moves_on);
     for (uint32_t i = 0; i < n->at.count; i++) {
         struct hg_gi_build *same = find_same(c, i);
         is_new[i] = !same;
@@ -440,7 +440,7 @@ static enum hg_status take_next(
     for (uint32_t i = 0; i < c->dynamic.at.count && status == HG_OK; i++) {
         link_grid(&c->dynamic, i, params);
         if (changed && is_new[i])
-            status = outdate(&c->dynamic.builds[i], moved, params, err);
+            status = outdate(&c->dynamic.builds[i], change, params, err);
     }
     return status;
 }
@@ -457,11 +457,11 @@ static enum hg_status follow(
 {
     struct hg_gi_finer *f = &c->dynamic;
     const bool changed = memcmp(&f->key, params->key, sizeof f->key) != 0;
-    const bool moved = f->key.geometry != params->key->geometry;
+    const enum hg_gi_change change = hg_gi_change_of(&f->key, params->key, params->moves_on);
     uint64_t rays = may_take_time(c, params) ? PLACE_RAYS : UINT64_MAX;
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < f->at.count && changed && status == HG_OK; i++)
-        status = outdate(&f->builds[i], moved, params, err);
+        status = outdate(&f->builds[i], change, params, err);
     if (status == HG_OK && !c->has_next)
         status = begin_next(c, params, err);
     if (status == HG_OK)

@@ -53,6 +53,7 @@ struct hg_gi_camera_params {
     const struct hg_lighting_sources *sources;
     struct hg_gi_build *whole; // the grid over the whole scene
     bool is_settled;           // `whole` is the settled field's, and complete
+    bool moves_on;             // as of HG_GI_MOVES
     bool on_lattice;           // the settled field's grids have the same lattice as `whole`
     const struct hg_gi_key *key;
     const struct hg_gi_eye *eye;

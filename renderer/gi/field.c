@@ -120,6 +120,7 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     next.covered = hg_calloc(next.count, sizeof *next.covered);
     next.needed = hg_calloc(next.count, sizeof *next.needed);
     next.updates = hg_calloc(next.count, sizeof *next.updates);
+    next.doubted = hg_calloc(next.count, sizeof *next.doubted);
     next.irradiance = hg_calloc(next.count, sizeof *next.irradiance);
     next.moments = hg_calloc(next.count, sizeof *next.moments);
     next.means = hg_calloc(next.count, sizeof *next.means);
@@ -127,7 +128,7 @@ enum hg_status hg_gi_field_place_grid(struct hg_gi_field *f, const struct hg_gi_
     next.stale = hg_calloc(next.count, sizeof *next.stale);
     *f = next;
     if (!f->offsets || !f->walls || !f->inside || !f->covered || !f->needed || !f->updates ||
-        !f->irradiance || !f->moments || !f->means || !f->words || !f->stale) {
+        !f->doubted || !f->irradiance || !f->moments || !f->means || !f->words || !f->stale) {
         hg_gi_field_finish(f, NULL);
         return HG_E_NOMEM;
     }
@@ -147,6 +148,7 @@ void hg_gi_field_finish(struct hg_gi_field *f, struct hg_gpu *gpu)
     hg_free(f->covered);
     hg_free(f->needed);
     hg_free(f->updates);
+    hg_free(f->doubted);
     hg_free(f->irradiance);
     hg_free(f->moments);
     hg_free(f->means);
@@ -160,8 +162,8 @@ static uint64_t host_bytes(uint32_t probes)
     const struct hg_gi_field *f = NULL;
     return probes *
            (sizeof *f->offsets + sizeof *f->walls + sizeof *f->inside + sizeof *f->covered +
-               sizeof *f->needed + sizeof *f->updates + sizeof *f->irradiance + sizeof *f->moments +
-               sizeof *f->means + sizeof *f->stale + PROBE_WORDS * 4ull);
+               sizeof *f->needed + sizeof *f->updates + sizeof *f->doubted + sizeof *f->irradiance +
+               sizeof *f->moments + sizeof *f->means + sizeof *f->stale + PROBE_WORDS * 4ull);
 }
 
 uint64_t hg_gi_field_bytes(const struct hg_gi_field *f)
@@ -292,8 +294,9 @@ void hg_gi_field_doubt_distances(struct hg_gi_field *field)
 {
     for (uint32_t i = 0; i < field->count; i++) {
         struct hg_gi_moments *m = &field->moments[i];
-        if (field->updates[i] == 0)
+        if (field->updates[i] == 0 || field->doubted[i])
             continue;
+        field->doubted[i] = true;
         for (uint32_t t = 0; t < HG_PROBE_MOMENT_TEXELS; t++) {
             m->texels[t].distance *= DOUBT;
             m->texels[t].squared *= DOUBT;
@@ -359,6 +362,7 @@ void hg_gi_probe_gather(
     for (uint32_t i = 0; i < brought->count; i++)
         backs += brought->rays[i].back;
     f->covered[probe] = f->follows && 2 * backs > brought->count;
+    f->doubted[probe] = false;
     keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
     for (uint32_t i = 0; i < brought->count; i++) {
         const struct hg_gi_ray *ray = &brought->rays[i];
@@ -538,6 +542,7 @@ void hg_gi_probe_copy(
     f->covered[probe] = from->covered[k];
     f->needed[probe] = from->needed[k];
     f->updates[probe] = from->updates[k];
+    f->doubted[probe] = from->doubted[k];
     f->irradiance[probe] = from->irradiance[k];
     f->moments[probe] = from->moments[k];
     f->means[probe] = from->means[k];

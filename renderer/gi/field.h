@@ -53,6 +53,7 @@ struct hg_gi_field { // zeroed: none
     bool follows;        // geometry has moved since probes were placed
     bool *needed;        // [count] surfaces are near (occupancy.h); set by who places the field
     uint32_t *updates;   // [count] since what they hold was last out of date
+    bool *doubted;       // [count] geometry has moved since the last update
     struct hg_gi_irradiance *irradiance;
     struct hg_gi_moments *moments;
     struct hg_gi_means *means;

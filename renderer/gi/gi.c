@@ -14,12 +14,16 @@
 #define BEYOND       0.26f // spacings that a scene may reach beyond its outermost probes: just placed
 #define MOST_COARSER 2.0f // times the spacing that it would have now
 #define WIDEST       1.5f // likewise, of one that holds what was there before
+#define MOVES_WITHIN 8    // pictures: geometry that moved is in motion as long as it does so again
 #define MARGIN       0.1f // of the longest side, around a scene that moves
 
 struct hg_gi {
     struct hg_gi_waves waves;
     struct hg_gi_build settled, dynamic; // grids over the whole scene
     struct hg_gi_cameras cameras;
+    uint64_t pictures, moved_at; // hg_gi_update calls; that of the newest geometry
+    uint64_t geometry, emitters; // its revision; state of its emissive triangles
+    bool moves_on;               // geometry moves from picture to picture, and no emitter with it
     bool on_settled; // pictures in motion use the settled field's grid over the whole scene
 };
 
@@ -125,7 +129,7 @@ enum hg_status hg_gi_settle(struct hg_gi *gi, const struct hg_gi_key *key,
         struct hg_gi_camera *c =
             hg_gi_cameras_acquire(&gi->cameras, eye->view, gi->waves.params.gpu);
         const struct hg_gi_camera_params params = {
-            &gi->waves, sources, &gi->settled, true, true, key, eye};
+            &gi->waves, sources, &gi->settled, true, false, true, key, eye};
         if (c != NULL)
             status = hg_gi_camera_settle(c, &params, &rays, err);
     }
@@ -154,7 +158,7 @@ static enum hg_status take_settled(
     for (uint32_t i = 0; i < b->field.count; i++)
         hg_gi_probe_copy(&b->field, i, &gi->settled.field, i);
     b->round = gi->settled.round;
-    hg_gi_build_outdate(b, moved);
+    hg_gi_build_outdate(b, moved ? HG_GI_MOVED : HG_GI_LIGHT);
     return HG_OK;
 }
 
@@ -233,7 +237,7 @@ static enum hg_status follow(struct hg_gi *gi, const struct hg_gi_key *key,
             widen(old, &now);
         status = surround(gi, box, sources, err);
     } else
-        hg_gi_build_outdate(b, b->key.geometry != key->geometry);
+        hg_gi_build_outdate(b, hg_gi_change_of(&b->key, key, gi->moves_on));
     // All have light before any is looked up.
     const struct hg_gi_build_params params = {&gi->waves, sources, &b->field};
     if (status == HG_OK)
@@ -253,15 +257,30 @@ static bool is_still(
            (hg_gi_build_has_key(&gi->dynamic, key) && !hg_gi_build_wants_updates(&gi->dynamic));
 }
 
+// Of emitters that move light would stay behind.
+static void note_moves(struct hg_gi *gi, const struct hg_gi_key *key)
+{
+    const uint64_t emitters = gi->waves.emissive.state;
+    if (gi->geometry == key->geometry)
+        return;
+    gi->moves_on = gi->geometry != 0 && gi->pictures - gi->moved_at <= MOVES_WITHIN &&
+                   gi->emitters == emitters;
+    gi->moved_at = gi->pictures;
+    gi->geometry = key->geometry;
+    gi->emitters = emitters;
+}
+
 enum hg_status hg_gi_update(struct hg_gi *gi, const struct hg_gi_key *key,
     const struct hg_gi_eye *eye, const struct hg_lighting_sources *sources, uint64_t rays,
     struct hg_error *err)
 {
     const uint64_t begin = hg_clock_now_ns();
+    gi->pictures++;
     if (is_still(gi, key, eye))
         return HG_OK;
     const bool on_settled = is_whole_settled(gi, key), switched = on_settled != gi->on_settled;
     enum hg_status status = hg_gi_waves_sync(&gi->waves, key, sources, on_settled, err);
+    note_moves(gi, key);
     if (status == HG_OK && !on_settled)
         status = follow(gi, key, sources, err);
     gi->on_settled = on_settled;
@@ -269,7 +288,8 @@ enum hg_status hg_gi_update(struct hg_gi *gi, const struct hg_gi_key *key,
     if (switched && !on_lattice)
         hg_gi_cameras_drop_dynamic(&gi->cameras, gi->waves.params.gpu);
     const struct hg_gi_camera_params params = {&gi->waves, sources,
-        on_settled ? &gi->settled : &gi->dynamic, on_settled, on_settled || on_lattice, key, eye};
+        on_settled ? &gi->settled : &gi->dynamic, on_settled, gi->moves_on,
+        on_settled || on_lattice, key, eye};
     if (status == HG_OK)
         status = hg_gi_camera_update(
             hg_gi_cameras_acquire(&gi->cameras, eye->view, gi->waves.params.gpu), &params, rays,
@@ -340,7 +360,8 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
             .emissive = &gi->waves.emissive,
             .whole = &whole->field,
             .field = field,
-            .rounds = !settled && whole->listed > 0 ? whole->updates / whole->listed : 0};
+            .rounds = !settled && whole->listed > 0 ? whole->updates / whole->listed : 0,
+            .moves_on = gi->moves_on};
     return status;
 }
 

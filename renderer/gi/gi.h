@@ -112,6 +112,7 @@ struct hg_gi_world {
     const struct hg_gi_field *whole;       // field.h: the grid over the whole scene
     const struct hg_gi_field *field;       // the finest one of the view, that knows coarser ones
     uint64_t rounds; // updates of all probes of a dynamic field since the last change
+    bool moves_on;   // geometry moves from picture to picture, and no emitter with it
 };
 // When hg_gi_settle and hg_gi_update may be called; borrowed until the geometry is synced.
 // HG_E_LIMIT, HG_E_NOMEM, device errors, and without probes: *out is zeroed.

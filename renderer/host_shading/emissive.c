@@ -68,6 +68,8 @@ static enum hg_status add_piece(
         if (!(power > 0 && power < INFINITY))
             continue;
         *sum += (double)power;
+        e->state = hg_hash_mix_bytes(e->state, corners, sizeof corners);
+        e->state = hg_hash_mix_bytes(e->state, &power, sizeof power);
         e->triangles[e->count] = (struct hg_host_emissive_triangle){piece, i};
         e->sums[e->count++] = (float)*sum;
     }
@@ -83,6 +85,7 @@ enum hg_status hg_host_emissive_sync(
         return HG_OK;
     e->surfaces = NULL;
     e->count = 0;
+    e->state = 0;
     const struct hg_host_surfaces *s = surfaces;
     for (uint32_t i = 0; i < s->piece_count; i++)
         triangles += shines(s, i) ? s->pieces[i].triangle_count : 0;

@@ -24,6 +24,7 @@ struct hg_host_emissive {                        // zeroed: none
     struct hg_host_emissive_triangle *triangles; // [count]
     float *sums;    // [count] of luminance times area, up to each triangle
     uint32_t count; // 0: what rays meet shines by itself
+    uint64_t state; // hash of where the triangles are and of what they send
     size_t triangle_capacity, sum_capacity;
     const struct hg_ray_geometry_piece *pieces; // of the surfaces that it is in line with,
     uint64_t built;                             // when they were built that often

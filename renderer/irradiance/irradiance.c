@@ -70,6 +70,7 @@ struct hg_irradiance {
     struct hg_irradiance_guides guides;
     double origin[3];
     uint64_t light;
+    bool moves; // geometry does, from picture to picture
     uint32_t doublings;
     struct sample *samples; // [MOST_RAYS]
     uint32_t count;
@@ -211,7 +212,7 @@ static bool is_candidate(
         return false;
     out->at[0] = at[0];
     out->at[1] = at[1];
-    out->seldom = (rank / turns + cells->picture / turns) % SELDOM != 0;
+    out->seldom = !w->r->moves && (rank / turns + cells->picture / turns) % SELDOM != 0;
     out->diffuse = hg_irradiance_query(cells, &point);
     out->rough = is_rough(w, at);
     point.eye = w->eye;
@@ -625,9 +626,11 @@ static void sync(struct hg_irradiance *r, const struct hg_irradiance_picture *p)
     }
     memcpy(r->origin, p->origin, sizeof r->origin);
     // Views that have the settled field have seen no updates.
-    const bool is_new = p->light != r->light;
+    // In a scene that moves all the while samples of the picture before are nearly as good.
+    const bool differs = p->light != r->light, is_new = differs && !p->world.moves_on;
     r->cells.light += is_new || p->doublings > r->doublings;
     r->doublings = is_new || p->doublings > r->doublings ? p->doublings : r->doublings;
+    r->moves = differs && !is_new;
     r->light = p->light;
     r->cells.picture++;
 }
