@@ -361,8 +361,12 @@ void hg_gi_probe_gather(
     uint32_t backs = 0;
     for (uint32_t i = 0; i < brought->count; i++)
         backs += brought->rays[i].back;
+    const bool was_covered =
+        f->covered[probe]; // by what it no longer is in: nothing is worth keeping
     f->covered[probe] = f->follows && 2 * backs > brought->count;
     f->doubted[probe] = false;
+    if (was_covered && !f->covered[probe])
+        keep = 0;
     keep_share(&to->light[0][0], sizeof *to / sizeof(float), keep);
     for (uint32_t i = 0; i < brought->count; i++) {
         const struct hg_gi_ray *ray = &brought->rays[i];
