@@ -107,8 +107,8 @@ struct hg_gi_peak {
 };
 struct hg_gi_brought { // rays from all around; those to peaks and to emitters, of whose light the
                        // mean counts
-    float sky[3][HG_PROBE_IRRADIANCE_TEXELS]; // irradiance over pi of the environment, if nothing
-                                              // is in the way, by texel
+    const float (*sky)[HG_PROBE_IRRADIANCE_TEXELS]; // [3] irradiance over pi of the environment, if
+                                                    // nothing is in the way
     const struct hg_gi_ray *rays;
     const struct hg_gi_peak *peaks, *emitters;
     uint32_t count, peak_count, emitter_count;

@@ -340,13 +340,13 @@ static void gather_probe(void *user, size_t index)
     struct hg_gi_peak *peaks = w->waves->peaks + index * straight;
     for (uint32_t i = 0; i < straight; i++)
         peaks[i].hidden = hidden[i];
-    struct hg_gi_brought brought = {.rays = rays,
+    const struct hg_gi_brought brought = {.sky = w->sky,
+        .rays = rays,
         .peaks = peaks,
         .emitters = peaks + w->peaks,
         .count = w->wave.rays,
         .peak_count = w->peaks,
         .emitter_count = w->emitters};
-    memcpy(brought.sky, w->sky, sizeof brought.sky);
     hg_gi_probe_gather(w->wave.field, probe, &brought, keep_of(w, probe));
     w->wave.field->updates[probe]++;
 }

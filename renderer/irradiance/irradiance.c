@@ -625,9 +625,9 @@ static void sync(struct hg_irradiance *r, const struct hg_irradiance_picture *p)
         hg_irradiance_guides_clear(&r->guides);
     }
     memcpy(r->origin, p->origin, sizeof r->origin);
-    // Views that have the settled field have seen no updates.
     // In a scene that moves all the while samples of the picture before are nearly as good.
     const bool differs = p->light != r->light, is_new = differs && !p->world.moves_on;
+    // Views that have the settled field have seen no updates.
     r->cells.light += is_new || p->doublings > r->doublings;
     r->doublings = is_new || p->doublings > r->doublings ? p->doublings : r->doublings;
     r->moves = differs && !is_new;

@@ -6,10 +6,12 @@
 // of probe light (shaders/shared/gi.h), over the cosine or the specular lobe (directions.h); their
 // hits are lit by shadow rays and by the field, whose error averages out over a hemisphere. Cells
 // on surfaces (cells.h) keep the results over pictures, for all cameras of a scene:
-//   diffuse    gathered light and probe light of the same places; their quotient is the factor on
-//              probe light (ratio estimator)
+//   diffuse    light of surfaces and probe light of the same places, whose quotient is the factor
+//   on
+//              probe light; and the share of the environment that rays see, which its irradiance is
+//              multiplied by (ratio estimators)
 //   specular   what rough surfaces mirror, by the direction to the eye
-// The fewer samples a cell has, the nearer to 1 its factor is.
+// The fewer samples a cell has, the more probe light counts as it is.
 // docs/internals/irradiance.md.
 #ifndef HG_RENDERER_IRRADIANCE_IRRADIANCE_H
 #define HG_RENDERER_IRRADIANCE_IRRADIANCE_H

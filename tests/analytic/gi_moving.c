@@ -35,24 +35,6 @@ static void make_court(struct rig *rig)
     path_rig_environment(rig, 0);
 }
 
-static float linear(uint8_t v)
-{
-    const float c = (float)v / 255.0f;
-    return c <= 0.04045f ? c / 12.92f : powf((c + 0.055f) / 1.055f, 2.4f);
-}
-
-static void mean_cells(struct hg_view *view, float cells[CELLS])
-{
-    struct hg_error err = {0};
-    struct hg_refbuf *pixels;
-    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
-    memset(cells, 0, CELLS * sizeof *cells);
-    for (int i = 0; i < WIDTH * HEIGHT; i++)
-        cells[i / WIDTH / CELL * (WIDTH / CELL) + i % WIDTH / CELL] +=
-            linear(pixels->data[4 * i + 1]) / (CELL * CELL);
-    hg_refbuf_unref(pixels);
-}
-
 static const struct hg_view_params params = {.width = WIDTH,
     .height = HEIGHT,
     .samples = 8,
@@ -73,7 +55,7 @@ static void settle(struct rig *rig, float cells[CELLS])
     struct hg_view *view = path_rig_view(rig, &params);
     look(view, 1);
     path_rig_settle(view);
-    mean_cells(view, cells);
+    path_rig_cells(view, WIDTH, HEIGHT, CELL, cells);
     hg_view_destroy(view);
 }
 
@@ -94,7 +76,7 @@ static double error_in_motion(struct rig *rig, bool moves, const float truth[CEL
         }
         look(view, i);
         test_ok(hg_view_step(view, 1, &info, &err), &err);
-        mean_cells(view, cells);
+        path_rig_cells(view, WIDTH, HEIGHT, CELL, cells);
         for (int k = 0; k < CELLS && i >= PICTURES - LAST; k++)
             sum += fabs((double)cells[k] / (double)truth[k] - 1) / (CELLS * LAST);
     }

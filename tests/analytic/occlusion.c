@@ -58,25 +58,6 @@ static void make_room(struct rig *rig)
     rig_quad(rig, light, panel);
 }
 
-static float linear(uint8_t v)
-{
-    const float c = (float)v / 255.0f;
-    return c <= 0.04045f ? c / 12.92f : powf((c + 0.055f) / 1.055f, 2.4f);
-}
-
-static void mean_cells(struct hg_view *view, float cells[CELLS])
-{
-    struct hg_error err = {0};
-    struct hg_refbuf *pixels;
-    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
-    memset(cells, 0, CELLS * sizeof *cells);
-    for (int y = 0; y < HEIGHT; y++)
-        for (int x = 0; x < WIDTH; x++)
-            cells[y / CELL * (WIDTH / CELL) + x / CELL] +=
-                linear(pixels->data[4 * (y * WIDTH + x) + 1]) / (CELL * CELL);
-    hg_refbuf_unref(pixels);
-}
-
 static void look(struct hg_view *view, int number)
 {
     const float eye[3] = {eye_at[0] + 0.001f * (float)number, eye_at[1], eye_at[2]};
@@ -105,7 +86,7 @@ static void move(struct rig *rig, const struct hg_view_params *params, float cel
         test_ok(hg_view_step(view, 1, &info, &err), &err);
     }
     assert_false(info.settled);
-    mean_cells(view, cells);
+    path_rig_cells(view, WIDTH, HEIGHT, CELL, cells);
     hg_view_destroy(view);
 }
 
@@ -117,7 +98,7 @@ static void path_trace(struct rig *rig, float cells[CELLS])
     params.samples = 32; // of 256 pixels each cell
     struct hg_view *view = path_rig_view(rig, &params);
     settle(view);
-    mean_cells(view, cells);
+    path_rig_cells(view, WIDTH, HEIGHT, CELL, cells);
     hg_view_destroy(view);
 }
 

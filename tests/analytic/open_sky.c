@@ -42,24 +42,6 @@ static void make_scene(struct rig *rig)
     make_environment(rig);
 }
 
-static float linear(uint8_t v)
-{
-    const float c = (float)v / 255.0f;
-    return c <= 0.04045f ? c / 12.92f : powf((c + 0.055f) / 1.055f, 2.4f);
-}
-
-static void mean_cells(struct hg_view *view, float cells[CELLS])
-{
-    struct hg_error err = {0};
-    struct hg_refbuf *pixels;
-    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
-    memset(cells, 0, CELLS * sizeof *cells);
-    for (int i = 0; i < SIDE * SIDE; i++)
-        cells[i / SIDE / CELL * ACROSS + i % SIDE / CELL] +=
-            linear(pixels->data[4 * i + 1]) / (CELL * CELL);
-    hg_refbuf_unref(pixels);
-}
-
 // number: of the picture; the camera comes to the same place with 0.
 static void show(struct rig *rig, struct hg_view *view, int number, bool moves)
 {
@@ -91,7 +73,7 @@ static void render(struct rig *rig, enum hg_view_gi gi, bool moves, float cells[
     hg_view_set_final(view, false);
     for (int i = PICTURES - 1; i >= 0; i--)
         show(rig, view, i, moves);
-    mean_cells(view, cells);
+    path_rig_cells(view, SIDE, SIDE, CELL, cells);
     hg_view_destroy(view);
 }
 

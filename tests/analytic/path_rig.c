@@ -69,6 +69,26 @@ struct hg_refbuf *path_rig_plane(struct hg_view *view, enum hg_plane plane)
     return out;
 }
 
+static float linear(uint8_t v)
+{
+    const float c = (float)v / 255.0f;
+    return c <= 0.04045f ? c / 12.92f : powf((c + 0.055f) / 1.055f, 2.4f);
+}
+
+void path_rig_cells(struct hg_view *view, int width, int height, int cell, float *cells)
+{
+    const int across = width / cell;
+    struct hg_error err = {0};
+    struct hg_refbuf *pixels;
+    test_ok(hg_view_read_pixels(view, HG_PIXEL_RGBA8, &pixels, &err), &err);
+    assert_int_equal(pixels->size, 4 * width * height);
+    memset(cells, 0, (size_t)(across * (height / cell)) * sizeof *cells);
+    for (int i = 0; i < width * height; i++)
+        cells[i / width / cell * across + i % width / cell] +=
+            linear(pixels->data[4 * i + 1]) / (float)(cell * cell);
+    hg_refbuf_unref(pixels);
+}
+
 void path_rig_environment(struct rig *rig, float radiance)
 {
     struct hg_environment *e = &rig->scene->environment;

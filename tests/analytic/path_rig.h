@@ -17,6 +17,9 @@ void path_rig_steps(struct hg_view *view, int steps); // fewer if it settles
 // Free with hg_refbuf_unref.
 struct hg_refbuf *path_rig_plane(struct hg_view *view, enum hg_plane plane);
 
+// Means of the green channel of a picture as linear light, of squares of `cell` px, in rows.
+// cells [width / cell * (height / cell)].
+void path_rig_cells(struct hg_view *view, int width, int height, int cell, float *cells);
 void path_rig_environment(struct rig *rig, float radiance); // the same from everywhere
 // Base without any specular part: exactly Lambert.
 struct hg_material *path_rig_lambert(struct rig *rig, float albedo);
