@@ -42,6 +42,22 @@ void gi_sky(struct rig *rig, float radiance)
 
 // --- pictures ------------------------------------------------------------------------------------
 
+// A field of probes is of one revision of the scene, so one that is as it was is not published
+// again.
+static void publish_edits(struct hg_scene *scene)
+{
+    static const struct hg_scene *newest;
+    static uint64_t environment; // its revision that was published
+    bool edited = scene != newest || scene->environment.revision != environment;
+    for (int kind = 0; kind < HG_OBJECT_KINDS; kind++)
+        for (uint32_t i = 0; i < scene->objects[kind].count; i++)
+            edited |= scene->objects[kind].items[i]->revision > scene->revision;
+    if (edited)
+        hg_scene_publish(scene);
+    newest = scene;
+    environment = scene->environment.revision;
+}
+
 struct hg_view *gi_open_view(struct rig *rig, const struct gi_shot *shot)
 {
     struct hg_error err = {0};
@@ -57,7 +73,7 @@ struct hg_view *gi_open_view(struct rig *rig, const struct gi_shot *shot)
     struct hg_view_camera camera = {.vfov_rad = 1.2f};
     memcpy(camera.eye, shot->eye, sizeof camera.eye);
     memcpy(camera.target, shot->target, sizeof camera.target);
-    hg_scene_publish(rig->scene);
+    publish_edits(rig->scene);
     test_ok(hg_view_create(rig->renderer, rig->scene, &view, &err), &err);
     test_ok(hg_view_set_params(view, &params, &err), &err);
     test_ok(hg_view_set_camera(view, &camera, &err), &err);
@@ -71,6 +87,14 @@ void gi_settle(struct hg_view *view, uint32_t samples)
     for (int i = 0; i < 4000 && !info.settled; i++)
         test_ok(hg_view_step(view, samples, &info, &err), &err);
     assert_true(info.settled);
+}
+
+struct hg_view *gi_keep_field(struct rig *rig, const struct gi_shot *shot)
+{
+    struct hg_view *view = gi_open_view(rig, shot);
+    hg_view_set_final(view, true); // the very first step is one of the settled field
+    gi_settle(view, 8);
+    return view;
 }
 
 struct hg_refbuf *gi_read_floats(struct hg_view *view)
@@ -102,9 +126,7 @@ void gi_take_both(struct rig *rig, const struct gi_shot *shot, struct hg_refbuf 
 {
     struct gi_shot rays = *shot;
     rays.gi = HG_GI_RAYS;
-    struct hg_view *view = gi_open_view(rig, shot);
-    hg_view_set_final(view, true); // the very first step is one of the settled field
-    gi_settle(view, 8);
+    struct hg_view *view = gi_keep_field(rig, shot);
     out[0] = gi_read_floats(view);
     out[1] = gi_take(rig, &rays);
     hg_view_destroy(view);

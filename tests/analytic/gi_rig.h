@@ -20,7 +20,11 @@ struct gi_shot {
     uint32_t samples;
 };
 
+// Publishes the scene if it has been edited.
 struct hg_view *gi_open_view(struct rig *rig, const struct gi_shot *shot);
+// A settled view. As long as it is there, other views of the scene as it is have its field of
+// probes.
+struct hg_view *gi_keep_field(struct rig *rig, const struct gi_shot *shot);
 // Steps of so many samples until the picture is settled.
 void gi_settle(struct hg_view *view, uint32_t samples);
 struct hg_refbuf *gi_read_floats(struct hg_view *view);

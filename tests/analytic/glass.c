@@ -164,9 +164,13 @@ static void test_rooms(void **state)
         struct hg_glass_stats stats, none;
         rooms[i].make(rig);
         struct hg_refbuf *truth = take(rig, HG_GI_NONE, HG_MODE_PATH);
+        struct gi_shot probes = shot;
+        probes.gi = HG_GI_PROBES;
+        struct hg_view *keeper = gi_keep_field(rig, &probes);
         struct hg_refbuf *rest = take(rig, HG_GI_RAYS, HG_MODE_REALTIME);
         struct hg_refbuf *moving = take_moving(rig, HG_REFLECTIONS_CACHE, &stats);
         struct hg_refbuf *layers = take_moving(rig, HG_REFLECTIONS_ENVIRONMENT, &none);
+        hg_view_destroy(keeper);
         print_message("%s: %u texels, %u rays, ends: %u on the screen, %u lit, %u sky\n",
             rooms[i].name, stats.texels, stats.rays, stats.on_screen, stats.lit, stats.sky);
         const struct error settled = compare("at rest", rest, truth);
