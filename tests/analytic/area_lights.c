@@ -488,7 +488,7 @@ static void test_gathered_slats(void **state)
         .vfov_rad = 0.5,
         .width = SLAT_COLUMNS,
         .height = 64,
-        .samples = 256,
+        .samples = 64,
         .mode = HG_MODE_PATH,
         .max_bounces = 1};
     double columns[2][SLAT_COLUMNS], contrast[2], off = 0;
