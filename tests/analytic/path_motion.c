@@ -591,7 +591,7 @@ static void turning_lights(struct rig *rig, bool sized)
 
 static void check_turning_lights(struct rig *rig, bool sized)
 {
-    enum { MOMENTS = 64 };
+    enum { MOMENTS = 32 };
     double got[WIDTH], still[WIDTH], want[WIDTH] = {0}, most = 0, mean = 0, change = 0;
     struct hg_view_params params = defaults;
     params.samples = 512;
