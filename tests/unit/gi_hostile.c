@@ -7,7 +7,7 @@
 
 #define WIDTH       48
 #define HEIGHT      32
-#define MOVES       4
+#define MOVES       2
 #define MOST_NS     240000000000u // of processor time, for all pictures of a scene
 #define MOST_BYTES  (168u << 20)  // of both fields
 #define MOST_PROBES (2048u + 2560 + 5 * 512)
@@ -355,7 +355,7 @@ static int tear_down(void **state)
     return 0;
 }
 
-int main(void)
+int main(int argc, char **argv) // argv[1]: only tests of this name
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_budget),
@@ -366,5 +366,7 @@ int main(void)
         cmocka_unit_test(test_emission),
         cmocka_unit_test(test_lamps),
     };
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
