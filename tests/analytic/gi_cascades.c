@@ -92,7 +92,7 @@ static const struct hg_refbuf *path_traced(struct rig *rig)
 {
     struct gi_shot path = inside;
     path.mode = HG_MODE_PATH;
-    path.samples = 256;
+    path.samples = 96;
     if (truth == NULL)
         truth = gi_take(rig, &path);
     return truth;
