@@ -28,7 +28,7 @@ static enum hg_status pass_init(struct pass *pass, const struct hg_dn_planes *p)
 // Margins around the output region: each step needs less margin by its own radius.
 #define LEFT_REACH   2                        // px: smoothing of what is left of the noise
 #define SECOND_REACH (LEFT_REACH + 7 + 2 + 2) // window, patch and smoothed variance
-#define REACH        40u                      // more than 7 + 3 + 2 again, and the fireflies'
+#define REACH        48u // more than 7 + 3 + 2 again, the fireflies' and the highlights'
 #define TILE_PX      768u                     // side of parts of large pictures
 
 struct work {
@@ -57,6 +57,7 @@ static void merge_row(void *user, size_t y)
                 a->rgb[c][at] = share * a->rgb[c][at] + (1.0f - share) * b->rgb[c][at];
             a->luma[at] = hg_dn_luma(a->rgb[0][at], a->rgb[1][at], a->rgb[2][at]);
         }
+        hg_dn_put_highlights(p, at, &w->clean);
     }
 }
 

@@ -50,6 +50,7 @@ struct hg_dn_planes {
     struct hg_dn_face face[HG_DN_LOBES];
     struct hg_dn_light light[HG_DN_KINDS][2];
     float *variance[HG_DN_KINDS]; // of the luma of a half
+    float *highlight[3], *highlight_var; // highlights.c; of specular light, of the mean's luma
     float *scratch[3];
     float *memory;
 };
@@ -75,6 +76,11 @@ struct hg_dn_clean {
     float *rgb[HG_DN_KINDS][3];
     float *variance[HG_DN_KINDS]; // of what is left of the noise, in the luma
 };
+
+// highlights.c: takes highlights of smooth surfaces out of both halves; adds them to what came out.
+// Uses all scratch planes.
+void hg_dn_split_highlights(struct hg_dn_planes *p, struct hg_jobs *jobs);
+void hg_dn_put_highlights(const struct hg_dn_planes *p, size_t at, struct hg_dn_clean *clean);
 
 // shown.c: light and albedos of pixels become those that they show, in `rect` of the planes; both
 // change places with planes that nothing needs any longer: to, and light of the planes.

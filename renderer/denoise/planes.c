@@ -9,7 +9,7 @@
 
 enum {
     FACE = 13, // planes of hg_dn_face
-    SINGLE = 6,
+    SINGLE = 10,
     PLANES = SINGLE + HG_DN_LOBES * FACE + HG_DN_KINDS * (1 + 2 * 4),
 };
 
@@ -39,8 +39,8 @@ static void place_face(struct hg_dn_planes *p, float **at, struct hg_dn_face *fa
 
 static void place_all(struct hg_dn_planes *p, float *at)
 {
-    float **single[SINGLE] = {
-        &p->seen, &p->share, &p->roughness, &p->scratch[0], &p->scratch[1], &p->scratch[2]};
+    float **single[SINGLE] = {&p->seen, &p->share, &p->roughness, &p->scratch[0], &p->scratch[1],
+        &p->scratch[2], &p->highlight[0], &p->highlight[1], &p->highlight[2], &p->highlight_var};
     for (size_t i = 0; i < SINGLE; i++)
         place(p, &at, single[i]);
     for (int i = 0; i < HG_DN_LOBES; i++)
@@ -430,6 +430,7 @@ enum hg_status hg_dn_planes_init(struct hg_dn_planes *p, struct hg_jobs *jobs,
     hg_jobs_for(jobs, p->height, load_row, &work);
     hg_jobs_for(jobs, p->height, slope_row, &work);
     hg_dn_seen_guess(p, jobs);
+    hg_dn_split_highlights(p, jobs);
     limit_fireflies(p, jobs);
     find_variance(p, jobs, &work);
     hg_dn_seen_calm(p, jobs);

@@ -30,7 +30,7 @@ static void meet(const struct job *j, uint32_t i)
     p->skipped = true;
     if (hit->draw == HG_HIT_NONE)
         return;
-    hg_host_surface_at(j->s->surfaces, hit, way, &surface);
+    hg_host_surface_at(j->s->caster->surfaces, hit, way, &surface);
     if (surface.back)
         return;
     p->skipped = false;
@@ -56,7 +56,7 @@ static enum hg_status light(
     const struct job *j, struct hg_host_direct *direct, struct hg_error *err)
 {
     const struct hg_gi_points with = {.jobs = j->s->jobs,
-        .trace = j->s->trace,
+        .caster = j->s->caster,
         .sources = j->s->sources,
         .field = j->s->field,
         .rays = j->s->shadow_rays,
@@ -83,8 +83,9 @@ enum hg_status hg_gi_camera_hits_find(const struct hg_gi_camera_hits *s,
     memcpy(s->rays->mapped, rays, count * sizeof *rays);
     const struct hg_trace_wave wave = {
         .rays = s->rays, .hits = s->hits, .count = count, .coherent = true};
+    uint32_t more;
     if (status == HG_OK)
-        status = hg_trace_closest(s->trace, &wave, err);
+        status = hg_host_cast(s->caster, &wave, &more, err);
     if (status == HG_OK) {
         hg_jobs_for(s->jobs, (room + AT_ONCE - 1) / AT_ONCE, meet_some, &job);
         status = light(&job, direct, err);

@@ -7,13 +7,12 @@
 #include "base/jobs.h"
 #include "renderer/gi/field.h"
 #include "renderer/gi/gi.h"
-#include "renderer/host_shading/surfaces.h"
+#include "renderer/host_shading/caster.h"
 
 // All borrowed. Buffers hold HG_GI_MOST_CAMERA_RAYS rays, and HG_HOST_SHADOW_RAYS times as many.
 struct hg_gi_camera_hits {
-    struct hg_trace *trace;
+    struct hg_host_caster *caster;
     struct hg_jobs *jobs;
-    const struct hg_host_surfaces *surfaces;
     const struct hg_gi_field *field;
     const struct hg_lighting_sources *sources;
     struct hg_gpu_buffer *rays, *hits, *shadow_rays, *blocked;

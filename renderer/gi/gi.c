@@ -354,7 +354,7 @@ enum hg_status hg_gi_world(struct hg_gi *gi, enum hg_gi_field_kind kind, uint64_
         return HG_OK;
     const enum hg_status status = hg_gi_waves_sync_surfaces(&gi->waves, settled, err);
     if (status == HG_OK)
-        *out = (struct hg_gi_world){.trace = hg_rays_trace(gi->waves.rays),
+        *out = (struct hg_gi_world){.caster = &gi->waves.caster,
             .environment = &gi->waves.environment,
             .surfaces = &gi->waves.surfaces,
             .emissive = &gi->waves.emissive,
@@ -375,9 +375,8 @@ enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_ra
     memset(out, 0, camera->count * sizeof *out);
     if (w->rays == NULL || field == NULL)
         return HG_OK;
-    const struct hg_gi_camera_hits with = {.trace = hg_rays_trace(w->rays),
+    const struct hg_gi_camera_hits with = {.caster = &w->caster,
         .jobs = w->params.jobs,
-        .surfaces = &w->surfaces,
         .field = field,
         .sources = camera->sources,
         .rays = &w->probe_rays,

@@ -100,12 +100,13 @@ enum hg_status hg_gi_trace_camera(struct hg_gi *gi, const struct hg_gi_camera_ra
     struct hg_gi_camera_hit *out, struct hg_error *err) HG_MUST_CHECK;
 
 // For passes that send rays of their own: the surfaces they hit, and the light there.
+struct hg_host_caster;
 struct hg_host_environment;
 struct hg_host_surfaces;
 struct hg_host_emissive;
 struct hg_gi_field;
 struct hg_gi_world {
-    struct hg_trace *trace;                // NULL: there is none
+    struct hg_host_caster *caster;                 // caster.h; NULL: there is none
     const struct hg_host_environment *environment; // environment.h
     const struct hg_host_surfaces *surfaces;       // surfaces.h
     const struct hg_host_emissive *emissive;       // emissive.h

@@ -49,7 +49,7 @@ enum hg_status hg_gi_patches_light(struct hg_gi_patches *patches,
     const struct hg_gi_patch_lighting *with, uint32_t *shadow_rays, struct hg_error *err)
 {
     const struct hg_gi_points points = {.jobs = with->jobs,
-        .trace = with->world->trace,
+        .caster = with->world->caster,
         .sources = with->sources,
         .field = with->world->field,
         .rays = &patches->rays,

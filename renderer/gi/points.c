@@ -70,7 +70,7 @@ enum hg_status hg_gi_points_light(
     if (with->sources->count > 0) {
         const struct hg_trace_wave wave = {
             .rays = with->rays, .blocked = with->blocked, .count = count * HG_HOST_SHADOW_RAYS};
-        status = hg_trace_blocked(with->trace, &wave, err);
+        status = hg_host_cast_shadows(with->caster, &wave, err);
     }
     if (status == HG_OK)
         hg_jobs_for(with->jobs, jobs, end, &job);

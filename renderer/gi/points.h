@@ -6,8 +6,8 @@
 
 #include "base/jobs.h"
 #include "renderer/gi/field.h"
+#include "renderer/host_shading/caster.h"
 #include "renderer/host_shading/direct.h"
-#include "renderer/trace/trace.h"
 
 struct hg_gi_lit {
     float position[3], normal[3];
@@ -20,7 +20,7 @@ struct hg_gi_lit {
 // All borrowed.
 struct hg_gi_points {
     struct hg_jobs *jobs;
-    struct hg_trace *trace;
+    struct hg_host_caster *caster;
     const struct hg_lighting_sources *sources;
     const struct hg_gi_field *field;
     // Of count * HG_HOST_SHADOW_RAYS rays and words.

@@ -68,6 +68,7 @@ void hg_gi_waves_finish(struct hg_gi_waves *w)
     struct hg_gpu *gpu = w->params.gpu;
     hg_rays_unref(w->rays);
     hg_host_emissive_finish(&w->emissive);
+    hg_host_caster_finish(&w->caster);
     hg_host_surfaces_finish(&w->surfaces);
     hg_gpu_buffer_destroy(gpu, &w->probe_rays);
     hg_gpu_buffer_destroy(gpu, &w->probe_hits);
@@ -99,6 +100,9 @@ enum hg_status hg_gi_waves_sync_surfaces(struct hg_gi_waves *w, bool exact, stru
         status = hg_rays_sync(w->rays, err);
     if (status != HG_OK)
         return status;
+    w->caster.gpu = w->params.gpu;
+    w->caster.trace = hg_rays_trace(w->rays);
+    w->caster.surfaces = &w->surfaces;
     status = hg_host_surfaces_sync(
         &w->surfaces, w->params.geometry, hg_rays_geometry(w->rays), w->params.textures);
     if (status == HG_OK)
@@ -387,7 +391,6 @@ enum hg_status hg_gi_waves_run(
 {
     struct run w = {.wave = *wave, .waves = waves};
     struct hg_jobs *jobs = waves->params.jobs;
-    struct hg_trace *trace = hg_rays_trace(waves->rays);
     const bool has_peaks = !wave->places && waves->environment.has_peaks;
     const bool has_emitters = !wave->places && wave->keep < 0 && waves->emissive.count > 0;
     w.peaks = has_peaks ? (wave->rays + PEAK_SHARE - 1) / PEAK_SHARE : 0;
@@ -398,7 +401,10 @@ enum hg_status hg_gi_waves_run(
     hg_jobs_for(jobs, wave->count, cast_probe, &w);
     struct hg_trace_wave batch = {
         .rays = &waves->probe_rays, .hits = &waves->probe_hits, .count = wave->count * wave->rays};
-    enum hg_status status = hg_trace_closest(trace, &batch, err);
+    // Where probes stand is found by what surrounds them, holes or not.
+    uint32_t more = 0;
+    enum hg_status status = wave->places ? hg_trace_closest(waves->caster.trace, &batch, err)
+                                         : hg_host_cast(&waves->caster, &batch, &more, err);
     if (status != HG_OK)
         return status;
     hg_jobs_for(jobs, wave->count, shade_probe, &w);
@@ -406,18 +412,19 @@ enum hg_status hg_gi_waves_run(
         batch = (struct hg_trace_wave){.rays = &waves->shadow_rays,
             .blocked = &waves->blocked,
             .count = wave->count * wave->rays * HG_HOST_SHADOW_RAYS};
-        status = hg_trace_blocked(trace, &batch, err);
+        status = hg_host_cast_shadows(&waves->caster, &batch, err);
     }
     if (status == HG_OK && w.peaks + w.emitters > 0) {
         batch = (struct hg_trace_wave){.rays = &waves->peak_rays,
             .blocked = &waves->peak_blocked,
             .count = wave->count * (w.peaks + w.emitters)};
-        status = hg_trace_blocked(trace, &batch, err);
+        status = hg_host_cast_shadows(&waves->caster, &batch, err);
     }
     if (status != HG_OK)
         return status;
     hg_jobs_for(jobs, wave->count, gather_probe, &w);
     count(&w);
+    waves->stats.rays += more;
     return HG_OK;
 }
 
@@ -427,7 +434,7 @@ enum hg_status hg_gi_waves_distances(
     const struct hg_gpu_hit *hits = w->probe_hits.mapped;
     const struct hg_trace_wave batch = {
         .rays = &w->probe_rays, .hits = &w->probe_hits, .count = count, .coherent = true};
-    const enum hg_status status = hg_trace_closest(hg_rays_trace(w->rays), &batch, err);
+    const enum hg_status status = hg_trace_closest(w->caster.trace, &batch, err);
     for (uint32_t i = 0; i < count && status == HG_OK; i++)
         distances[i] = hits[i].draw == HG_HIT_NONE ? FLT_MAX : hits[i].t;
     return status;

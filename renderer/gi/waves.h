@@ -5,6 +5,7 @@
 
 #include "renderer/gi/field.h"
 #include "renderer/gi/gi.h"
+#include "renderer/host_shading/caster.h"
 #include "renderer/host_shading/direct.h"
 #include "renderer/host_shading/emissive.h"
 #include "renderer/host_shading/environment.h"
@@ -18,6 +19,7 @@ struct hg_gi_waves {
     struct hg_rays_scene *rays;
     bool exact; // of `rays`: they depend on the scene alone
     struct hg_host_surfaces surfaces;
+    struct hg_host_caster caster; // against these
     struct hg_host_emissive emissive;
     struct hg_host_environment environment;
     struct hg_gpu_buffer probe_rays, probe_hits, shadow_rays, blocked, peak_rays, peak_blocked;

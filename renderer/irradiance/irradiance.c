@@ -497,13 +497,14 @@ static void bring(struct hg_irradiance *r)
 static enum hg_status gather(struct work *w, struct hg_error *err)
 {
     struct hg_irradiance *r = w->r;
-    struct hg_trace *trace = w->p->world.trace;
+    struct hg_host_caster *caster = w->p->world.caster;
+    uint32_t more;
     const struct hg_gi_patch_lighting with = {
         r->jobs, w->p->sources, &w->p->world, r->cells.picture};
     struct hg_trace_wave wave = {.rays = &r->rays, .hits = &r->hits, .count = r->count};
     const size_t batches = (r->count + BATCH - 1) / BATCH;
     hg_jobs_for(r->jobs, batches, send_batch, w);
-    enum hg_status status = r->count > 0 ? hg_trace_closest(trace, &wave, err) : HG_OK;
+    enum hg_status status = r->count > 0 ? hg_host_cast(caster, &wave, &more, err) : HG_OK;
     if (status != HG_OK)
         return status;
     number_patches(r);
@@ -511,7 +512,7 @@ static enum hg_status gather(struct work *w, struct hg_error *err)
     status = hg_gi_patches_light(&r->patches, &with, &r->stats.shadow_rays, err);
     wave = (struct hg_trace_wave){.rays = &r->straight, .blocked = &r->hidden, .count = r->count};
     if (status == HG_OK && r->count > 0 && has_straight(w))
-        status = hg_trace_blocked(trace, &wave, err);
+        status = hg_host_cast_shadows(caster, &wave, err);
     if (status != HG_OK)
         return status;
     bring(r);

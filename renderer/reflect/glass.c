@@ -6,7 +6,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/gi/patches.h"
-#include "renderer/host_shading/holes.h"
+#include "renderer/host_shading/caster.h"
 #include "renderer/math/rgb9e5.h"
 #include "renderer/math/vec.h"
 
@@ -37,7 +37,7 @@ struct hg_glass {
     struct hg_gpu *gpu;
     struct hg_jobs *jobs;
     uint32_t number;                              // of the picture
-    struct hg_gpu_buffer rays, hits, list, again; // again: rays that go on behind holes
+    struct hg_gpu_buffer rays, hits, list;
     struct way *ways;           // [2 * TEXELS] of a texel: on through the glass, mirrored
     uint8_t *blocks, *near;     // [rows][columns] of SCOUT x SCOUT texels: show glass; or beside
     uint32_t *texels, *waiting; // [texel_room]; [2 * TEXELS]
@@ -91,7 +91,6 @@ void hg_glass_destroy(struct hg_glass *g)
     hg_gpu_buffer_destroy(g->gpu, &g->rays);
     hg_gpu_buffer_destroy(g->gpu, &g->hits);
     hg_gpu_buffer_destroy(g->gpu, &g->list);
-    hg_gpu_buffer_destroy(g->gpu, &g->again);
     hg_gi_patches_finish(&g->light, g->gpu);
     free_texels(g);
     hg_free(g->ways);
@@ -130,8 +129,7 @@ static enum hg_status reserve(struct work *w, struct hg_error *err)
         const char *name;
     } rows[] = {{&g->rays, slots * sizeof(struct hg_gpu_ray), "glass rays"},
         {&g->hits, slots * sizeof(struct hg_gpu_hit), "glass hits"},
-        {&g->list, 2 * TEXELS * sizeof(uint32_t), "glass list"},
-        {&g->again, 2 * TEXELS * sizeof(uint32_t), "glass rays through holes"}};
+        {&g->list, 2 * TEXELS * sizeof(uint32_t), "glass list"}};
     enum hg_status status = reserve_texels(g, w->across * w->down, w->p->columns * w->p->rows, err);
     for (size_t i = 0; i < sizeof rows / sizeof *rows && status == HG_OK; i++)
         status = hg_gpu_buffer_reserve(
@@ -151,8 +149,8 @@ static uint64_t bytes_of(const struct hg_glass *g)
 {
     const uint64_t lit = sizeof *g->light.points + sizeof *g->light.direct + sizeof *g->light.lit +
                          sizeof *g->light.radiance;
-    return g->rays.size_bytes + g->hits.size_bytes + g->list.size_bytes + g->again.size_bytes +
-           g->light.rays.size_bytes + g->light.blocked.size_bytes + MOST_LIT * lit +
+    return g->rays.size_bytes + g->hits.size_bytes + g->list.size_bytes + g->light.rays.size_bytes +
+           g->light.blocked.size_bytes + MOST_LIT * lit +
            2 * TEXELS * (sizeof *g->ways + sizeof *g->waiting) + 2ull * g->block_room +
            g->texel_room * sizeof *g->texels;
 }
@@ -245,7 +243,7 @@ static enum hg_status scout(struct work *w, uint32_t *count, struct hg_error *er
     const struct hg_trace_wave wave = {
         .rays = &w->g->rays, .hits = &w->g->hits, .count = w->across * w->down, .coherent = true};
     hg_jobs_for(w->g->jobs, w->down, scout_row, w);
-    const enum hg_status status = hg_trace_closest(w->p->world.trace, &wave, err);
+    const enum hg_status status = hg_trace_closest(w->p->world.caster->trace, &wave, err);
     if (status != HG_OK)
         return status;
     w->g->stats.rays += wave.count;
@@ -427,6 +425,7 @@ static enum hg_status send_all(struct work *w, struct hg_error *err)
     struct hg_glass *g = w->g;
     enum hg_status status = HG_OK;
     bool coherent = true;
+    uint32_t more;
     hg_jobs_for(g->jobs, jobs_of(w->count), begin_texels, w);
     while (status == HG_OK && (w->ray_count = list_rays(w)) > 0) {
         const struct hg_trace_wave wave = {.rays = &g->rays,
@@ -435,11 +434,7 @@ static enum hg_status send_all(struct work *w, struct hg_error *err)
             .count = w->ray_count,
             .coherent = coherent};
         hg_jobs_for(g->jobs, jobs_of(w->ray_count), send_some, w);
-        status = hg_trace_closest(w->p->world.trace, &wave, err);
-        uint32_t more = 0;
-        if (status == HG_OK)
-            status = hg_host_pass_holes(
-                w->p->world.surfaces, w->p->world.trace, &wave, &g->again, &more, err);
+        status = hg_host_cast(w->p->world.caster, &wave, &more, err);
         if (status == HG_OK)
             hg_jobs_for(g->jobs, jobs_of(w->ray_count), meet_some, w);
         g->stats.rays += w->ray_count + more;

@@ -148,8 +148,9 @@ enum hg_status hg_reflect_cast(struct hg_reflect_work *w, struct hg_error *err)
     r->ray_count = compact(r);
     const struct hg_trace_wave wave = {
         .rays = &r->rays, .hits = &r->hits, .list = &r->list, .count = r->ray_count};
+    uint32_t more;
     const enum hg_status status =
-        wave.count > 0 ? hg_trace_closest(w->p->world.trace, &wave, err) : HG_OK;
+        wave.count > 0 ? hg_host_cast(w->p->world.caster, &wave, &more, err) : HG_OK;
     if (status != HG_OK)
         return status;
     measure_lengths(r);

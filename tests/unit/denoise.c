@@ -245,6 +245,55 @@ static void test_fireflies(void **state)
     }
 }
 
+static struct point polished_metal(uint32_t x, uint32_t y)
+{
+    struct point p = point_wall(0.0f);
+    (void)x;
+    (void)y;
+    p.irradiance = 0.0f;
+    p.reflection = p.seen = 1.0f;
+    p.mirrored = 0.2f;
+    p.mirrors = true;
+    return p;
+}
+
+// Lamps that single samples see in polished metal stay in their pixels, with all of their light.
+static void test_highlights(void **state)
+{
+    (void)state;
+    enum { SIDE = 64, SAMPLES = 16, LAMPS = 5 };
+    static const uint32_t lamps[LAMPS][2] = {{30, 30}, {33, 35}, {36, 31}, {40, 33}, {31, 40}};
+    struct picture p = picture_make(SIDE, SIDE, SAMPLES, polished_metal);
+    for (int i = 0; i < LAMPS; i++)
+        for (size_t c = HG_PATH_GUIDE_SPECULAR; c < HG_PATH_GUIDE_SPECULAR + 3; c++) {
+            const size_t at = (c * SIDE + lamps[i][1]) * SIDE + lamps[i][0];
+            p.sums[at] += 300.0f;
+            p.halves[at] += i % 2 ? 0.0f : 300.0f;
+        }
+    picture_denoise(&p, 2);
+    double worst = 0.0, lost = 0.0;
+    for (uint32_t y = 0; y < SIDE; y++)
+        for (uint32_t x = 0; x < SIDE; x++) {
+            const double raw = (double)picture_raw(&p, x, y, HG_PATH_GUIDE_SPECULAR);
+            const double off = (double)picture_out(&p, x, y, HG_PATH_GUIDE_SPECULAR) / raw - 1.0;
+            if (raw > 1.0)
+                lost = fmax(lost, fabs(off));
+            else
+                worst = fmax(worst, fabs(off));
+        }
+    print_message("highlights: lamps %.1f %% off, around them %.1f %%\n", 1e2 * lost, 1e2 * worst);
+    assert_true(lost < 0.05 && worst < 0.1);
+    const size_t bytes = (size_t)SIDE * SIDE * HG_DENOISE_LIGHT * sizeof(float);
+    float *whole = malloc(bytes);
+    assert_non_null(whole);
+    memcpy(whole, p.out, bytes);
+    p.input.part_px = 33;
+    picture_denoise(&p, 2);
+    assert_memory_equal(p.out, whole, bytes);
+    free(whole);
+    picture_finish(&p);
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -409,6 +458,7 @@ int main(void)
         cmocka_unit_test(test_mirrors),
         cmocka_unit_test(test_curves),
         cmocka_unit_test(test_fireflies),
+        cmocka_unit_test(test_highlights),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_parts),
         cmocka_unit_test(test_sizes),

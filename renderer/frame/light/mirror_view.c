@@ -8,7 +8,7 @@
 #include "base/alloc.h"
 #include "base/clock.h"
 #include "renderer/frame/batch/recording.h"
-#include "renderer/host_shading/holes.h"
+#include "renderer/host_shading/caster.h"
 #include "renderer/math/matrix.h"
 #include "renderer/math/vec.h"
 #include "renderer/passes/probe_light.h"
@@ -29,7 +29,6 @@ void hg_mirror_view_finish(struct hg_gpu *gpu, struct hg_mirror_view *m)
 {
     hg_gpu_buffer_destroy(gpu, &m->rays);
     hg_gpu_buffer_destroy(gpu, &m->hits);
-    hg_gpu_buffer_destroy(gpu, &m->again);
     hg_gpu_buffer_destroy(gpu, &m->pixels);
     hg_mirror_points_finish(&m->points);
     hg_free(m->of);
@@ -98,7 +97,6 @@ static enum hg_status reserve(
         const char *name;
     } rows[] = {{&m->rays, HG_GPU_BUFFER_READBACK, WAVE * sizeof(struct hg_gpu_ray), "mirror rays"},
         {&m->hits, HG_GPU_BUFFER_READBACK, WAVE * sizeof(struct hg_gpu_hit), "mirror hits"},
-        {&m->again, HG_GPU_BUFFER_READBACK, WAVE * sizeof(uint32_t), "mirror rays through holes"},
         {&m->pixels, HG_GPU_BUFFER_UPLOAD, ids_at(m, HG_MIRROR_PLANES), "mirrored pixels"}};
     enum hg_status status = reserve_host(m, texels);
     if (status != HG_OK)
@@ -115,7 +113,7 @@ static uint64_t bytes_of(const struct hg_mirror_view *m)
                             (HG_MIRROR_PLANES * (ID_BYTES + DEPTH_BYTES + 1) + 16); // and light
     const uint64_t texel = 2 + HG_PROBE_LIGHT_PX * HG_PROBE_LIGHT_PX * sizeof *m->list;
     return images + m->texels * texel + m->rays.size_bytes + m->hits.size_bytes +
-           m->again.size_bytes + m->pixels.size_bytes + hg_mirror_points_bytes(&m->points);
+           m->pixels.size_bytes + hg_mirror_points_bytes(&m->points);
 }
 
 // --- rays ----------------------------------------------------------------------------------------
@@ -231,19 +229,16 @@ static uint32_t list_pixels(const struct work *w, uint32_t columns, uint32_t row
 
 static enum hg_status trace(struct work *w, uint32_t count, struct hg_error *err)
 {
-    struct hg_trace *trace = w->f->draw->reflections->world.trace;
+    struct hg_host_caster *caster = w->f->draw->reflections->world.caster;
     struct hg_jobs *jobs = w->f->draw->context->jobs;
     enum hg_status status = HG_OK;
+    uint32_t more;
     for (w->first = 0; w->first < count && status == HG_OK; w->first += WAVE) {
         w->count = count - w->first < WAVE ? count - w->first : WAVE;
         const struct hg_trace_wave wave = {
             .rays = &w->m->rays, .hits = &w->m->hits, .count = w->count, .coherent = true};
         hg_jobs_for(jobs, over(w->count, BLOCK), send_block, w);
-        status = hg_trace_closest(trace, &wave, err);
-        uint32_t more = 0;
-        if (status == HG_OK)
-            status = hg_host_pass_holes(
-                w->f->draw->reflections->world.surfaces, trace, &wave, &w->m->again, &more, err);
+        status = hg_host_cast(caster, &wave, &more, err);
         w->m->stats.rays += more;
         if (status == HG_OK)
             hg_jobs_for(jobs, over(w->count, BLOCK), receive_block, w);
@@ -381,7 +376,7 @@ enum hg_status hg_batch_look_into_mirrors(
     const uint64_t begin = hg_clock_now_ns();
     m->count = 0;
     m->stats = (struct hg_mirror_stats){0};
-    if (f->mirrors.mirrored == 0 || f->draw->reflections->world.trace == NULL ||
+    if (f->mirrors.mirrored == 0 || f->draw->reflections->world.caster == NULL ||
         (l->clustered != 0 && l->light_count > MOST_LIGHTS))
         return HG_OK;
     const enum hg_status status = look(f, light, surfaces, err);

@@ -33,7 +33,6 @@ struct hg_mirror_view {
     uint32_t *list;                  // pixels of one plane, those of a texel together
     uint32_t texels;                 // that there is memory for
     struct hg_gpu_buffer rays, hits; // of a part of the list
-    struct hg_gpu_buffer again;      // places of rays there that go on behind holes
     struct hg_gpu_buffer pixels;     // of each plane ids, depths
     struct hg_mirror_stats stats;
 };

@@ -98,7 +98,7 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
         hg_gi_world(view->scene_gpu->gi, view->gi.field, hg_gi_view_id(view), &r->world, err);
     if (status != HG_OK)
         return go_without(r, status, err);
-    if (r->world.trace == NULL)
+    if (r->world.caster == NULL)
         return HG_OK;
     hg_lighting_sources(view->lighting, &r->sources);
     r->share = hg_governor_choice(view).rays;
@@ -114,7 +114,7 @@ enum hg_status hg_reflect_view_step(struct hg_view_state *view, bool moves, stru
 
 bool hg_reflect_view_is_on(const struct hg_draw *draw)
 {
-    return draw->reflections->world.trace != NULL && hg_draw_is(draw, HG_DRAW_DIRECT);
+    return draw->reflections->world.caster != NULL && hg_draw_is(draw, HG_DRAW_DIRECT);
 }
 
 // --- in the middle of a picture ------------------------------------------------------------------
