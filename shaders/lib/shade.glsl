@@ -18,6 +18,7 @@ layout(constant_id = 3) const bool hg_background = false; // where nothing is; t
 #define HG_MATERIAL_COARSE_NORMALS HG_HAS2(HG_FEATURE2_GATHERED)
 
 #include "lib/frame.glsl"
+#include "lib/blend.glsl"
 #include "lib/tables.glsl"
 #ifdef HG_FRAME_FLAT
 #include "lib/flat.glsl"
@@ -324,9 +325,9 @@ vec4 bounded(vec4 color)
 // not looked at.
 vec4 layers(ivec2 pixel)
 {
-    uint at = hg_frame.blend.heads.v[uint(pixel.y) * hg_frame.width + uint(pixel.x)];
+    uint at = hg_blend_head(uvec2(pixel));
     vec4 front = vec4(0.0);
-    // Helper invocations have no list (node 0 is no surface), or an old one, which is beyond the area.
+    // Helper invocations may have an old list, which is beyond the area.
     for (uint left = uint(HG_BLEND_MAX_LAYERS); at != 0u && front.a < 1.0 && left > 0u; left--) {
         uvec2 id = uvec2(hg_frame.blend.nodes.v[at].draw, hg_frame.blend.nodes.v[at].primitive);
         float depth;

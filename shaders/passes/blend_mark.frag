@@ -4,7 +4,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_buffer_reference2 : require
 
-#include "lib/frame.glsl"
+#include "lib/blend.glsl"
 
 layout(push_constant, scalar) uniform hg_push
 {
@@ -20,7 +20,7 @@ void main()
         atomicMax(push.reports.v[push.report].nodes, hg_frame.blend.nodes.v[0].next);
         atomicAdd(push.reports.v[push.report].fragments, hg_frame.blend.nodes.v[0].draw);
     }
-    uint head = hg_frame.blend.heads.v[pixel.y * hg_frame.width + pixel.x];
+    uint head = hg_blend_head(pixel);
     if (head == 0u)
         discard;
     gl_FragDepth = hg_frame.blend.nodes.v[head].next != 0u ? 1.0 : 0.5;
