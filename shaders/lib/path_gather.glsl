@@ -102,17 +102,27 @@ bool hg_gather_ends_behind_glass(path p, hg_bsdf b, hg_surface s)
     return p.bounce > 0u && !through && !hg_gather_mirrors(hg_features_mirroring(b), s.roughness);
 }
 
-// At the first two surfaces of clear glass samples take turns between what it mirrors and what it lets through: every
+#define GLASS_FAINT 0.3 // throughput of paths that glass mirrored inside,
+#define GLASS_AGAIN 0.2 // and the least chance that it does so again
+
+// At the first surfaces of clear glass samples take turns between what it mirrors and what it lets through: every
 // second one, then every fourth one is mirrored, whatever Fresnel's share. That is small, and what is mirrored may be
-// bright: by chance it would be specks. Moves u.z to where that lobe is chosen; returns the chance of it, 0: u decides.
+// bright: by chance it would be specks. So would be what it mirrors inside more than once, which faint paths find.
+// Moves u.z to where that lobe is chosen; returns the chance of it, 0: u decides.
 float hg_gather_take_turn(path p, hg_bsdf b, inout vec3 u)
 {
     uint number = hg_path_sample(p.slot);
     float p_reflect = hg_bsdf_facet(b, b.v_ts.z).p_reflect;
     bool splits = b.delta && b.transmission > 0.0 && b.p_specular > 0.999 && p_reflect > 0.0 && p_reflect < 1.0;
-    if (!splits || p.bounce > 1u || hg_path.sample_bits < 1u + 2u * p.bounce)
+    if (splits && p.bounce > 1u && hg_max3(p.throughput) < GLASS_FAINT) {
+        float chance = clamp(p_reflect, GLASS_AGAIN, 1.0 - GLASS_AGAIN);
+        bool again = u.z < chance;
+        u.z = b.p_specular * 0.5 * (again ? p_reflect : 1.0 + p_reflect);
+        return again ? chance : 1.0 - chance;
+    }
+    if (!splits || hg_path.sample_bits < 1u + 2u * p.bounce)
         return 0.0;
-    bool mirrors = p.bounce == 0u ? (number & 1u) == 0u : ((number >> 1u) & 3u) == 0u;
+    bool mirrors = p.bounce == 0u ? (number & 1u) == 0u : ((number >> (2u * p.bounce - 1u)) & 3u) == 0u;
     float often = p.bounce == 0u ? 0.5 : 0.25;
     u.z = b.p_specular * 0.5 * (mirrors ? p_reflect : 1.0 + p_reflect);
     return mirrors ? often : 1.0 - often;

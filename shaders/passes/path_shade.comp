@@ -72,6 +72,7 @@ layout(local_size_x = HG_PATH_GROUP) in;
 #define CANDIDATES     2u // lights of which one gets a ray
 #define SEVERAL (HG_EMITTER_KIND_ALL & ~HG_EMITTER_KIND_SUN) // but a single directional light
 #define ROULETTE_AFTER 3u // bounces
+#define GLASS_ROULETTE_AFTER 8u
 #define ROULETTE_LEAST 0.05
 #define SPREAD_DIFFUSE 0.1 // radians that textures may be blurred by behind a diffuse surface
 
@@ -362,7 +363,9 @@ bool go_on(inout path p, hg_bsdf b, hg_vertex v, hg_surface s, vec3 u, float sur
     bool on = r.pdf > 0.0 && (through ? side < 0.0 : side > 0.0);
     p.throughput = hg_path_finite(p.throughput * r.weight);
     float most = max(p.throughput.r, max(p.throughput.g, p.throughput.b));
-    float chance = p.bounce >= ROULETTE_AFTER ? clamp(most * hg_path_branches(), ROULETTE_LEAST, 1.0) : 1.0;
+    // What glass shows is not filtered, and few of its paths go far.
+    uint after = HG_PATH_CAN(HG_PATH_GLASS) ? GLASS_ROULETTE_AFTER : ROULETTE_AFTER;
+    float chance = p.bounce >= after ? clamp(most * hg_path_branches(), ROULETTE_LEAST, 1.0) : 1.0;
     on = on && most > 0.0 && survive < chance;
     p.throughput /= chance;
     p.pdf = (r.lobe & HG_LOBE_DELTA) != 0u ? 0.0 : r.pdf;
