@@ -60,6 +60,12 @@ bool hg_gather_mirrors(vec3 mirrored, float roughness)
     return roughness < HG_GATHER_ROUGH && hg_max3(mirrored) > HG_GATHER_MIRRORS;
 }
 
+// Frosted glass is no end either, whatever its roughness: what it lets through comes from its other side.
+bool hg_gather_lets_through(hg_bsdf b, hg_surface s)
+{
+    return hg_gather_scatters_through(b) || (HG_HAS(HG_FEATURE_TRANSMISSION) && s.transmission > 0.0);
+}
+
 // For surfaces that are no mirrors.
 bool hg_gather_ends_at(path p, float t)
 {
@@ -77,10 +83,9 @@ bool hg_gather_is_mirrored(path p)
 
 bool hg_gather_ends(path p, hg_bsdf b, hg_surface s, float t)
 {
-    if (hg_gather_mirrors(hg_features_mirroring(b), s.roughness) || hg_gather_scatters_through(b))
+    if (hg_gather_mirrors(hg_features_mirroring(b), s.roughness) || hg_gather_lets_through(b, s))
         return p.bounce >= hg_path.max_bounces;
-    bool mirrored = hg_gather_is_mirrored(p) && s.transmission <= 0.0;
-    return p.bounce >= hg_path.max_bounces || mirrored || hg_gather_ends_at(p, t);
+    return p.bounce >= hg_path.max_bounces || hg_gather_is_mirrored(p) || hg_gather_ends_at(p, t);
 }
 
 // Drawn as a layer. Where nothing transmits, fragments of layers that hide all behind them are drawn as opaque ones.

@@ -137,22 +137,30 @@ vec3 position_at(ivec2 pixel, float depth)
                                               : hg_frame.camera.eye_ws + ray * depth;
 }
 
-// Radiance of what lies behind a layer's point, in a direction that was bent there, and after
-// `inside` metres of it leads on along `out_ws`: the opaque scene as this view has it, as far away as
-// it is at this pixel. Where the view does not have it, the environment, or what probes say that were looked at there.
-vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float roughness)
+#define FAR 1e4 // metres
+// The pixel that has a point; false: it is not in the picture.
+bool pixel_of(vec3 position_ws, out ivec2 pixel)
 {
-    ivec2 here = ivec2(hg_at);
-    float deep = texelFetch(hg_front, here, 0).a;
-    vec3 leaves = position_ws + in_ws * inside;
-    float reach =
-        abs(deep) < NOTHING ? max(dot(position_at(here, abs(deep)) - leaves, out_ws), 0.0) : 1e4;
-    vec3 to = leaves + out_ws * reach - hg_frame.camera.eye_ws;
-    vec4 clip = hg_frame.camera.view_proj * vec4(to, 0.0) + hg_frame.camera.proj[3];
+    vec4 clip = hg_frame.camera.view_proj * vec4(position_ws - hg_frame.camera.eye_ws, 0.0) + hg_frame.camera.proj[3];
     vec2 at = (clip.xy / max(clip.w, 1e-6) * 0.5 + 0.5) * vec2(hg_frame.width, hg_frame.height);
-    bool seen = clip.w > 0.0 && all(greaterThanEqual(at, vec2(0.0))) &&
+    pixel = ivec2(at);
+    return clip.w > 0.0 && all(greaterThanEqual(at, vec2(0.0))) &&
         all(lessThan(at, vec2(hg_frame.width, hg_frame.height)));
-    vec4 color = texelFetch(hg_front, seen ? ivec2(at) : here, 0);
+}
+
+// Radiance of what lies behind a layer's point, in a direction that was bent there, and after
+// `inside` metres of it leads on along `out_ws`: the opaque scene as this view has it, as far away as it is at
+// this pixel; with `spread`, for directions that differ much from pixel to pixel, as far as it is where they lead to.
+// Where the view does not have it, the environment, or what probes say that were looked at there.
+vec3 behind(vec3 position_ws, vec3 in_ws, float inside, vec3 out_ws, float roughness, bool spread)
+{
+    ivec2 here = ivec2(hg_at), from = here, at;
+    vec3 leaves = position_ws + in_ws * inside;
+    bool found = !spread || pixel_of(leaves + out_ws * FAR, from);
+    float deep = texelFetch(hg_front, found ? from : here, 0).a;
+    float reach = abs(deep) < NOTHING ? max(dot(position_at(from, abs(deep)) - leaves, out_ws), 0.0) : FAR;
+    bool seen = pixel_of(leaves + out_ws * reach, at) && found;
+    vec4 color = texelFetch(hg_front, seen ? at : here, 0);
     if (HG_HAS(HG_FEATURE_STREAM) && min(deep, color.a) < 0.0)
         hg_texture_coarser = max(hg_texture_coarser, 1u);
     // Rejects background samples that lie in front of the layer.
@@ -174,9 +182,16 @@ vec4 by_way_of_glass(ivec2 pixel)
     return vec4(sum.rgb / max(sum.a, 1e-6), sum.a);
 }
 
-// Light that comes through the surface from what lies behind it. Rough ones bend at a facet of their
-// own in each sample; a picture of one sample takes several.
-#define TRANSMITTED_TAPS 8u
+// Facets of rough glass that bend what is seen in this sample.
+uint transmitted_taps(hg_bsdf b)
+{
+    if (b.base.roughness < HG_DELTA_ROUGHNESS)
+        return 1u;
+    return hg_frame.sample_index == 0u ? 8u : (hg_frame.flags & HG_FRAME_MOTION) != 0u ? 4u : 1u;
+}
+
+// Light that comes through the surface from what lies behind it. Facets of a sample are of the R2 sequence (Roberts
+// 2018), from a random place on.
 vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
 {
     if (b.transmission <= 0.0)
@@ -189,9 +204,11 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
     if (HG_HAS2(HG_FEATURE2_PROBES)) // rooms do not show the environment outside of them
         hg_probes_look(v.position_ws + straight * thickness, -b.base.v, -b.base.v, -b.base.v, -b.base.v,
             hg_random3(uvec2(gl_FragCoord.xy), 14u));
-    uint taps = hg_frame.sample_index == 0u ? TRANSMITTED_TAPS : 1u, tap = 0u;
+    uint taps = transmitted_taps(b), tap = 0u;
+    bool spread = taps > 1u && (hg_frame.flags & HG_FRAME_MOTION) != 0u;
+    vec2 first_xi = hg_random3(uvec2(hg_at), 3u).xy;
     do {
-        vec2 xi = hg_random3(uvec2(hg_at), 3u + tap).xy;
+        vec2 xi = fract(first_xi + float(tap) * vec2(0.754877666, 0.569840296));
         vec3 h = hg_sample_aniso_vndf(b.v_ts, b.alpha, xi);
         h = b.base.roughness < HG_DELTA_ROUGHNESS ? vec3(0.0, 0.0, 1.0) : h;
         vec3 l = vec3(2.0 * dot(b.v_ts, h) * h.xy - b.v_ts.xy, 0.0);
@@ -201,7 +218,7 @@ vec3 transmitted(hg_bsdf b, hg_surface s, hg_vertex v)
         vec3 l_ws = normalize(b.t * l.x + b.s * l.y + b.base.n * l.z);
         // It leaves the other side as it came, but for what the facet turned it.
         vec3 out_ws = normalize((l_ws - straight) * (b.thin ? 1.0 : eta) - b.base.v);
-        sum += behind(v.position_ws, l_ws, thickness, out_ws, roughness);
+        sum += behind(v.position_ws, l_ws, thickness, out_ws, roughness, spread);
     } while (++tap < taps);
     vec3 mean = hg_bsdf_mean_reflectance(
         b, hg_bsdf_cosine(b, b.v_ts), b.base.dfg_v, b.eta, b.inside).dielectric;

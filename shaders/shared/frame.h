@@ -52,6 +52,8 @@ HG_SHARED_SIZE(hg_gpu_camera, 400);
 #define HG_FRAME_FINE           8u
 // Every second pixel of a row is shaded, into a picture half as wide (checkerboard.h).
 #define HG_FRAME_CHECKERBOARD   0x100u
+// The only sample of a picture in motion, which those before add to.
+#define HG_FRAME_MOTION         0x200u
 
 #define HG_FRAME_TONEMAP_ACES        0
 #define HG_FRAME_TONEMAP_AGX         1

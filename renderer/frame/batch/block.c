@@ -157,6 +157,7 @@ void hg_frame_fill(struct hg_draw *draw, uint32_t sample, bool jitter, uint32_t 
     f->flags |=
         draw->gathered != NULL && hg_lighting_has_sky_sun(draw->lighting) ? HG_FRAME_SUN_DISC : 0;
     f->flags |= hg_draw_is(draw, HG_DRAW_CHECKERBOARD) ? HG_FRAME_CHECKERBOARD : 0;
+    f->flags |= draw->request->moment > 0 ? HG_FRAME_MOTION : 0;
     f->flags |= s->ao != HG_VIEW_AO_NONE ? HG_FRAME_OCCLUSION : 0;
     f->flags |= draw->gathered != NULL ? HG_FRAME_FINE : 0;
     hg_lighting_fill(draw->lighting, sample, &f->lighting);
