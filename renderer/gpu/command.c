@@ -2,8 +2,11 @@
 #include <string.h>
 
 #include "base/alloc.h"
+#include "base/clock.h"
 #include "base/log.h"
 #include "renderer/gpu/internal.h"
+
+#define WAIT_SLICE_NS 1000000000u
 
 static enum hg_status init_slot(struct hg_gpu *gpu, struct hg_gpu_cmd *slot, struct hg_error *err)
 {
@@ -170,6 +173,25 @@ uint32_t hg_gpu_stage_times(
     return gpu->times.count;
 }
 
+bool hg_gpu_is_stuck(bool is_cpu, uint64_t waited_ns, uint64_t used_ns)
+{
+    if (waited_ns < HG_GPU_WAIT_NS)
+        return false;
+    return !is_cpu || used_ns >= HG_GPU_WAIT_NS / 2 || waited_ns >= 10 * HG_GPU_WAIT_NS;
+}
+
+static VkResult wait_for_timeline(const struct hg_gpu *gpu, const VkSemaphoreWaitInfo *info)
+{
+    const uint64_t begin_ns = hg_clock_now_ns(), begin_cpu_ns = hg_clock_cpu_ns();
+    VkResult result;
+    do {
+        result = vkWaitSemaphores(gpu->device, info, WAIT_SLICE_NS);
+    } while (
+        result == VK_TIMEOUT && !hg_gpu_is_stuck(gpu->caps.is_cpu, hg_clock_now_ns() - begin_ns,
+                                    hg_clock_cpu_ns() - begin_cpu_ns));
+    return result;
+}
+
 enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *err)
 {
     if (gpu->lost)
@@ -179,8 +201,9 @@ enum hg_status hg_gpu_wait(struct hg_gpu *gpu, uint64_t value, struct hg_error *
             .semaphoreCount = 1,
             .pSemaphores = &gpu->batches.timeline,
             .pValues = &value};
-        enum hg_status status =
-            HG_VK(gpu, err, vkWaitSemaphores, gpu->device, &info, HG_GPU_WAIT_NS);
+        const VkResult result =
+            hg_gpu_call_fails(&(VkResult){0}) ? hg_gpu_injected() : wait_for_timeline(gpu, &info);
+        enum hg_status status = hg_gpu_check(gpu, result, "vkWaitSemaphores", err);
         if (status != HG_OK)
             return status;
         gpu->batches.completed = value;

@@ -234,6 +234,10 @@ void hg_gpu_memory_give(struct hg_gpu *gpu, struct hg_gpu_memory *memory);
 void hg_gpu_memory_finish(struct hg_gpu *gpu);
 
 // command.c
+// Whether a wait of waited_ns, in which the process had used_ns of processor time, is for a device
+// that is lost. A software rasteriser that is given no processor time is not: it has to have used
+// half of HG_GPU_WAIT_NS, or to have been waited for ten times as long.
+bool hg_gpu_is_stuck(bool is_cpu, uint64_t waited_ns, uint64_t used_ns);
 enum hg_status hg_gpu_commands_init(struct hg_gpu *gpu, struct hg_error *err) HG_MUST_CHECK;
 void hg_gpu_commands_finish(struct hg_gpu *gpu);
 void hg_gpu_retire(struct hg_gpu *gpu, const struct hg_gpu_retired *object);

@@ -14,7 +14,7 @@
 #include "base/alloc.h"
 #include "base/file.h"
 #include "base/log.h"
-#include "renderer/gpu/gpu.h"
+#include "renderer/gpu/internal.h"
 #include "tests/support/check.h"
 #include "tests/support/folder.h"
 
@@ -347,6 +347,18 @@ static void test_device_lost(void **state)
 }
 
 // Shaders from a folder: a good tree works, a broken line is named.
+static void test_stuck(void **state)
+{
+    (void)state;
+    const uint64_t limit_ns = HG_GPU_WAIT_NS;
+    assert_false(hg_gpu_is_stuck(false, limit_ns - 1, 0));
+    assert_true(hg_gpu_is_stuck(false, limit_ns, 0));
+    assert_false(hg_gpu_is_stuck(true, limit_ns - 1, 4 * limit_ns));  // many threads
+    assert_false(hg_gpu_is_stuck(true, 5 * limit_ns, limit_ns / 10)); // starved
+    assert_true(hg_gpu_is_stuck(true, limit_ns, limit_ns / 2));
+    assert_true(hg_gpu_is_stuck(true, 10 * limit_ns, 0)); // a deadlock
+}
+
 static void test_shader_dir(void **state)
 {
     (void)state;
@@ -399,6 +411,7 @@ int main(void)
         cmocka_unit_test(test_no_such_device),
         cmocka_unit_test(test_failing_calls),
         cmocka_unit_test(test_device_lost),
+        cmocka_unit_test(test_stuck),
         cmocka_unit_test(test_shader_dir),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -16,7 +16,8 @@
 #include "client/cli/bench/bench_share.h"
 #include "client/cli/viewer.h"
 
-enum { MOST = 64, MOST_COUNTS = 16, TOKEN_BYTES = 32, BESIDE = 4, WARM_FRAMES = 5 };
+enum { MOST = 64, MOST_COUNTS = 16, TOKEN_BYTES = 32, BESIDE = 4 };
+enum { WARM_FRAMES = 5, WARM_FILM_FRAMES = 3 }; // of a film: of 1, 2 and 4 samples
 #define SLICE_NS 200000000u // of waiting for one viewer, after which the others are read
 #define PART_S   1.0        // of a window, after which progress is said
 #define WARM_S   1.0
@@ -231,6 +232,15 @@ static double count_frames(const struct many *m, uint64_t *least)
     return count ? (double)sum / count : 0;
 }
 
+// Whether each path-traced film has drawn some frames: the first ones compile its kernels.
+static bool films_are_warm(const struct many *m)
+{
+    for (uint32_t i = 0; i < m->seat_count; i++)
+        if (m->seats[i].kind == FILM && m->seats[i].viewer.frames < WARM_FILM_FRAMES)
+            return false;
+    return true;
+}
+
 static void forget_frames(struct many *m)
 {
     for (uint32_t i = 0; i < m->seat_count; i++)
@@ -245,13 +255,14 @@ static enum hg_status warm_up(struct many *m, struct hg_error *err)
     uint64_t least = 0;
     enum hg_status status = HG_OK;
     forget_frames(m);
-    while (!status && least < WARM_FRAMES) {
+    while (!status && (least < WARM_FRAMES || !films_are_warm(m))) {
         say(m, least, WARM_FRAMES, "%u viewers: frames to warm up", m->seat_count);
         status = check_time(m, err);
         if (!status && hg_clock_now_ns() >= until_ns)
             return hg_error_set(err, HG_E_TIMEOUT, "bench many", NULL,
-                "one of %u viewers drew %llu frames in motion within %.0f s", m->seat_count,
-                (unsigned long long)least, (double)m->wait_ns * 1e-9);
+                "one of %u viewers drew %llu frames in motion within %.0f s%s", m->seat_count,
+                (unsigned long long)least, (double)m->wait_ns * 1e-9,
+                films_are_warm(m) ? "" : ", a film less than 4 samples");
         if (!status)
             status = run_all(m, WARM_S, err);
         count_frames(m, &least);
@@ -339,13 +350,24 @@ static enum hg_status ask_stats(
                   : hg_error_set(err, HG_E_FORMAT, "bench many", NULL, "no statistics came");
 }
 
+// What the governor left of a viewer's newest picture in motion: equal shares of time are equal
+// frames per second only where these are equal.
+static json_t *quality_of(const json_t *stats)
+{
+    static const char *const keys[] = {"width", "height", "probe_rays", "error_factor"};
+    json_t *out = json_object();
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        json_object_set(out, keys[i], json_object_get(json_object_get(stats, "motion"), keys[i]));
+    return out;
+}
+
 // Resident memory of the worker, and of it the render targets of the viewers that move. With
 // `apart` each of them has a worker of its own; else it is what the first answer says, as views
 // that are not moved for a tenth of a second begin to refine, which takes memory of the scene.
-static enum hg_status add_memory(struct many *m, bool apart, json_t *to, struct hg_error *err)
+static enum hg_status add_state(struct many *m, bool apart, json_t *to, struct hg_error *err)
 {
     json_int_t resident = 0, targets = 0, device = 0, atlas = 0;
-    json_t *each_resident = json_array(), *each_target = json_array();
+    json_t *each_resident = json_array(), *each_target = json_array(), *quality = json_array();
     enum hg_status status = HG_OK;
     for (uint32_t i = 0; i < m->seat_count && !status; i++) {
         json_t *stats = NULL;
@@ -367,12 +389,14 @@ static enum hg_status add_memory(struct many *m, bool apart, json_t *to, struct 
         }
         json_array_append_new(each_resident, json_integer(rss));
         json_array_append_new(each_target, json_integer(own));
+        json_array_append_new(quality, quality_of(stats));
         json_decref(stats);
     }
     json_object_set_new(to, "workers_rss_bytes", json_integer(resident));
     json_object_set_new(to, "target_bytes", json_integer(targets));
     json_object_set_new(to, "device_bytes", json_integer(device));
     json_object_set_new(to, "shadow_atlas_bytes", json_integer(atlas));
+    json_object_set_new(to, "quality", quality);
     if (apart) {
         json_object_set(to, "worker_rss_bytes_each", each_resident);
         json_object_set(to, "target_bytes_each", each_target);
@@ -394,7 +418,7 @@ static enum hg_status measure(
     if (status)
         return status;
     json_t *numbers = rates(m, mean);
-    status = add_memory(m, apart, numbers, err);
+    status = add_state(m, apart, numbers, err);
     if (status) {
         json_decref(numbers);
         return status;
