@@ -342,11 +342,11 @@ export class View extends EventTarget {
 
     // A frame that cannot be decoded: a key frame is asked for, once. Those under way fail with it
     // until the key frame comes, which is the next attempt; after some of them in a row the server
-    // takes the next encoding of the list.
+    // takes the next encoding of the list. What a key frame has replaced did not fail.
     onFailed(frame, error) {
         const { encoding } = frame;
         this.giveCredit(frame);
-        if (this.awaitsKey.has(encoding) && frame.depends !== undefined)
+        if (error.isReplaced || (this.awaitsKey.has(encoding) && frame.depends !== undefined))
             return;
         const count = (this.failures.get(encoding) ?? 0) + 1;
         const isOver = count >= FAILURES;

@@ -380,6 +380,7 @@ async function makeView() {
     };
     globalThis.location = new URL("http://127.0.0.1:8080/");
     globalThis.VideoDecoder = HeldDecoder;
+    globalThis.ImageData ??= class {};
     globalThis.EncodedVideoChunk = class {
         constructor(chunk) {
             Object.assign(this, chunk);
@@ -389,12 +390,15 @@ async function makeView() {
     const connection = Object.assign(new EventTarget(), { sent: [], toPageTime: () => null,
         send: (name, fields) => connection.sent.push({ name, ...fields }) });
     const view = new View(connection, { getContext: () => context, dataset: {}, width: 64, height: 64 });
-    const frame = (number, depends) => view.onFrame({ begun_ms: 0, received_ms: 1, frame: { view: 1, number, depends,
-        encoding: "H264", codec: "avc1.42E01F", width: 64, height: 64, data: new Uint8Array(4), input_seq: 0n } });
+    const frame = (number, depends, other = {}) => view.onFrame({ begun_ms: 0, received_ms: 1, frame: { view: 1, number,
+        depends, encoding: "H264", codec: "avc1.42E01F", width: 64, height: 64, data: new Uint8Array(4), input_seq: 0n,
+        ...other } });
     const keys = () => connection.sent.filter((m) => m.name === "key_frame");
     const taken = () => connection.sent.filter((m) => m.name === "taken").map((m) => m.number);
     const queue = () => new Promise((done) => setTimeout(done)).then(() => view.painter.queue);
-    return { view, frame, keys, taken, queue };
+    const shown = [];
+    view.addEventListener("shown", (e) => shown.push(e.detail.frame.number));
+    return { view, frame, keys, taken, queue, shown };
 }
 
 test("one hiccup of a decoder asks for one key frame and keeps the codec", async () => {
@@ -428,4 +432,80 @@ test("a codec of which three key frames fail is left", async () => {
     }
     assert.deepEqual(keys().map((m) => m.failed), [undefined, undefined, 9]);
     assert.equal(troubles, 1);
+});
+
+// ---- key frames that come while others are in the decoder ------------------------------------------
+
+const turns = async (count = 20) => {
+    for (let i = 0; i < count; i++)
+        await new Promise((done) => setImmediate(done));
+};
+
+test("frames in a decoder that one of another size or codec replaces hold nothing up", async (t) => {
+    t.mock.timers.enable({ apis: ["setTimeout"] });
+    const { view, frame, keys, taken, shown } = await makeView();
+    let troubles = 0;
+    view.addEventListener("trouble", () => troubles++);
+    const small = {}, large = { width: 80, height: 80 };
+    const av1 = { ...large, encoding: "AV1", codec: "av01.0.08M.08" };
+    let n = 0;
+    for (const other of [large, av1, large, small, large, av1]) { // more often than a codec may fail
+        if (n === 0)
+            frame(++n, undefined, small);
+        const old = HeldDecoder.newest;
+        frame(++n, 1, { ...other }); // stays in the decoder
+        frame(++n, undefined, other);
+        assert.notEqual(HeldDecoder.newest, old);
+        assert.equal(old.state, "closed");
+        old.error(new Error("of a decoder that is closed"));
+        old.show(); // too late as well
+    }
+    frame(++n, 1, av1);
+    HeldDecoder.newest.show();
+    await turns();
+    assert.deepEqual(shown, [n - 1, n]);
+    assert.deepEqual(taken(), Array.from({ length: n }, (_, i) => i + 1));
+    const { newest } = HeldDecoder;
+    t.mock.timers.tick(10000); // of those that were replaced
+    assert.equal(newest.state, "configured");
+    frame(++n, 1, av1);
+    newest.show();
+    await turns();
+    assert.equal(shown.at(-1), n);
+    assert.deepEqual([keys(), troubles], [[], 0]);
+});
+
+test("a decoder that refuses a frame is replaced, and the next one has time of its own", async (t) => {
+    t.mock.timers.enable({ apis: ["setTimeout"] });
+    const { frame, keys, taken, shown } = await makeView();
+    frame(1);
+    frame(2, 1);
+    HeldDecoder.newest.state = "closed"; // by the browser
+    HeldDecoder.newest.decode = () => { throw new Error("closed"); };
+    frame(3, 1);
+    await turns();
+    assert.deepEqual(taken(), [1, 2, 3]);
+    assert.deepEqual(keys(), [{ name: "key_frame", view: 1 }]);
+    t.mock.timers.tick(2000);
+    frame(4);
+    const { newest } = HeldDecoder;
+    t.mock.timers.tick(2000);
+    assert.equal(newest.state, "configured");
+    newest.show();
+    await turns();
+    assert.deepEqual(shown, [4]);
+    frame(5, 1);
+    t.mock.timers.tick(3000);
+    await turns();
+    assert.equal(newest.state, "closed", "one that is stuck is given up");
+    assert.deepEqual(taken(), [1, 2, 3, 4, 5]);
+});
+
+test("frames of another session, whose numbers begin again, are told apart in a decoder", async () => {
+    const { frame, shown, queue } = await makeView();
+    frame(1);
+    frame(1); // the same size: the decoder goes on
+    HeldDecoder.newest.show();
+    await queue();
+    assert.deepEqual(shown, [1, 1]);
 });
