@@ -278,6 +278,36 @@ test("progress has numbers where they are known", () => {
     assert.deepEqual(describeProgress({ stage: "parsing", done: 0n, total: 0n }), ["parsing", null]);
 });
 
+test("tickets of a link that was not copied are revoked when another one takes their place", async () => {
+    const { LinkTicket } = await load("share.js");
+    const calls = [], shown = [];
+    let made = 0, refused = "";
+    const connection = { async call(name, message) {
+        calls.push(name === "join_make" ? `make ${message.role}` : `revoke ${message.ticket}`);
+        if (refused === name)
+            throw new RequestError({ code: 3, reason: "as many as it may" });
+        return name === "join_make" ? { ticket: ++made, secret: `secret ${made}` } : {};
+    } };
+    const ticket = new LinkTicket(connection, (access) => shown.push([access, ticket.secret]));
+    await ticket.change("view");
+    await ticket.change("edit");
+    assert.deepEqual(calls.splice(0), ["make VIEW", "revoke 1", "make EDIT"]);
+    assert.deepEqual(shown.splice(0), [["none", ""], ["view", "secret 1"], ["none", ""], ["edit", "secret 2"]]);
+    ticket.keep();
+    await ticket.change("view");
+    ticket.change("edit"); // the dialog is closed before the answer
+    await ticket.change("none");
+    assert.deepEqual(calls.splice(0), ["make VIEW", "revoke 3", "make EDIT", "revoke 4"]);
+    assert.equal(ticket.secret, "");
+    refused = "join_make";
+    await assert.rejects(ticket.change("view"), /as many/);
+    assert.equal(shown.at(-1)[0], "none");
+    refused = "join_revoke"; // by an administrator before
+    await ticket.change("view");
+    await ticket.change("none");
+    assert.deepEqual(calls, ["make VIEW", "make VIEW", "revoke 5"]);
+});
+
 // ---- reprojection --------------------------------------------------------------------------------
 
 const { decodeDepth, warpMatrix, warpPoint } = await load("warp.js");
