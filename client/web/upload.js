@@ -20,6 +20,8 @@ const baseOf = (path) => path.slice(path.lastIndexOf("/") + 1);
 
 const refuse = (what, reason) =>
     new RequestError({ status: "unsupported", what, reason });
+const unreadable = (what) => new RequestError({ status: "not-found", what,
+    reason: "the browser cannot read it; it may have been moved or changed since it was chosen" });
 
 // ---- files of a drop ---------------------------------------------------------------------------
 
@@ -99,8 +101,7 @@ async function gltfParts(main, files) {
         if (error instanceof RequestError)
             throw error;
         if (error instanceof DOMException)
-            throw new RequestError({ status: "not-found", what: main.path,
-                reason: "the browser cannot read it; it may have been moved or changed since it was chosen" });
+            throw unreadable(main.path);
         throw new RequestError({ status: "format", what: main.path, reason: "not JSON" });
     }
     const missing = [], parts = [];
@@ -146,22 +147,31 @@ export async function choose(files) {
 
 // ---- to the daemon -----------------------------------------------------------------------------
 
-async function hashFile(part) {
-    if (part.file.size > FILE_LIMIT_BYTES)
-        throw new RequestError({ status: "limit", what: part.uri, limit: "2 GiB for each file",
+// Of a file, or of a piece of one.
+async function bytesOf(blob, what) {
+    try {
+        return new Uint8Array(await blob.arrayBuffer());
+    } catch {
+        throw unreadable(what);
+    }
+}
+
+// Its bytes are read again to be sent: those of all files together may be more than a page may have.
+async function hashFile({ uri, file }) {
+    if (file.size > FILE_LIMIT_BYTES)
+        throw new RequestError({ status: "limit", what: uri, limit: "2 GiB for each file",
             reason: "a browser cannot read more at once; "
                 + "load it from an asset folder of the server" });
-    part.bytes = new Uint8Array(await part.file.arrayBuffer());
-    part.hash = await sha256(part.bytes);
+    return sha256(await bytesOf(file, uri));
 }
 
 const pause = () => new Promise((done) => setTimeout(done, 10));
 
 async function send(connection, part, onBytes) {
-    const total = part.bytes.length;
+    const total = part.file.size;
     let answer;
     for (let offset = 0; offset === 0 || offset < total; offset += PIECE_BYTES) {
-        const data = part.bytes.subarray(offset, offset + PIECE_BYTES);
+        const data = await bytesOf(part.file.slice(offset, offset + PIECE_BYTES), part.uri);
         const message = { hash: part.hash, total: BigInt(total), offset: BigInt(offset), data };
         const isLast = offset + PIECE_BYTES >= total;
         while (connection.backlog_bytes > BACKLOG_BYTES)
@@ -192,16 +202,14 @@ async function missing(connection, parts) {
 export async function upload(connection, parts, onProgress) {
     onProgress("Reading files", null);
     for (const part of parts)
-        await hashFile(part);
+        part.hash = await hashFile(part);
     const unknown = await missing(connection, parts);
-    const total = unknown.reduce((sum, p) => sum + p.bytes.length, 0);
+    const total = unknown.reduce((sum, p) => sum + p.file.size, 0);
     let done = 0;
     for (const part of unknown)
         await send(connection, part, (bytes) => {
             done += bytes;
             onProgress("Sending files", total ? done / total : null);
         });
-    for (const part of parts)
-        part.bytes = null;
     return parts.map(({ uri, hash }) => ({ uri, hash }));
 }

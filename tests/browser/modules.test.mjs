@@ -221,6 +221,43 @@ test("missing, foreign and broken files are refused by name", async () => {
         (e) => e.status === "unsupported");
 });
 
+test("of files that are sent one is held at a time, and pieces of it while it goes", async () => {
+    const { upload } = await load("upload.js");
+    const MIB = 1 << 20;
+    let whole = 0;
+    const make = (uri, bytes) => {
+        const file = new File([bytes], uri), read = file.arrayBuffer;
+        file.arrayBuffer = () => { whole++; return read.call(file); };
+        return { uri, file };
+    };
+    const large = Uint8Array.from({ length: 2.5 * MIB }, (_, i) => i * i >> 4 & 255);
+    const parts = [make("large", large), make("same", large), make("empty", new Uint8Array()), make("known", new Uint8Array(9))];
+    const sent = new Map();
+    const connection = { backlog_bytes: 0, send: (name, { hash, offset, total, data }) => {
+        const key = hash.join(), before = sent.get(key) ?? Buffer.alloc(0);
+        sent.set(key, Buffer.concat([before, data]));
+        assert.ok(data.length <= MIB && Number(offset) === before.length && total === BigInt(total ? large.length : 0));
+        return true;
+    }, call: async (name, message) => {
+        if (name === "upload")
+            return connection.send(name, message);
+        const held = parts.flatMap((p) => Object.values(p)).filter((v) => v?.byteLength > 32);
+        assert.deepEqual(held, []);
+        return { have: message.contents.map((_, i) => ({ value: i === 2 })) };
+    } };
+    const progress = [];
+    const files = await upload(connection, parts, (text, share) => progress.push(share));
+    assert.deepEqual(files.map((f) => f.uri), ["large", "same", "empty", "known"]);
+    assert.deepEqual(files[0].hash, files[1].hash);
+    assert.equal(whole, parts.length);
+    assert.deepEqual([...sent.values()].map((s) => s.length), [large.length, 0]);
+    assert.ok(sent.get(files[0].hash.join()).equals(large));
+    assert.equal(progress.at(-1), 1);
+    const gone = { size: 9, arrayBuffer: () => Promise.reject(new DOMException("", "NotReadableError")) };
+    await assert.rejects(upload(connection, [{ uri: "gone", file: gone }], () => {}),
+        (e) => e.status === "not-found" && /cannot read it/.test(e.message));
+});
+
 test("errors say which limit it was and when to try again", () => {
     const text = describeError(new RequestError({ code: 3, what: "view 1", where: "width",
         reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
