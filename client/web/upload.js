@@ -84,18 +84,33 @@ const resolve = (folder, uri) => {
     return parts.join("/");
 };
 
-async function glbDocument(file) {
+async function glbDocument({ path, file }) {
     const head = new DataView(await file.slice(0, 20).arrayBuffer());
     if (head.byteLength < 20 || head.getUint32(0, true) !== 0x46546c67)
-        throw refuse(file.name, "this is not a GLB file");
+        throw refuse(path, "this is not a GLB file");
     const size = head.getUint32(12, true);
     return JSON.parse(await file.slice(20, 20 + Math.min(size, file.size)).text());
+}
+
+// The server unpacks all but glTF.
+async function unpack({ path, file }) {
+    if (ending(path) !== "gz")
+        return { path, file };
+    if (typeof DecompressionStream !== "function")
+        throw refuse(path, "unpack it first: this browser cannot");
+    try {
+        const stream = file.stream().pipeThrough(new DecompressionStream("gzip"));
+        return { path: path.slice(0, -3), file: await new Response(stream).blob() };
+    } catch (error) {
+        throw error instanceof DOMException ? unreadable(path)
+            : new RequestError({ status: "format", what: path, reason: "damaged, or not a gzip file" });
+    }
 }
 
 async function gltfParts(main, files) {
     let document;
     try {
-        document = unpackedEnding(main.path) === "glb" ? await glbDocument(main.file)
+        document = ending(main.path) === "glb" ? await glbDocument(main)
             : JSON.parse(await main.file.text());
     } catch (error) {
         if (error instanceof RequestError)
@@ -136,13 +151,15 @@ export async function choose(files) {
     if (!scene)
         throw refuse(files[0]?.path ?? "drop",
             `this is neither a scene (${SCENES.join(", ")}) nor a height map (${HEIGHTS.join(", ")})`);
-    const folder = folderOf(scene.path);
-    const parts = ["glb", "gltf"].includes(unpackedEnding(scene.path)) ? await gltfParts(scene, files)
+    const isGltf = ["glb", "gltf"].includes(unpackedEnding(scene.path));
+    const main = isGltf ? await unpack(scene) : scene;
+    const folder = folderOf(main.path);
+    const parts = isGltf ? await gltfParts(main, files)
         : files.filter((f) => f !== scene && f.path.startsWith(folder))
             .map((f) => ({ uri: f.path.slice(folder.length), file: f.file }));
     const others = files.filter((f) => f !== scene && SCENES.includes(unpackedEnding(f.path))).map((f) => baseOf(f.path));
-    return { kind: "scene", name: baseOf(scene.path), others,
-        files: [{ uri: baseOf(scene.path), file: scene.file }, ...parts] };
+    return { kind: "scene", name: baseOf(main.path), others,
+        files: [{ uri: baseOf(main.path), file: main.file }, ...parts] };
 }
 
 // ---- to the daemon -----------------------------------------------------------------------------

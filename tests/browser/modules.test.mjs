@@ -258,6 +258,30 @@ test("of files that are sent one is held at a time, and pieces of it while it go
         (e) => e.status === "not-found" && /cannot read it/.test(e.message));
 });
 
+test("glTF that is gzipped is unpacked, as the server reads it as it is only", async () => {
+    const packed = (path, bytes) => ({ path, file: new File([gzipSync(bytes)], path) });
+    const text = JSON.stringify({ buffers: [{ uri: "a.bin" }] });
+    const bin = { path: "m/a.bin", file: new File(["1"], "a.bin") };
+    const chosen = await choose([packed("m/a.gltf.GZ", text), bin]);
+    assert.deepEqual([chosen.name, ...chosen.files.map((f) => f.uri)], ["a.gltf", "a.gltf", "a.bin"]);
+    assert.equal(await chosen.files[0].file.text(), text);
+    const glb = Buffer.alloc(20);
+    [0x46546c67, 2, 20 + text.length, text.length, 0x4e4f534a].forEach((v, i) => glb.writeUInt32LE(v, 4 * i));
+    const binary = await choose([packed("m/a.glb.gz", Buffer.concat([glb, Buffer.from(text)])), bin]);
+    assert.deepEqual(binary.files.map((f) => f.uri), ["a.glb", "a.bin"]);
+    assert.equal(binary.files[0].file.size, 20 + text.length);
+    for (const name of ["a.gltf.gz", "a.glb.gz"])
+        await assert.rejects(choose([{ path: name, file: new File(["not gzip"], name) }]),
+            (e) => e.status === "format" && e.what === name && /not a gzip file/.test(e.message));
+    const { DecompressionStream } = globalThis;
+    globalThis.DecompressionStream = undefined;
+    try {
+        await assert.rejects(choose([packed("a.gltf.gz", "{}")]), (e) => /unpack it first/.test(e.message));
+    } finally {
+        globalThis.DecompressionStream = DecompressionStream;
+    }
+});
+
 test("errors say which limit it was and when to try again", () => {
     const text = describeError(new RequestError({ code: 3, what: "view 1", where: "width",
         reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
