@@ -18,6 +18,9 @@ const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to 
 const DEFAULT_VFOV_RAD = Math.PI / 4; // of view_fit
 const FAILURES = 3; // key frames of one encoding before the next of the list takes its place
 
+// Samples of a picture by settings that may not say it.
+export const samplesOf = ({ mode, samples }) => samples ?? (mode === "PATH" ? 256 : 32);
+
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
 export class View extends EventTarget {
@@ -115,7 +118,8 @@ export class View extends EventTarget {
     }
 
     settings() {
-        return { view: VIEW, width: this.width, height: this.height, names: 1, ...this.params };
+        return { view: VIEW, width: this.width, height: this.height, names: 1,
+            samples: samplesOf(this.params), ...this.params };
     }
 
     // ---- settings ------------------------------------------------------------------------------

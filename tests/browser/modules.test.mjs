@@ -525,6 +525,16 @@ test("a codec of which three key frames fail is left", async () => {
     assert.equal(troubles, 1);
 });
 
+test("a view has the samples that the panel shows, whether its link says them or not", async () => {
+    const { view } = await makeView();
+    const { samplesOf } = await load("view.js");
+    for (const [params, samples] of [[{}, 32], [{ mode: "PATH" }, 256], [{ mode: "PATH", samples: 5 }, 5]]) {
+        view.params = params;
+        assert.deepEqual([view.settings().samples, samplesOf(params)], [samples, samples]);
+    }
+    assert.doesNotMatch(readFileSync(join(web, "panels.js"), "utf8"), /params\.samples/);
+});
+
 // ---- key frames that come while others are in the decoder ------------------------------------------
 
 const turns = async (count = 20) => {
