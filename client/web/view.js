@@ -18,6 +18,16 @@ const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to 
 const DEFAULT_VFOV_RAD = Math.PI / 4; // of view_fit
 const FAILURES = 3; // key frames of one encoding before the next of the list takes its place
 
+const [NORMAL, POSITION, NODE] = [2, 4, 8]; // of surface_query.what
+
+// The answer to surface_query for one pixel; null: nothing is there.
+function surfaceOf(data) {
+    const view = new DataView(data.buffer, data.byteOffset, data.length);
+    const vector = (at) => [0, 4, 8].map((i) => view.getFloat32(at + i, true));
+    const node = view.getBigUint64(24, true);
+    return node ? { normal: vector(0), position: vector(12), node } : null;
+}
+
 // Samples of a picture by settings that may not say it.
 export const samplesOf = ({ mode, samples }) => samples ?? (mode === "PATH" ? 256 : 32);
 
@@ -419,6 +429,22 @@ export class View extends EventTarget {
     async pick(x, y) {
         const picked = await this.connection.call("pick", { view: VIEW, ...this.toPixel(x, y) });
         return picked.hit ? picked : null;
+    }
+
+    // { position, normal, node } at a place of the frame that is shown; null: nothing. Where that frame shows a
+    // state that the view has left, or it is reprojected, of the newest one.
+    async surface(x, y) {
+        if (!this.frame || this.isReprojected)
+            return this.pick(x, y);
+        try {
+            const { data } = await this.connection.call("surface_query", { view: VIEW, ...this.toPixel(x, y),
+                width: 1, height: 1, what: NORMAL | POSITION | NODE, frame: this.frame.number });
+            return surfaceOf(data);
+        } catch (error) {
+            if (error.status !== "state")
+                throw error;
+            return this.pick(x, y);
+        }
     }
 
     // A settled picture as a PNG file. signal (AbortSignal): the server renders nothing more for it.

@@ -535,6 +535,39 @@ test("a view has the samples that the panel shows, whether its link says them or
     assert.doesNotMatch(readFileSync(join(web, "panels.js"), "utf8"), /params\.samples/);
 });
 
+test("measures and notes ask for the frame that is shown, and for the newest one where that is gone", async () => {
+    const { view } = await makeView();
+    const calls = [];
+    let refusal = 0, node = 7n;
+    view.connection.call = async (name, message) => {
+        calls.push([name, message.frame]);
+        if (name === "pick")
+            return { hit: true, node: 9n };
+        if (refusal)
+            throw new RequestError({ code: refusal, reason: "refused" });
+        const data = new DataView(new ArrayBuffer(33), 1); // as it stands in a message: anywhere
+        [0, 0.5, -1, 1.25, 2, -3].forEach((v, i) => data.setFloat32(4 * i, v, true));
+        data.setBigUint64(24, node, true);
+        const { x, y, width, height, what } = message;
+        assert.deepEqual([x, y, width, height, what], [32, 16, 1, 1, 14]);
+        return { what, data: new Uint8Array(data.buffer, 1) };
+    };
+    assert.equal((await view.surface(0.5, 0.25)).node, 9n); // there is no frame yet
+    view.frame = { number: 41n };
+    assert.deepEqual(await view.surface(0.5, 0.25), { normal: [0, 0.5, -1], position: [1.25, 2, -3], node: 7n });
+    node = 0n;
+    assert.equal(await view.surface(0.5, 0.25), null);
+    const { status } = await load("hgp.js");
+    refusal = status.state;
+    assert.equal((await view.surface(0.5, 0.25)).node, 9n);
+    refusal = status.limit;
+    await assert.rejects(view.surface(0.5, 0.25), (e) => e.status === "limit");
+    view.isReprojected = true; // what is seen is no frame
+    await view.surface(0.5, 0.25);
+    assert.deepEqual(calls.map((c) => c.join(" ").trim()), ["pick", "surface_query 41", "surface_query 41", "surface_query 41", "pick",
+        "surface_query 41", "pick"]);
+});
+
 // ---- key frames that come while others are in the decoder ------------------------------------------
 
 const turns = async (count = 20) => {
