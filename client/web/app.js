@@ -15,7 +15,7 @@ import { share, takePicture } from "./share.js";
 import { Curtain, Panels, Status, VIEWS, askToken, menuButton, showHelp } from "./shell.js";
 import { Stats } from "./stats.js";
 import { Timeline } from "./timeline.js";
-import { View } from "./view.js";
+import { View, samplesOf } from "./view.js";
 
 const CLIENT = "helio-web/1";
 const FLIGHT_MS = 350;
@@ -386,9 +386,8 @@ class App {
     }
 
     progressText(frame) {
-        const { params } = this.view;
-        const most = params.samples ?? (params.mode === "PATH" ? 256 : 32);
-        return `${Math.min(100, Math.round(frame.samples / most * 100))} %`;
+        const share = frame.samples / samplesOf(this.view.params);
+        return `${Math.min(100, Math.round(share * 100))} %`;
     }
 
     onVerified(isSame) {
@@ -579,7 +578,7 @@ class App {
 
     setParams(changes) {
         if (changes.mode)
-            changes = { samples: changes.mode === "PATH" ? 256 : 32, ...changes };
+            changes = { samples: samplesOf(changes), ...changes };
         return this.attempt(() => this.view.set(changes));
     }
 

@@ -50,10 +50,13 @@ export class Inspector {
 
     async pick(x, y) {
         await this.app.attempt(async () => {
-            const picked = await this.app.view.pick(x, y);
-            if (this.tool === "measure")
+            const { tool, app: { view } } = this;
+            const picked = await (tool === "select" ? view.pick(x, y) : view.surface(x, y));
+            if (tool !== this.tool)
+                return;
+            if (tool === "measure")
                 this.measure(picked);
-            else if (this.tool === "note")
+            else if (tool === "note")
                 await this.pinNote(picked);
             else if (picked)
                 await this.select(picked.node, picked);

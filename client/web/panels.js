@@ -4,6 +4,7 @@ import {
     button, h, iconButton, section, segmented, selectRow, sliderRow, toggleRow,
 } from "./dom.js";
 import { Tree } from "./tree.js";
+import { samplesOf } from "./view.js";
 
 const words = (name) => name.charAt(0) + name.slice(1).toLowerCase().replaceAll("_", " ");
 const choices = (names, texts = {}) => names.map((n) => [n, texts[n] ?? words(n)]);
@@ -163,7 +164,7 @@ export class ViewPanel {
         const { rows } = this;
         const isPath = params.mode === "PATH";
         rows.mode.set(params.mode ?? "REALTIME");
-        rows.samples.set(String(params.samples ?? (isPath ? 256 : 64)));
+        rows.samples.set(String(samplesOf(params)));
         rows.samples.row.hidden = rows.denoise.row.hidden = !isPath;
         rows.gi.row.hidden = isPath;
         rows.denoise.set(params.denoise === "STILL");

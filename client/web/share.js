@@ -27,13 +27,46 @@ export function shareUrl(app, withCamera, ticket) {
     return location.origin + location.pathname + hash;
 }
 
-// A secret that lets others into the scene, "" where none is wanted.
-async function makeTicket(app, access) {
-    if (access === "none")
-        return "";
-    const made = await app.connection.call("join_make", { role: access.toUpperCase(),
-        uses: GUESTS, valid_s: 24 * HOUR_S });
-    return made.secret;
+// The access that a link gives, one at a time: a ticket that was not copied is revoked when another one takes its place,
+// as the server keeps only so many.
+export class LinkTicket {
+    // onChange(access): the link has this one by now.
+    constructor(connection, onChange) {
+        this.connection = connection;
+        this.onChange = onChange;
+        this.made = null;
+        this.queue = Promise.resolve();
+    }
+
+    get secret() {
+        return this.made?.secret ?? "";
+    }
+
+    // The link was copied.
+    keep() {
+        if (this.made)
+            this.made.isKept = true;
+    }
+
+    // access: "none", "view", "edit".
+    change(access) {
+        const done = this.queue.then(() => this.replace(access));
+        this.queue = done.catch(() => {});
+        return done;
+    }
+
+    async replace(access) {
+        const { made: old, connection } = this;
+        this.made = null;
+        this.onChange("none");
+        if (old && !old.isKept)
+            await connection.call("join_revoke", { ticket: old.ticket }).catch(() => {}); // it may be gone
+        if (access === "none")
+            return;
+        this.made = await connection.call("join_make", { role: access.toUpperCase(), uses: GUESTS,
+            valid_s: 24 * HOUR_S });
+        this.onChange(access);
+    }
 }
 
 // Browsers copy for pages from TLS or from this machine only.
@@ -54,18 +87,14 @@ export async function copyText(text) {
 export async function share(app) {
     const hasName = Boolean(app.link.scene);
     const canInvite = hasName && app.connection.canEdit;
+    const ticket = new LinkTicket(app.connection, (value) => { access.set(value); show(); });
+    const keep = () => ticket.keep();
     const field = h("input", { class: "text", readonly: true, "aria-label": "Link",
-        on: { focus: () => field.select() } });
+        on: { focus: () => field.select(), copy: keep, dragstart: keep } });
     const camera = h("input", { type: "checkbox", class: "switch", role: "switch", checked: true,
         id: "share-camera", on: { change: () => show() } });
-    let ticket = "";
-    const access = selectRow("Access", ACCESS, (value) => app.attempt(async () => {
-        access.set("none");
-        ticket = await makeTicket(app, value);
-        access.set(value);
-        show();
-    }));
-    const show = () => { field.value = shareUrl(app, camera.checked, ticket); };
+    const access = selectRow("Access", ACCESS, (value) => app.attempt(() => ticket.change(value)));
+    const show = () => { field.value = shareUrl(app, camera.checked, ticket.secret); };
     show();
     const hint = !hasName ? "This scene belongs to this page alone: the link opens one of its own."
         : canInvite ? `A link with access is good for ${GUESTS} people and this scene only.`
@@ -75,7 +104,10 @@ export async function share(app) {
             h("label", { for: "share-camera", text: "Camera, settings" }), camera),
         canInvite ? access.row : null, h("p", { class: "hint", text: hint })),
     [["Close", "close"], ["Copy link", "copy"]]);
-    if (answer !== "copy")
-        return;
-    await copyText(field.value);
+    const url = field.value;
+    if (answer === "copy")
+        keep();
+    ticket.change("none");
+    if (answer === "copy")
+        await copyText(url);
 }

@@ -20,6 +20,8 @@ const baseOf = (path) => path.slice(path.lastIndexOf("/") + 1);
 
 const refuse = (what, reason) =>
     new RequestError({ status: "unsupported", what, reason });
+const unreadable = (what) => new RequestError({ status: "not-found", what,
+    reason: "the browser cannot read it; it may have been moved or changed since it was chosen" });
 
 // ---- files of a drop ---------------------------------------------------------------------------
 
@@ -82,25 +84,39 @@ const resolve = (folder, uri) => {
     return parts.join("/");
 };
 
-async function glbDocument(file) {
+async function glbDocument({ path, file }) {
     const head = new DataView(await file.slice(0, 20).arrayBuffer());
     if (head.byteLength < 20 || head.getUint32(0, true) !== 0x46546c67)
-        throw refuse(file.name, "this is not a GLB file");
+        throw refuse(path, "this is not a GLB file");
     const size = head.getUint32(12, true);
     return JSON.parse(await file.slice(20, 20 + Math.min(size, file.size)).text());
+}
+
+// The server unpacks all but glTF.
+async function unpack({ path, file }) {
+    if (ending(path) !== "gz")
+        return { path, file };
+    if (typeof DecompressionStream !== "function")
+        throw refuse(path, "unpack it first: this browser cannot");
+    try {
+        const stream = file.stream().pipeThrough(new DecompressionStream("gzip"));
+        return { path: path.slice(0, -3), file: await new Response(stream).blob() };
+    } catch (error) {
+        throw error instanceof DOMException ? unreadable(path)
+            : new RequestError({ status: "format", what: path, reason: "damaged, or not a gzip file" });
+    }
 }
 
 async function gltfParts(main, files) {
     let document;
     try {
-        document = unpackedEnding(main.path) === "glb" ? await glbDocument(main.file)
+        document = ending(main.path) === "glb" ? await glbDocument(main)
             : JSON.parse(await main.file.text());
     } catch (error) {
         if (error instanceof RequestError)
             throw error;
         if (error instanceof DOMException)
-            throw new RequestError({ status: "not-found", what: main.path,
-                reason: "the browser cannot read it; it may have been moved or changed since it was chosen" });
+            throw unreadable(main.path);
         throw new RequestError({ status: "format", what: main.path, reason: "not JSON" });
     }
     const missing = [], parts = [];
@@ -135,33 +151,44 @@ export async function choose(files) {
     if (!scene)
         throw refuse(files[0]?.path ?? "drop",
             `this is neither a scene (${SCENES.join(", ")}) nor a height map (${HEIGHTS.join(", ")})`);
-    const folder = folderOf(scene.path);
-    const parts = ["glb", "gltf"].includes(unpackedEnding(scene.path)) ? await gltfParts(scene, files)
+    const isGltf = ["glb", "gltf"].includes(unpackedEnding(scene.path));
+    const main = isGltf ? await unpack(scene) : scene;
+    const folder = folderOf(main.path);
+    const parts = isGltf ? await gltfParts(main, files)
         : files.filter((f) => f !== scene && f.path.startsWith(folder))
             .map((f) => ({ uri: f.path.slice(folder.length), file: f.file }));
     const others = files.filter((f) => f !== scene && SCENES.includes(unpackedEnding(f.path))).map((f) => baseOf(f.path));
-    return { kind: "scene", name: baseOf(scene.path), others,
-        files: [{ uri: baseOf(scene.path), file: scene.file }, ...parts] };
+    return { kind: "scene", name: baseOf(main.path), others,
+        files: [{ uri: baseOf(main.path), file: main.file }, ...parts] };
 }
 
 // ---- to the daemon -----------------------------------------------------------------------------
 
-async function hashFile(part) {
-    if (part.file.size > FILE_LIMIT_BYTES)
-        throw new RequestError({ status: "limit", what: part.uri, limit: "2 GiB for each file",
+// Of a file, or of a piece of one.
+async function bytesOf(blob, what) {
+    try {
+        return new Uint8Array(await blob.arrayBuffer());
+    } catch {
+        throw unreadable(what);
+    }
+}
+
+// Its bytes are read again to be sent: those of all files together may be more than a page may have.
+async function hashFile({ uri, file }) {
+    if (file.size > FILE_LIMIT_BYTES)
+        throw new RequestError({ status: "limit", what: uri, limit: "2 GiB for each file",
             reason: "a browser cannot read more at once; "
                 + "load it from an asset folder of the server" });
-    part.bytes = new Uint8Array(await part.file.arrayBuffer());
-    part.hash = await sha256(part.bytes);
+    return sha256(await bytesOf(file, uri));
 }
 
 const pause = () => new Promise((done) => setTimeout(done, 10));
 
 async function send(connection, part, onBytes) {
-    const total = part.bytes.length;
+    const total = part.file.size;
     let answer;
     for (let offset = 0; offset === 0 || offset < total; offset += PIECE_BYTES) {
-        const data = part.bytes.subarray(offset, offset + PIECE_BYTES);
+        const data = await bytesOf(part.file.slice(offset, offset + PIECE_BYTES), part.uri);
         const message = { hash: part.hash, total: BigInt(total), offset: BigInt(offset), data };
         const isLast = offset + PIECE_BYTES >= total;
         while (connection.backlog_bytes > BACKLOG_BYTES)
@@ -192,16 +219,14 @@ async function missing(connection, parts) {
 export async function upload(connection, parts, onProgress) {
     onProgress("Reading files", null);
     for (const part of parts)
-        await hashFile(part);
+        part.hash = await hashFile(part);
     const unknown = await missing(connection, parts);
-    const total = unknown.reduce((sum, p) => sum + p.bytes.length, 0);
+    const total = unknown.reduce((sum, p) => sum + p.file.size, 0);
     let done = 0;
     for (const part of unknown)
         await send(connection, part, (bytes) => {
             done += bytes;
             onProgress("Sending files", total ? done / total : null);
         });
-    for (const part of parts)
-        part.bytes = null;
     return parts.map(({ uri, hash }) => ({ uri, hash }));
 }

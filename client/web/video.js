@@ -20,7 +20,8 @@ export class VideoStream {
     }
 
     constructor() {
-        this.waiting = new Map(); // timestamp -> { resolve, reject }
+        this.waiting = new Map(); // timestamp -> { resolve, reject, timer }
+        this.count = 0; // of chunks: their timestamps, as numbers of frames begin again with another session
         this.number = null;
     }
 
@@ -33,28 +34,34 @@ export class VideoStream {
             || this.number !== Number(frame.number) - frame.depends))
             return Promise.reject(new Error("a frame that this one depends on was lost"));
         this.number = Number(frame.number);
-        const timestamp = this.number * MICROSECONDS;
+        const timestamp = ++this.count * MICROSECONDS;
         return new Promise((resolve, reject) => {
             const timer = setTimeout(() => this.fail(new Error("the decoder is stuck")), STUCK_MS);
             this.waiting.set(timestamp, { resolve, reject, timer });
-            this.decoder.decode(new EncodedVideoChunk({ type: isKey ? "key" : "delta", timestamp,
-                data: frame.data }));
+            try {
+                this.decoder.decode(new EncodedVideoChunk({ type: isKey ? "key" : "delta", timestamp,
+                    data: frame.data }));
+            } catch (error) {
+                this.fail(error);
+            }
         });
     }
 
-    // A key frame: the decoder goes on when it is configured alike.
+    // A key frame: the decoder goes on when it is configured alike. Frames that are still in another
+    // one are not waited for: the key frame shows what is newer.
     begin(frame) {
         const key = `${frame.codec} ${frame.width} ${frame.height}`;
         if (this.decoder?.state === "configured" && this.key === key)
             return true;
-        this.reset();
+        this.fail(Object.assign(new Error("a key frame has taken its place"), { isReplaced: true }));
         try {
-            this.decoder = new VideoDecoder({ output: (picture) => this.put(picture),
-                error: (error) => this.fail(error) });
-            this.decoder.configure({ codec: frame.codec, codedWidth: frame.width,
+            const decoder = new VideoDecoder({ output: (picture) => this.put(picture),
+                error: (error) => decoder === this.decoder && this.fail(error) });
+            this.decoder = decoder;
+            decoder.configure({ codec: frame.codec, codedWidth: frame.width,
                 codedHeight: frame.height, optimizeForLatency: true });
-        } catch {
-            this.reset();
+        } catch (error) {
+            this.fail(error);
             return false;
         }
         this.key = key;
@@ -74,20 +81,14 @@ export class VideoStream {
 
     // What waits is lost; the next frame has to be a key frame.
     fail(error) {
-        const waiting = [...this.waiting.values()];
-        this.reset();
-        for (const { reject, timer } of waiting) {
+        const { decoder, waiting } = this;
+        this.number = this.key = this.decoder = null;
+        this.waiting = new Map();
+        if (decoder && decoder.state !== "closed")
+            decoder.close();
+        for (const { reject, timer } of waiting.values()) {
             clearTimeout(timer);
             reject(error);
         }
-    }
-
-    reset() {
-        this.number = null;
-        this.key = null;
-        this.waiting.clear();
-        if (this.decoder && this.decoder.state !== "closed")
-            this.decoder.close();
-        this.decoder = null;
     }
 }

@@ -18,6 +18,19 @@ const BACKLOG_BYTES = 1 << 16; // cameras wait while more than this is still to 
 const DEFAULT_VFOV_RAD = Math.PI / 4; // of view_fit
 const FAILURES = 3; // key frames of one encoding before the next of the list takes its place
 
+const [NORMAL, POSITION, NODE] = [2, 4, 8]; // of surface_query.what
+
+// The answer to surface_query for one pixel; null: nothing is there.
+function surfaceOf(data) {
+    const view = new DataView(data.buffer, data.byteOffset, data.length);
+    const vector = (at) => [0, 4, 8].map((i) => view.getFloat32(at + i, true));
+    const node = view.getBigUint64(24, true);
+    return node ? { normal: vector(0), position: vector(12), node } : null;
+}
+
+// Samples of a picture by settings that may not say it.
+export const samplesOf = ({ mode, samples }) => samples ?? (mode === "PATH" ? 256 : 32);
+
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
 export class View extends EventTarget {
@@ -115,7 +128,8 @@ export class View extends EventTarget {
     }
 
     settings() {
-        return { view: VIEW, width: this.width, height: this.height, names: 1, ...this.params };
+        return { view: VIEW, width: this.width, height: this.height, names: 1,
+            samples: samplesOf(this.params), ...this.params };
     }
 
     // ---- settings ------------------------------------------------------------------------------
@@ -342,11 +356,11 @@ export class View extends EventTarget {
 
     // A frame that cannot be decoded: a key frame is asked for, once. Those under way fail with it
     // until the key frame comes, which is the next attempt; after some of them in a row the server
-    // takes the next encoding of the list.
+    // takes the next encoding of the list. What a key frame has replaced did not fail.
     onFailed(frame, error) {
         const { encoding } = frame;
         this.giveCredit(frame);
-        if (this.awaitsKey.has(encoding) && frame.depends !== undefined)
+        if (error.isReplaced || (this.awaitsKey.has(encoding) && frame.depends !== undefined))
             return;
         const count = (this.failures.get(encoding) ?? 0) + 1;
         const isOver = count >= FAILURES;
@@ -415,6 +429,22 @@ export class View extends EventTarget {
     async pick(x, y) {
         const picked = await this.connection.call("pick", { view: VIEW, ...this.toPixel(x, y) });
         return picked.hit ? picked : null;
+    }
+
+    // { position, normal, node } at a place of the frame that is shown; null: nothing. Where that frame shows a
+    // state that the view has left, or it is reprojected, of the newest one.
+    async surface(x, y) {
+        if (!this.frame || this.isReprojected)
+            return this.pick(x, y);
+        try {
+            const { data } = await this.connection.call("surface_query", { view: VIEW, ...this.toPixel(x, y),
+                width: 1, height: 1, what: NORMAL | POSITION | NODE, frame: this.frame.number });
+            return surfaceOf(data);
+        } catch (error) {
+            if (error.status !== "state")
+                throw error;
+            return this.pick(x, y);
+        }
     }
 
     // A settled picture as a PNG file. signal (AbortSignal): the server renders nothing more for it.

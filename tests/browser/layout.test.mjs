@@ -240,6 +240,78 @@ test("the picture has the pixels of the screen that it is on", async () => {
     await stage("");
 });
 
+// Each key frame comes while frames of the size before are still in the decoder.
+test("goes on after a storm of sizes in H.264, with a slow decoder", async () => {
+    await evaluate(async () => {
+        const { VideoDecoder, helio } = window;
+        window.VideoDecoder = class extends VideoDecoder {
+            constructor({ output, error }) {
+                super({ output: (picture) => setTimeout(output, 1000, picture), error });
+            }
+        };
+        window.came = new Set();
+        const note = ({ detail: { frame } }) => frame.encoding === "H264" && window.came.add(frame.width);
+        helio.connection.addEventListener("frame", note);
+        window.endStorm = () => {
+            window.VideoDecoder = VideoDecoder;
+            helio.connection.removeEventListener("frame", note);
+        };
+        await helio.setParams({ samples: 64 }); // with few of them the first frame is settled, and has no loss
+        await helio.view.setCodec("H264");
+    });
+    await page.focus("#picture");
+    await page.keyboard.down("ArrowLeft");
+    try {
+        for (let i = 1; i <= 8; i++) {
+            const width = 360 + 37 * (i * 7 % 11);
+            await page.setViewport({ width, height: 280 + 23 * (i * 5 % 9) });
+            await waitFor(page, (px) => window.came.has(px), width);
+        }
+    } finally {
+        await page.keyboard.up("ArrowLeft");
+    }
+    await evaluate(() => window.endStorm());
+    await page.setViewport({ width: 361, height: 301 });
+    await waitPicture(page, (d) => d.width === 361);
+    await waitExact(page);
+    assert.equal(await evaluate(() => window.helio.view.failures.size), 0);
+    await evaluate(async () => {
+        await window.helio.view.setCodec("auto");
+        await window.helio.setParams({ samples: 1 });
+    });
+    assert.deepEqual(page.complaints, []);
+});
+
+test("a place that is measured is that of the frame that is shown, until the view has left it", async () => {
+    await page.setViewport({ width: 360, height: 300 });
+    await evaluate(() => window.helio.fit(0n, [0.5, 0.45]));
+    await waitFor(page, () => !window.helio.flight && !window.helio.isAwake);
+    await waitExact(page);
+    const [same, older] = await evaluate(async () => {
+        const { view, inspector, overlay } = window.helio, { call } = view.connection;
+        const places = [0.2, 0.35, 0.5, 0.65, 0.8].flatMap((x) => [0.3, 0.4, 0.5, 0.6, 0.7].map((y) => [x, y]));
+        const hits = await Promise.all(places.map((place) => view.pick(...place)));
+        const at = places[hits.findIndex(Boolean)];
+        const ask = async () => {
+            const asked = [];
+            view.connection.call = (name, ...rest) => { asked.push(name); return call.call(view.connection, name, ...rest); };
+            inspector.setTool("measure");
+            await inspector.pick(...at);
+            const [found] = overlay.points;
+            inspector.setTool("select");
+            delete view.connection.call;
+            const { position, normal, node } = await view.pick(...at);
+            const far = Math.hypot(...position.map((v, i) => v - found.position[i])) + Math.hypot(...normal.map((v, i) => v - found.normal[i]));
+            return { asked, far, sameNode: node === found.node };
+        };
+        const first = await ask();
+        view.frame = { ...view.frame, number: 0n }; // of no state that the view still has
+        return [first, await ask()];
+    });
+    assert.deepEqual([same.asked, older.asked], [["surface_query"], ["surface_query", "pick"]]);
+    assert.ok(same.sameNode && older.sameNode && same.far < 1e-4 && older.far === 0, JSON.stringify([same, older]));
+});
+
 test("nodes are not listed again for an animation, and are for what is shown of them", async () => {
     await page.setViewport({ width: 360, height: 300 });
     await evaluate(() => {

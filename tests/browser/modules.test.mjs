@@ -221,6 +221,67 @@ test("missing, foreign and broken files are refused by name", async () => {
         (e) => e.status === "unsupported");
 });
 
+test("of files that are sent one is held at a time, and pieces of it while it goes", async () => {
+    const { upload } = await load("upload.js");
+    const MIB = 1 << 20;
+    let whole = 0;
+    const make = (uri, bytes) => {
+        const file = new File([bytes], uri), read = file.arrayBuffer;
+        file.arrayBuffer = () => { whole++; return read.call(file); };
+        return { uri, file };
+    };
+    const large = Uint8Array.from({ length: 2.5 * MIB }, (_, i) => i * i >> 4 & 255);
+    const parts = [make("large", large), make("same", large), make("empty", new Uint8Array()), make("known", new Uint8Array(9))];
+    const sent = new Map();
+    const connection = { backlog_bytes: 0, send: (name, { hash, offset, total, data }) => {
+        const key = hash.join(), before = sent.get(key) ?? Buffer.alloc(0);
+        sent.set(key, Buffer.concat([before, data]));
+        assert.ok(data.length <= MIB && Number(offset) === before.length && total === BigInt(total ? large.length : 0));
+        return true;
+    }, call: async (name, message) => {
+        if (name === "upload")
+            return connection.send(name, message);
+        const held = parts.flatMap((p) => Object.values(p)).filter((v) => v?.byteLength > 32);
+        assert.deepEqual(held, []);
+        return { have: message.contents.map((_, i) => ({ value: i === 2 })) };
+    } };
+    const progress = [];
+    const files = await upload(connection, parts, (text, share) => progress.push(share));
+    assert.deepEqual(files.map((f) => f.uri), ["large", "same", "empty", "known"]);
+    assert.deepEqual(files[0].hash, files[1].hash);
+    assert.equal(whole, parts.length);
+    assert.deepEqual([...sent.values()].map((s) => s.length), [large.length, 0]);
+    assert.ok(sent.get(files[0].hash.join()).equals(large));
+    assert.equal(progress.at(-1), 1);
+    const gone = { size: 9, arrayBuffer: () => Promise.reject(new DOMException("", "NotReadableError")) };
+    await assert.rejects(upload(connection, [{ uri: "gone", file: gone }], () => {}),
+        (e) => e.status === "not-found" && /cannot read it/.test(e.message));
+});
+
+test("glTF that is gzipped is unpacked, as the server reads it as it is only", async () => {
+    const packed = (path, bytes) => ({ path, file: new File([gzipSync(bytes)], path) });
+    const text = JSON.stringify({ buffers: [{ uri: "a.bin" }] });
+    const bin = { path: "m/a.bin", file: new File(["1"], "a.bin") };
+    const chosen = await choose([packed("m/a.gltf.GZ", text), bin]);
+    assert.deepEqual([chosen.name, ...chosen.files.map((f) => f.uri)], ["a.gltf", "a.gltf", "a.bin"]);
+    assert.equal(await chosen.files[0].file.text(), text);
+    const glb = Buffer.alloc(20);
+    [0x46546c67, 2, 20 + text.length, text.length, 0x4e4f534a].forEach((v, i) => glb.writeUInt32LE(v, 4 * i));
+    const binary = await choose([packed("m/a.glb.gz", Buffer.concat([glb, Buffer.from(text)])), bin]);
+    assert.deepEqual(binary.files.map((f) => f.uri), ["a.glb", "a.bin"]);
+    assert.equal(binary.files[0].file.size, 20 + text.length);
+    for (const name of ["a.gltf.gz", "a.glb.gz"])
+        await assert.rejects(choose([{ path: name, file: new File(["not gzip"], name) }]),
+            (e) => e.status === "format" && e.what === name && /not a gzip file/.test(e.message));
+    const { DecompressionStream } = globalThis;
+    globalThis.DecompressionStream = undefined;
+    try {
+        await assert.rejects(choose([packed("a.gltf.gz", "{}")]), (e) => /unpack it first/.test(e.message));
+    } finally {
+        globalThis.DecompressionStream = DecompressionStream;
+    }
+});
+
 test("errors say which limit it was and when to try again", () => {
     const text = describeError(new RequestError({ code: 3, what: "view 1", where: "width",
         reason: "too many pixels", limit: "max-pixels", retry_after_ms: 2500 }));
@@ -276,6 +337,36 @@ test("progress has numbers where they are known", () => {
     assert.deepEqual(describeProgress({ stage: "samples", done: 8n, total: 32n }), ["8 of 32 samples", 0.25]);
     assert.deepEqual(describeProgress({ stage: "streaming", done: 2n, total: 3n }), ["streaming, 66 %", 2 / 3]);
     assert.deepEqual(describeProgress({ stage: "parsing", done: 0n, total: 0n }), ["parsing", null]);
+});
+
+test("tickets of a link that was not copied are revoked when another one takes their place", async () => {
+    const { LinkTicket } = await load("share.js");
+    const calls = [], shown = [];
+    let made = 0, refused = "";
+    const connection = { async call(name, message) {
+        calls.push(name === "join_make" ? `make ${message.role}` : `revoke ${message.ticket}`);
+        if (refused === name)
+            throw new RequestError({ code: 3, reason: "as many as it may" });
+        return name === "join_make" ? { ticket: ++made, secret: `secret ${made}` } : {};
+    } };
+    const ticket = new LinkTicket(connection, (access) => shown.push([access, ticket.secret]));
+    await ticket.change("view");
+    await ticket.change("edit");
+    assert.deepEqual(calls.splice(0), ["make VIEW", "revoke 1", "make EDIT"]);
+    assert.deepEqual(shown.splice(0), [["none", ""], ["view", "secret 1"], ["none", ""], ["edit", "secret 2"]]);
+    ticket.keep();
+    await ticket.change("view");
+    ticket.change("edit"); // the dialog is closed before the answer
+    await ticket.change("none");
+    assert.deepEqual(calls.splice(0), ["make VIEW", "revoke 3", "make EDIT", "revoke 4"]);
+    assert.equal(ticket.secret, "");
+    refused = "join_make";
+    await assert.rejects(ticket.change("view"), /as many/);
+    assert.equal(shown.at(-1)[0], "none");
+    refused = "join_revoke"; // by an administrator before
+    await ticket.change("view");
+    await ticket.change("none");
+    assert.deepEqual(calls, ["make VIEW", "make VIEW", "revoke 5"]);
 });
 
 // ---- reprojection --------------------------------------------------------------------------------
@@ -380,6 +471,7 @@ async function makeView() {
     };
     globalThis.location = new URL("http://127.0.0.1:8080/");
     globalThis.VideoDecoder = HeldDecoder;
+    globalThis.ImageData ??= class {};
     globalThis.EncodedVideoChunk = class {
         constructor(chunk) {
             Object.assign(this, chunk);
@@ -389,12 +481,15 @@ async function makeView() {
     const connection = Object.assign(new EventTarget(), { sent: [], toPageTime: () => null,
         send: (name, fields) => connection.sent.push({ name, ...fields }) });
     const view = new View(connection, { getContext: () => context, dataset: {}, width: 64, height: 64 });
-    const frame = (number, depends) => view.onFrame({ begun_ms: 0, received_ms: 1, frame: { view: 1, number, depends,
-        encoding: "H264", codec: "avc1.42E01F", width: 64, height: 64, data: new Uint8Array(4), input_seq: 0n } });
+    const frame = (number, depends, other = {}) => view.onFrame({ begun_ms: 0, received_ms: 1, frame: { view: 1, number,
+        depends, encoding: "H264", codec: "avc1.42E01F", width: 64, height: 64, data: new Uint8Array(4), input_seq: 0n,
+        ...other } });
     const keys = () => connection.sent.filter((m) => m.name === "key_frame");
     const taken = () => connection.sent.filter((m) => m.name === "taken").map((m) => m.number);
     const queue = () => new Promise((done) => setTimeout(done)).then(() => view.painter.queue);
-    return { view, frame, keys, taken, queue };
+    const shown = [];
+    view.addEventListener("shown", (e) => shown.push(e.detail.frame.number));
+    return { view, frame, keys, taken, queue, shown };
 }
 
 test("one hiccup of a decoder asks for one key frame and keeps the codec", async () => {
@@ -428,4 +523,123 @@ test("a codec of which three key frames fail is left", async () => {
     }
     assert.deepEqual(keys().map((m) => m.failed), [undefined, undefined, 9]);
     assert.equal(troubles, 1);
+});
+
+test("a view has the samples that the panel shows, whether its link says them or not", async () => {
+    const { view } = await makeView();
+    const { samplesOf } = await load("view.js");
+    for (const [params, samples] of [[{}, 32], [{ mode: "PATH" }, 256], [{ mode: "PATH", samples: 5 }, 5]]) {
+        view.params = params;
+        assert.deepEqual([view.settings().samples, samplesOf(params)], [samples, samples]);
+    }
+    assert.doesNotMatch(readFileSync(join(web, "panels.js"), "utf8"), /params\.samples/);
+});
+
+test("measures and notes ask for the frame that is shown, and for the newest one where that is gone", async () => {
+    const { view } = await makeView();
+    const calls = [];
+    let refusal = 0, node = 7n;
+    view.connection.call = async (name, message) => {
+        calls.push([name, message.frame]);
+        if (name === "pick")
+            return { hit: true, node: 9n };
+        if (refusal)
+            throw new RequestError({ code: refusal, reason: "refused" });
+        const data = new DataView(new ArrayBuffer(33), 1); // as it stands in a message: anywhere
+        [0, 0.5, -1, 1.25, 2, -3].forEach((v, i) => data.setFloat32(4 * i, v, true));
+        data.setBigUint64(24, node, true);
+        const { x, y, width, height, what } = message;
+        assert.deepEqual([x, y, width, height, what], [32, 16, 1, 1, 14]);
+        return { what, data: new Uint8Array(data.buffer, 1) };
+    };
+    assert.equal((await view.surface(0.5, 0.25)).node, 9n); // there is no frame yet
+    view.frame = { number: 41n };
+    assert.deepEqual(await view.surface(0.5, 0.25), { normal: [0, 0.5, -1], position: [1.25, 2, -3], node: 7n });
+    node = 0n;
+    assert.equal(await view.surface(0.5, 0.25), null);
+    const { status } = await load("hgp.js");
+    refusal = status.state;
+    assert.equal((await view.surface(0.5, 0.25)).node, 9n);
+    refusal = status.limit;
+    await assert.rejects(view.surface(0.5, 0.25), (e) => e.status === "limit");
+    view.isReprojected = true; // what is seen is no frame
+    await view.surface(0.5, 0.25);
+    assert.deepEqual(calls.map((c) => c.join(" ").trim()), ["pick", "surface_query 41", "surface_query 41", "surface_query 41", "pick",
+        "surface_query 41", "pick"]);
+});
+
+// ---- key frames that come while others are in the decoder ------------------------------------------
+
+const turns = async (count = 20) => {
+    for (let i = 0; i < count; i++)
+        await new Promise((done) => setImmediate(done));
+};
+
+test("frames in a decoder that one of another size or codec replaces hold nothing up", async (t) => {
+    t.mock.timers.enable({ apis: ["setTimeout"] });
+    const { view, frame, keys, taken, shown } = await makeView();
+    let troubles = 0;
+    view.addEventListener("trouble", () => troubles++);
+    const small = {}, large = { width: 80, height: 80 };
+    const av1 = { ...large, encoding: "AV1", codec: "av01.0.08M.08" };
+    let n = 0;
+    for (const other of [large, av1, large, small, large, av1]) { // more often than a codec may fail
+        if (n === 0)
+            frame(++n, undefined, small);
+        const old = HeldDecoder.newest;
+        frame(++n, 1, { ...other }); // stays in the decoder
+        frame(++n, undefined, other);
+        assert.notEqual(HeldDecoder.newest, old);
+        assert.equal(old.state, "closed");
+        old.error(new Error("of a decoder that is closed"));
+        old.show(); // too late as well
+    }
+    frame(++n, 1, av1);
+    HeldDecoder.newest.show();
+    await turns();
+    assert.deepEqual(shown, [n - 1, n]);
+    assert.deepEqual(taken(), Array.from({ length: n }, (_, i) => i + 1));
+    const { newest } = HeldDecoder;
+    t.mock.timers.tick(10000); // of those that were replaced
+    assert.equal(newest.state, "configured");
+    frame(++n, 1, av1);
+    newest.show();
+    await turns();
+    assert.equal(shown.at(-1), n);
+    assert.deepEqual([keys(), troubles], [[], 0]);
+});
+
+test("a decoder that refuses a frame is replaced, and the next one has time of its own", async (t) => {
+    t.mock.timers.enable({ apis: ["setTimeout"] });
+    const { frame, keys, taken, shown } = await makeView();
+    frame(1);
+    frame(2, 1);
+    HeldDecoder.newest.state = "closed"; // by the browser
+    HeldDecoder.newest.decode = () => { throw new Error("closed"); };
+    frame(3, 1);
+    await turns();
+    assert.deepEqual(taken(), [1, 2, 3]);
+    assert.deepEqual(keys(), [{ name: "key_frame", view: 1 }]);
+    t.mock.timers.tick(2000);
+    frame(4);
+    const { newest } = HeldDecoder;
+    t.mock.timers.tick(2000);
+    assert.equal(newest.state, "configured");
+    newest.show();
+    await turns();
+    assert.deepEqual(shown, [4]);
+    frame(5, 1);
+    t.mock.timers.tick(3000);
+    await turns();
+    assert.equal(newest.state, "closed", "one that is stuck is given up");
+    assert.deepEqual(taken(), [1, 2, 3, 4, 5]);
+});
+
+test("frames of another session, whose numbers begin again, are told apart in a decoder", async () => {
+    const { frame, shown, queue } = await makeView();
+    frame(1);
+    frame(1); // the same size: the decoder goes on
+    HeldDecoder.newest.show();
+    await queue();
+    assert.deepEqual(shown, [1, 1]);
 });

@@ -200,6 +200,41 @@ test("the holder of the shared camera is notified of a request, and hands it ove
     await admin.browserContext().close();
 });
 
+test("links that were not copied leave no tickets behind", async () => {
+    const tickets = async () => (await daemon.manage("tickets", "list")).stdout.split("\n")
+        .filter((line) => /^\s*\d/.test(line)).map((line) => line.trim().split(/\s+/)[0]);
+    const before = await tickets();
+    const link = () => host.$eval("dialog[open] input.text", (e) => e.value);
+    const choose = async (access) => {
+        const last = await link();
+        await host.select("dialog[open] select", access);
+        await until(async () => await link() !== last && (await link()).includes("ticket=") === (access !== "none"), access);
+    };
+    const added = async (count) => {
+        let now;
+        await until(async () => (now = (await tickets()).filter((n) => !before.includes(n))).length === count, `${count} tickets`);
+        return now;
+    };
+    await host.bringToFront();
+    for (const copies of [false, true]) {
+        await host.evaluate(() => document.querySelector("#menu button[aria-label=Share]").click());
+        await host.waitForSelector("dialog[open] select");
+        await choose("view");
+        const [first] = await added(1);
+        await choose("edit");
+        assert.notEqual((await added(1))[0], first);
+        await choose("none");
+        await added(0);
+        await choose("view");
+        await host.click("dialog[open] input.text");
+        if (copies)
+            await host.evaluate(() => document.execCommand("copy"));
+        await host.keyboard.press("Escape");
+        await host.waitForSelector("dialog", { hidden: true });
+        await added(copies ? 1 : 0);
+    }
+});
+
 test("a page with edits that is loaded again goes on as it was", async () => {
     const solo = await openPage(await browser.createBrowserContext(), link("", "edit"));
     await solo.waitForSelector("#empty:not([hidden])");
