@@ -174,8 +174,8 @@ test("every codec that browser and server share shows the same picture", async (
         const isStream = !codec.startsWith("JPEG");
         const { worst, count } = await compareInMotion(codec, isStream);
         assert.ok(count >= 20, `${codec}: only ${count} flat squares`);
-        // What coding may lose in motion; another matrix or range would be off by more than twice that.
-        assert.ok(worst <= 4, `${codec}: flat squares differ by ${worst} of 255`);
+        // What coding may lose in motion (AV1 5.6 on a busy machine); another matrix or range: more than 8.
+        assert.ok(worst <= 6, `${codec}: flat squares differ by ${worst} of 255`);
     }
     await evaluate((samples) => window.helio.setParams({ exposure_mode: "AUTO", samples }), SAMPLES);
     await evaluate(() => window.helio.view.setCodec("auto"));
