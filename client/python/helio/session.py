@@ -86,18 +86,20 @@ def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: 
             worker: Optional[str] = None, worker_args: Sequence[str] = (), wait: bool = True,
             fd: Optional[int] = None, max_receive_bytes: int = 640 << 20, tls_ca: Optional[_Path] = None,
             tls_pin: Optional[str] = None, tls_cert: Optional[_Path] = None, tls_key: Optional[_Path] = None,
-            tls_insecure: bool = False) -> "Session":
+            tls_insecure: bool = False, scene: Optional[str] = None) -> "Session":
     """Opens a session.
 
-    url          unix:PATH, tcp:HOST:PORT, tls:HOST:PORT, ws://HOST[:PORT][/PATH] or wss://HOST[:PORT][/PATH]
-                 (ports 80 and 443, path /hgp unless given); None starts a private worker, which may read the
-                 folders `asset_roots` and keeps its caches in `cache_dir`
+    url          unix:PATH, tcp:HOST:PORT, tls:HOST:PORT, ws://HOST[:PORT][/PATH][?QUERY] or wss://...
+                 (ports 80 and 443, path /hgp unless given), at most 255 bytes; None starts a private worker,
+                 which may read the folders `asset_roots` and keeps its caches in `cache_dir`
     token        for daemons that want one; default HELIO_TOKEN of the environment
     timeout      seconds until the session is open; None: 30
     answer_timeout  seconds that each call waits for its answer (Session.timeout); None: for ever
     reconnect    seconds to go on with the session for when the connection is lost
     wait         False: return at once; the caller polls Session.fd and calls process()
     fd           a connected socket in place of url, which only names it then
+    scene        ws, wss: name of the scene that is going to be opened, at most 128 bytes, for load balancers,
+                 which see it in the request (/hgp?scene=) unless `url` has one; Session.scene opens it
     max_receive_bytes  greatest payload of a message that is taken, in bytes
 
     For tls and wss; files are PEM:
@@ -108,7 +110,7 @@ def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: 
     tls_cert, tls_key  the client's own certificate, and its key when it is not in the same file
     tls_insecure  True: any certificate is accepted; whoever is between can read and change everything
 
-    HelioError: E_INVAL: the URL, a file or the pin cannot be used; E_CLOSED: the daemon cannot be reached, or
+    HelioError: E_INVAL: the URL, the scene's name, a file or the pin cannot be used; E_CLOSED: the daemon cannot be reached, or
     does not speak TLS there; E_AUTH: the token or the client's certificate is refused, or the daemon's
     certificate is not trusted; E_TIMEOUT; E_VERSION. With wait=False those of the connection come from process().
     """
@@ -126,6 +128,7 @@ def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: 
     options.tls_ca, options.tls_cert, options.tls_key = map(_file, (tls_ca, tls_cert, tls_key))
     options.tls_pin = None if tls_pin is None else tls_pin.encode()
     options.tls_insecure = tls_insecure
+    options.scene = None if scene is None else scene.encode()
     program = worker or _worker()
     if program:
         options.worker = program.encode()
