@@ -2,7 +2,7 @@
 //
 // Layers, lowest first:
 //   transport private_worker camera    sockets; a worker process; conventions of cameras
-//   tls websocket                      streams over sockets
+//   tls websocket lookup               streams over sockets; addresses of hosts
 //   dial                               urls to streams
 //   conn                               state, why it ended, what waits to be sent
 //   session                            hello, authentication, what the library answers itself

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/file.h"
+#include "client/lib/lookup.h"
 #include "client/lib/tls.h"
 #include "client/lib/websocket.h"
 
@@ -153,26 +154,37 @@ static bool parse_url(const char *url, struct address *out)
     return false;
 }
 
-static enum hg_status dial_tcp(
-    struct hg_client_transport *t, const char *url, const struct address *to, struct hg_error *err)
+static enum hg_status fail_lookup(const char *url, int failed, struct hg_error *err)
 {
-    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_ADDRCONFIG};
-    int failed = getaddrinfo(to->host, to->port, &hints, &t->addresses);
-    if (failed) { // AI_ADDRCONFIG hides the loopback of machines without a network
-        hints.ai_flags = 0;
-        failed = getaddrinfo(to->host, to->port, &hints, &t->addresses);
-    }
-    if (failed) {
-        t->addresses = NULL;
-        return hg_error_set(err, failed == EAI_SERVICE ? HG_E_INVAL : HG_E_CLOSED, url, NULL,
-            "cannot find the host: %s", gai_strerror(failed));
-    }
-    t->secure = to->secure;
-    t->websocket = to->websocket;
+    return hg_error_set(err, failed == EAI_SERVICE ? HG_E_INVAL : HG_E_CLOSED, url, NULL,
+        "cannot find the host: %s", gai_strerror(failed));
+}
+
+// Begins to connect to the first of t->addresses.
+static enum hg_status dial_first(
+    struct hg_client_transport *t, const char *url, struct hg_error *err)
+{
     t->address = t->addresses;
     enum hg_status status = dial_next(t, url, ECONNREFUSED, err);
     t->connecting |= !status && (t->secure || t->websocket); // layers come with _continue
     return status;
+}
+
+static enum hg_status dial_tcp(
+    struct hg_client_transport *t, const char *url, const struct address *to, struct hg_error *err)
+{
+    const int failed = hg_client_lookup_now(to->host, to->port, AI_NUMERICHOST, &t->addresses);
+    t->secure = to->secure;
+    t->websocket = to->websocket;
+    if (!failed)
+        return dial_first(t, url, err);
+    if (failed != EAI_NONAME)
+        return fail_lookup(url, failed, err);
+    enum hg_status status = hg_client_lookup_begin(t, to->host, to->port);
+    if (status)
+        return hg_error_set(err, status, url, NULL, "cannot look up the host");
+    t->connecting = true;
+    return HG_OK;
 }
 
 enum hg_status hg_client_dial(struct hg_client_transport *t, const char *url, struct hg_error *err)
@@ -268,11 +280,24 @@ static enum hg_status continue_socket(
     return status ? status : HG_E_AGAIN;
 }
 
+static enum hg_status continue_lookup(
+    struct hg_client_transport *t, const char *url, struct hg_error *err)
+{
+    int failed;
+    enum hg_status status = hg_client_lookup_take(t, &failed);
+    if (status)
+        return status;
+    status = failed ? fail_lookup(url, failed, err) : dial_first(t, url, err);
+    return status ? status : HG_E_AGAIN; // it is connected when the socket says so
+}
+
 enum hg_status hg_client_dial_continue(struct hg_client_transport *t, const char *url,
     const struct hg_client_tls_options *tls, const char *scene, struct hg_error *err)
 {
     if (!t->connecting)
         return HG_OK;
-    enum hg_status status = t->class == &hg_client_sockets ? continue_socket(t, url, err) : HG_OK;
+    enum hg_status status = hg_client_lookup_goes_on(t)      ? continue_lookup(t, url, err)
+                            : t->class == &hg_client_sockets ? continue_socket(t, url, err)
+                                                             : HG_OK;
     return status ? status : add_layers(t, url, tls, scene, err);
 }

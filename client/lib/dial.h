@@ -1,5 +1,5 @@
 // dial.h - urls to connected transports: sockets, TLS, WebSocket.
-// Floor 6 (client). One thread at a time. Nothing blocks, except the look-up of a host's name.
+// Floor 6 (client). One thread at a time. Nothing blocks.
 #ifndef HG_CLIENT_LIB_DIAL_H
 #define HG_CLIENT_LIB_DIAL_H
 

@@ -103,9 +103,10 @@ struct helio_info {
 // "0.1.0".
 HELIO_API const char *helio_version(void);
 
-// Starts to connect and returns at once (name lookup alone may block). The rest happens in
-// helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (no listener), HG_E_NOMEM,
-// HG_E_IO, HG_E_WORKER (the worker's program cannot be started).
+// Starts to connect and returns at once; names of hosts are looked up in a thread of the library.
+// The rest happens in helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (no listener),
+// HG_E_LIMIT (no thread or descriptors), HG_E_NOMEM, HG_E_IO, HG_E_WORKER (the worker's program
+// cannot be started).
 HELIO_API enum hg_status helio_start(
     const struct helio_options *options, struct helio **out, struct hg_error *err) HG_MUST_CHECK;
 
