@@ -425,6 +425,9 @@ enum hg_status hg_cli_connect(struct hg_cli *cli, const char *url, const struct 
         .tls_cert = o->tls_cert,
         .tls_key = o->tls_key,
         .tls_insecure = o->insecure,
+        .scene = cli->scene_name ? cli->scene_name
+                 : o->join       ? o->join
+                                 : o->to_scene,
         .reconnect_ns = o->has_reconnect ? (uint64_t)(o->reconnect * 1e9) : 0,
     };
     if (!status)

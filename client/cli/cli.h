@@ -41,6 +41,8 @@ struct hg_cli {
     const struct hg_cli_options *options;
     struct helio *h;
     bool embedded;
+    const char *scene_name; // that is opened after hg_cli_connect, for load balancers; NULL = that
+                            // of the options
     struct hgp_scene_opened scene;
     uint32_t view; // whose statistics are asked for
     struct hg_cli_progress progress;

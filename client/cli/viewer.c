@@ -127,6 +127,7 @@ enum hg_status hg_viewer_open(struct hg_viewer *v, struct hg_error *err)
 {
     const struct helio_options options = {.url = v->options.url,
         .token = v->options.token,
+        .scene = v->options.scene_name,
         .timeout_ns = v->options.timeout_ns,
         .max_receive_bytes = 64 << 20};
     enum hg_status status = helio_connect(&options, &v->h, err);

@@ -2,7 +2,7 @@
 //
 // Layers, lowest first:
 //   transport private_worker camera    sockets; a worker process; conventions of cameras
-//   tls websocket                      streams over sockets
+//   tls websocket lookup               streams over sockets; addresses of hosts
 //   dial                               urls to streams
 //   conn                               state, why it ended, what waits to be sent
 //   session                            hello, authentication, what the library answers itself
@@ -74,6 +74,7 @@ struct hg_client_server {
 // Going on with the session on another connection.
 struct hg_client_resume {
     struct hg_client_tls_options tls; // for every connection
+    char scene[HG_CLIENT_SCENE_BYTES + 1]; // for load balancers; "" = none
     uint64_t patience_ns;  // 0 = it is not wanted
     uint64_t deadline_ns;  // until then it is tried; 0 = the connection is not lost
     uint64_t retry_ns;     // the next try
@@ -92,7 +93,7 @@ struct helio {
     pid_t worker_pid;
     struct hg_error error; // why it is closed; status HG_OK while it is not
 
-    char url[256], *token, client[128];
+    char url[HG_CLIENT_URL_BYTES], *token, client[128];
     struct hg_client_server server;
     uint32_t receive_limit, next_request;
     uint64_t timeout_ns, open_timeout_ns, heard_ns;

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "base/file.h"
+#include "client/lib/lookup.h"
 #include "client/lib/tls.h"
 #include "client/lib/websocket.h"
 
@@ -24,7 +25,7 @@ static enum hg_status fail_connect(const char *url, int error_number, struct hg_
 }
 
 struct address {
-    char authority[256], host[256], port[8], path[256];
+    char authority[256], host[256], port[8], path[HG_CLIENT_URL_BYTES];
     bool secure, websocket;
 };
 
@@ -85,15 +86,19 @@ static enum hg_status dial_next(
     return fail_connect(url, error_number, err);
 }
 
-// Of "HOST[:PORT][/PATH]": host without brackets, port (or `usual`), path. False: it is none.
+// Of "HOST[:PORT][/PATH][?QUERY]": host without brackets, port (or `usual`), path with query.
+// False: it is none.
 static bool split_url(const char *rest, const char *usual, struct address *out)
 {
-    const char *slash = strchr(rest, '/');
-    const size_t length = slash ? (size_t)(slash - rest) : strlen(rest);
+    const size_t length = strcspn(rest, "/?");
+    const char *path = rest + length;
     if (!length || length >= sizeof out->authority)
         return false;
     snprintf(out->authority, sizeof out->authority, "%.*s", (int)length, rest);
-    snprintf(out->path, sizeof out->path, "%s", slash && slash[1] ? slash : "/hgp");
+    path += *path == '/' && (!path[1] || path[1] == '?');
+    if (snprintf(out->path, sizeof out->path, "%s%s", *path == '/' ? "" : "/hgp", path) >=
+        (int)sizeof out->path)
+        return false;
     char *colon = strrchr(out->authority, ':'), *end = strchr(out->authority, ']');
     const bool bracketed = out->authority[0] == '[' && end;
     if (colon && bracketed && colon < end)
@@ -105,6 +110,29 @@ static bool split_url(const char *rest, const char *usual, struct address *out)
     snprintf(out->host, sizeof out->host, "%.*s", (int)(bracketed ? name - 2 : name),
         out->authority + (bracketed ? 1 : 0));
     return out->host[0] && out->port[0];
+}
+
+static bool names_scene(const char *path)
+{
+    for (const char *p = strchr(path, '?'); p; p = strchr(p + 1, '&'))
+        if (strncmp(p + 1, "scene=", 6) == 0)
+            return true;
+    return false;
+}
+
+// As browsers write a form's field (URLSearchParams): load balancers compare the text, so a scene
+// has one spelling.
+static void write_encoded(char *to, const char *text)
+{
+    static const char kept[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789*-._";
+    for (; *text; text++)
+        if (*text == ' ')
+            *to++ = '+';
+        else if (strchr(kept, *text))
+            *to++ = *text;
+        else
+            to += sprintf(to, "%%%02X", (unsigned char)*text);
+    *to = 0;
 }
 
 static bool parse_url(const char *url, struct address *out)
@@ -126,32 +154,46 @@ static bool parse_url(const char *url, struct address *out)
     return false;
 }
 
-static enum hg_status dial_tcp(
-    struct hg_client_transport *t, const char *url, const struct address *to, struct hg_error *err)
+static enum hg_status fail_lookup(const char *url, int failed, struct hg_error *err)
 {
-    struct addrinfo hints = {.ai_socktype = SOCK_STREAM, .ai_flags = AI_ADDRCONFIG};
-    int failed = getaddrinfo(to->host, to->port, &hints, &t->addresses);
-    if (failed) { // AI_ADDRCONFIG hides the loopback of machines without a network
-        hints.ai_flags = 0;
-        failed = getaddrinfo(to->host, to->port, &hints, &t->addresses);
-    }
-    if (failed) {
-        t->addresses = NULL;
-        return hg_error_set(err, failed == EAI_SERVICE ? HG_E_INVAL : HG_E_CLOSED, url, NULL,
-            "cannot find the host: %s", gai_strerror(failed));
-    }
-    t->secure = to->secure;
-    t->websocket = to->websocket;
+    return hg_error_set(err, failed == EAI_SERVICE ? HG_E_INVAL : HG_E_CLOSED, url, NULL,
+        "cannot find the host: %s", gai_strerror(failed));
+}
+
+// Begins to connect to the first of t->addresses.
+static enum hg_status dial_first(
+    struct hg_client_transport *t, const char *url, struct hg_error *err)
+{
     t->address = t->addresses;
     enum hg_status status = dial_next(t, url, ECONNREFUSED, err);
     t->connecting |= !status && (t->secure || t->websocket); // layers come with _continue
     return status;
 }
 
+static enum hg_status dial_tcp(
+    struct hg_client_transport *t, const char *url, const struct address *to, struct hg_error *err)
+{
+    const int failed = hg_client_lookup_now(to->host, to->port, AI_NUMERICHOST, &t->addresses);
+    t->secure = to->secure;
+    t->websocket = to->websocket;
+    if (!failed)
+        return dial_first(t, url, err);
+    if (failed != EAI_NONAME)
+        return fail_lookup(url, failed, err);
+    enum hg_status status = hg_client_lookup_begin(t, to->host, to->port);
+    if (status)
+        return hg_error_set(err, status, url, NULL, "cannot look up the host");
+    t->connecting = true;
+    return HG_OK;
+}
+
 enum hg_status hg_client_dial(struct hg_client_transport *t, const char *url, struct hg_error *err)
 {
     struct address to;
     enum hg_status status;
+    if (strlen(url) >= HG_CLIENT_URL_BYTES)
+        return hg_error_set(
+            err, HG_E_INVAL, url, NULL, "a URL has at most %u bytes", HG_CLIENT_URL_BYTES - 1);
     if (strncmp(url, "unix:", 5) == 0)
         status = dial_unix(t, url, url + (strncmp(url, "unix://", 7) == 0 ? 7 : 5), err);
     else if (parse_url(url, &to))
@@ -164,10 +206,24 @@ enum hg_status hg_client_dial(struct hg_client_transport *t, const char *url, st
     return status;
 }
 
+static enum hg_status begin_websocket(struct hg_client_transport *t, const struct address *to,
+    const char *url, const char *scene, struct hg_error *err)
+{
+    char name[3 * HG_CLIENT_SCENE_BYTES + 1], target[sizeof to->path + sizeof name + 8];
+    const bool added = scene[0] && !names_scene(to->path);
+    write_encoded(name, scene);
+    snprintf(target, sizeof target, "%s%s%s", to->path,
+        !added                  ? ""
+        : strchr(to->path, '?') ? "&scene="
+                                : "?scene=",
+        added ? name : "");
+    return hg_client_websocket_begin(t, to->authority, target, url, err);
+}
+
 // Puts the next layer on a stream that is connected. HG_E_AGAIN: its handshake begins; HG_OK: there
 // is none.
 static enum hg_status add_layer(struct hg_client_transport *t, const char *url,
-    const struct hg_client_tls_options *tls, struct hg_error *err)
+    const struct hg_client_tls_options *tls, const char *scene, struct hg_error *err)
 {
     struct address to;
     enum hg_status status = parse_url(url, &to) ? HG_OK : HG_E_INVAL;
@@ -176,7 +232,7 @@ static enum hg_status add_layer(struct hg_client_transport *t, const char *url,
         status = hg_client_tls_begin(t, tls, to.host, url, err);
     } else if (t->websocket) {
         t->websocket = false;
-        status = hg_client_websocket_begin(t, to.authority, to.path, url, err);
+        status = begin_websocket(t, &to, url, scene, err);
     } else {
         t->connecting = false;
         return HG_OK;
@@ -186,14 +242,14 @@ static enum hg_status add_layer(struct hg_client_transport *t, const char *url,
 
 // Until a handshake waits for the peer, or all layers are there.
 static enum hg_status add_layers(struct hg_client_transport *t, const char *url,
-    const struct hg_client_tls_options *tls, struct hg_error *err)
+    const struct hg_client_tls_options *tls, const char *scene, struct hg_error *err)
 {
     for (;;) {
         enum hg_status status = t->handshaking ? t->class->handshake(t, url, err) : HG_OK;
         if (status)
             return status;
         t->handshaking = false;
-        status = add_layer(t, url, tls, err);
+        status = add_layer(t, url, tls, scene, err);
         if (status != HG_E_AGAIN)
             return status;
     }
@@ -224,11 +280,24 @@ static enum hg_status continue_socket(
     return status ? status : HG_E_AGAIN;
 }
 
+static enum hg_status continue_lookup(
+    struct hg_client_transport *t, const char *url, struct hg_error *err)
+{
+    int failed;
+    enum hg_status status = hg_client_lookup_take(t, &failed);
+    if (status)
+        return status;
+    status = failed ? fail_lookup(url, failed, err) : dial_first(t, url, err);
+    return status ? status : HG_E_AGAIN; // it is connected when the socket says so
+}
+
 enum hg_status hg_client_dial_continue(struct hg_client_transport *t, const char *url,
-    const struct hg_client_tls_options *tls, struct hg_error *err)
+    const struct hg_client_tls_options *tls, const char *scene, struct hg_error *err)
 {
     if (!t->connecting)
         return HG_OK;
-    enum hg_status status = t->class == &hg_client_sockets ? continue_socket(t, url, err) : HG_OK;
-    return status ? status : add_layers(t, url, tls, err);
+    enum hg_status status = hg_client_lookup_goes_on(t)      ? continue_lookup(t, url, err)
+                            : t->class == &hg_client_sockets ? continue_socket(t, url, err)
+                                                             : HG_OK;
+    return status ? status : add_layers(t, url, tls, scene, err);
 }

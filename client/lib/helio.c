@@ -47,6 +47,10 @@ static enum hg_status prepare(
         options->max_receive_bytes ? options->max_receive_bytes : HGP_LIMIT_OPEN_DEFAULT;
     h->server.send_limit = HGP_LIMIT_OPEN_DEFAULT;
     h->heard_ns = hg_clock_now_ns();
+    if (options->scene && strlen(options->scene) >= sizeof h->resume.scene)
+        return hg_error_set(err, HG_E_INVAL, "scene", NULL, "a scene's name has at most %zu bytes",
+            sizeof h->resume.scene - 1);
+    snprintf(h->resume.scene, sizeof h->resume.scene, "%s", options->scene ? options->scene : "");
     snprintf(h->url, sizeof h->url, "%s", options->url ? options->url : "private worker");
     snprintf(h->client, sizeof h->client, "%s",
         options->client ? options->client : "libhelio/" HELIO_VERSION);
@@ -255,7 +259,8 @@ static enum hg_status connect_on(struct helio *h)
     if (h->resume.deadline_ns && !h->transport.class)
         status = hg_client_redial(h);
     if (!status && h->transport.connecting)
-        status = hg_client_dial_continue(&h->transport, h->url, &h->resume.tls, &reason);
+        status = hg_client_dial_continue(
+            &h->transport, h->url, &h->resume.tls, h->resume.scene, &reason);
     if (status == HG_E_AGAIN || h->error.status)
         return status;
     if (status && h->resume.deadline_ns) { // the daemon does not accept connections yet

@@ -89,7 +89,10 @@ static void destroy(struct tls *tls)
 
 static const char *newest_reason(void)
 {
-    const char *reason = ERR_reason_error_string(ERR_peek_error());
+    const unsigned long error = ERR_peek_error();
+    if (ERR_SYSTEM_ERROR(error))
+        return strerror(ERR_GET_REASON(error));
+    const char *reason = ERR_reason_error_string(error);
     return reason ? reason : "the handshake failed";
 }
 
@@ -232,14 +235,15 @@ static enum hg_status set_trust(struct tls *tls, const struct hg_client_tls_opti
         SSL_set_tlsext_host_name(tls->ssl, host);
     tls->has_pin = o->pin != NULL;
     if (tls->has_pin && !hg_sha256_parse(o->pin, sizeof tls->pin, tls->pin))
-        return hg_error_set(err, HG_E_INVAL, "--tls-pin", NULL,
-            "expected the SHA-256 of a certificate, 64 digits 0-9 a-f");
+        return hg_error_set(err, HG_E_INVAL, url, NULL,
+            "the pin (--tls-pin): expected the SHA-256 of a certificate, 64 digits 0-9 a-f");
     if (tls->has_pin || o->insecure)
         return HG_OK;
     if (o->ca ? SSL_CTX_load_verify_file(tls->context, o->ca) != 1
               : SSL_CTX_set_default_verify_paths(tls->context) != 1)
-        return hg_error_set(err, HG_E_INVAL, o->ca ? o->ca : url, NULL,
-            "no certificates of authorities can be read: %s", newest_reason());
+        return hg_error_set(err, HG_E_INVAL, url, NULL,
+            "no certificates of authorities can be read from %s: %s",
+            o->ca ? o->ca : "the system's folder", newest_reason());
     SSL_set_verify(tls->ssl, SSL_VERIFY_PEER, NULL);
     X509_VERIFY_PARAM *rules = SSL_get0_param(tls->ssl);
     if (numeric ? X509_VERIFY_PARAM_set1_ip_asc(rules, host) != 1
@@ -249,15 +253,16 @@ static enum hg_status set_trust(struct tls *tls, const struct hg_client_tls_opti
 }
 
 static enum hg_status set_certificate(
-    struct tls *tls, const struct hg_client_tls_options *o, struct hg_error *err)
+    struct tls *tls, const struct hg_client_tls_options *o, const char *url, struct hg_error *err)
 {
     const char *key = o->key ? o->key : o->cert;
     if (!o->cert)
         return HG_OK;
     if (SSL_use_certificate_chain_file(tls->ssl, o->cert) != 1 ||
         SSL_use_PrivateKey_file(tls->ssl, key, SSL_FILETYPE_PEM) != 1)
-        return hg_error_set(err, HG_E_INVAL, o->cert, NULL,
-            "no certificate and key can be read: %s", newest_reason());
+        return hg_error_set(err, HG_E_INVAL, url, NULL,
+            "no certificate and key can be read from %s%s%s: %s", o->cert, o->key ? " and " : "",
+            o->key ? o->key : "", newest_reason());
     return HG_OK;
 }
 
@@ -293,7 +298,7 @@ enum hg_status hg_client_tls_begin(struct hg_client_transport *t,
         tls->ssl, t->websocket ? http : hgp, (t->websocket ? sizeof http : sizeof hgp) - 1);
     enum hg_status status = set_trust(tls, o, host, url, err);
     if (!status)
-        status = set_certificate(tls, o, err);
+        status = set_certificate(tls, o, url, err);
     if (status) {
         destroy(tls);
         return status;

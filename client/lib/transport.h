@@ -12,6 +12,8 @@
 
 #include "base/status.h"
 
+enum { HG_CLIENT_URL_BYTES = 256, HG_CLIENT_SCENE_BYTES = 128 }; // of a URL with its end
+
 struct addrinfo;
 struct hg_client_transport;
 

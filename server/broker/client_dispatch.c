@@ -48,8 +48,8 @@ static enum hg_status check_session(
     const struct hg_options *o = a->options;
     bool admin = !token || token->role == HGP_role_ADMIN;
     uint32_t kept = admin ? 0 : hg_slots_kept(o->max_sessions, o->reserved_sessions);
-    uint32_t most =
-        token && token->scope.max_sessions ? token->scope.max_sessions : o->max_sessions_per_token;
+    const bool own = token && token->scope.max_sessions; // its line says how many
+    uint32_t most = own ? token->scope.max_sessions : o->max_sessions_per_token;
     if (a->sessions->draining)
         return hg_error_set(err, HG_E_STATE, "session", NULL, "the daemon is shutting down");
     if (hg_session_allow_begin(a->sessions, admin ? HGP_role_ADMIN : HGP_role_VIEW, "session", err))
@@ -63,9 +63,9 @@ static enum hg_status check_session(
     }
     if (token && a->sessions->count >= most && count_sessions(a->sessions, conn) >= most) {
         hg_error_set(err, HG_E_LIMIT, "session", NULL,
-            "this token has %u session%s open, as many as it may (max-sessions-per-token)", most,
-            most == 1 ? "" : "s");
-        return hg_error_limit(err, "max-sessions-per-token", RETRY_SESSION_MS);
+            "this token has %u session%s open, as many as %s", most, most == 1 ? "" : "s",
+            own ? "its line allows (sessions=)" : "it may (max-sessions-per-token)");
+        return hg_error_limit(err, own ? "sessions" : "max-sessions-per-token", RETRY_SESSION_MS);
     }
     return HG_OK;
 }

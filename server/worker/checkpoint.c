@@ -53,7 +53,8 @@ static enum hg_status answer_part(struct view_slot *view, bool part, uint64_t of
             err, HG_E_STATE, "checkpoint_query", "offset", "nothing is left to send");
     if (!part && w->size > ANSWER_LIMIT_BYTES)
         return hg_error_set(err, HG_E_LIMIT, "checkpoint", NULL,
-            "%zu bytes are more than a message holds (%d)", w->size, ANSWER_LIMIT_BYTES);
+            "%zu bytes are more than a message holds (%d): ask for parts, with offset", w->size,
+            ANSWER_LIMIT_BYTES);
     const uint64_t left = w->size - offset;
     const uint64_t bytes = part && left > PART_BYTES ? PART_BYTES : left;
     answer->data = (struct hgp_bytes){w->data + offset, (uint32_t)bytes};
@@ -101,8 +102,9 @@ static enum hg_status unpack(
     if (r.failed || *size < 1)
         return hg_error_set(err, HG_E_FORMAT, "checkpoint_set", "data", "not a checkpoint");
     if (*size > FILM_LIMIT_BYTES)
-        return hg_error_set(err, HG_E_LIMIT, "checkpoint_set", "data", "%llu bytes of film",
-            (unsigned long long)*size);
+        return hg_error_set(err, HG_E_LIMIT, "checkpoint_set", "data",
+            "%llu bytes of film, of at most %llu", (unsigned long long)*size,
+            (unsigned long long)FILM_LIMIT_BYTES);
     *film = hg_calloc(1, (size_t)*size);
     if (!*film)
         return hg_error_set(err, HG_E_NOMEM, "checkpoint_set", NULL, "no memory for the film");

@@ -250,12 +250,14 @@ static enum hg_status check_size(
     const uint64_t most = most_bytes(&task->to.w->options);
     if (bytes <= most)
         return HG_OK;
-    return hg_error_set(err, HG_E_LIMIT, "compare", NULL,
+    const bool set = task->to.w->options.memory_limit_bytes > 0;
+    hg_error_set(err, HG_E_LIMIT, "compare", NULL,
         "%u x %u pixels would take %llu MiB with this metric, more than the %llu that one "
-        "comparison "
-        "may have; compare parts",
+        "comparison may have (%s); compare parts",
         side->width, side->height, (unsigned long long)(bytes >> 20),
-        (unsigned long long)(most >> 20));
+        (unsigned long long)(most >> 20),
+        set ? "half of memory-limit" : "a quarter of this machine's memory");
+    return set ? hg_error_limit(err, "memory-limit", 0) : HG_E_LIMIT;
 }
 
 // Before it is decoded: what is as large as the pictures is within their limit.

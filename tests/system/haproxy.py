@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """haproxy.py - deploy/haproxy/haproxy.cfg with the real HAProxy and two daemons.
 
-Four viewers of two scenes come over WebSockets through the proxy. Viewers of a scene are on one daemon.
+Six viewers of two scenes come over WebSockets through the proxy: four as browsers do, two by libhelio. Viewers of
+a scene are on one daemon, whichever they are.
 The daemons hear their addresses by the PROXY protocol, version 2, and the checks' LOCAL headers; a header of
 an address that is not listed is refused. Then each daemon is drained and restarted, one after the other; every
 viewer goes on with its session (ticket) and gets further frames. Workers are tests/system/fake_worker: nothing
@@ -21,6 +22,7 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.parse
 
 SOURCE, BUILD = os.environ["HELIO_SOURCE_DIR"], os.environ["HELIO_BUILD_DIR"]
 sys.path.insert(0, os.path.join(SOURCE, "client", "python"))
@@ -187,7 +189,7 @@ class Tunnel:
 
 
 class Viewer(threading.Thread):
-    """Looks at a scene until it is told to stop; goes on by its ticket when the connection ends."""
+    """Looks at a scene until `stop`; goes on by its ticket when the connection ends."""
 
     def __init__(self, proxy, scene, source):
         super().__init__(daemon=True)
@@ -196,7 +198,8 @@ class Viewer(threading.Thread):
         self.secret = None
 
     def dial(self):
-        self.tunnel = Tunnel(self.proxy, "/hgp?scene=" + self.scene, self.source)
+        target = "/hgp?scene=" + urllib.parse.quote_plus(self.scene).replace("~", "%7E")  # as URLSearchParams
+        self.tunnel = Tunnel(self.proxy, target, self.source)
         return helio.connect("tcp:proxy:1", token=TOKEN, fd=self.tunnel.fd, timeout=PATIENCE_S, answer_timeout=PATIENCE_S)
 
     def begin(self):
@@ -209,7 +212,7 @@ class Viewer(threading.Thread):
         return session
 
     def go_on(self):
-        """As libhelio's own `reconnect`, which has no WebSockets: dial until the daemon is back."""
+        """Dials until the daemon is back, as the browser's page does."""
         end = time.monotonic() + PATIENCE_S
         while True:
             try:
@@ -229,7 +232,11 @@ class Viewer(threading.Thread):
             answer = session.call("frame_request", "frame", view=1, settled=False, encoding="raw_rgba8")
             assert answer["width"] == 16
             self.frames += 1
+            self.looked(session)
             time.sleep(0.02)
+
+    def looked(self, session):
+        pass
 
     def run(self):
         try:
@@ -245,6 +252,28 @@ class Viewer(threading.Thread):
             session.close()
         except BaseException as wrong:
             self.failure = wrong
+
+
+class Native(Viewer):
+    """By libhelio alone: the scene's name, WebSocket, and going on."""
+
+    def __init__(self, proxy, scene):
+        super().__init__(proxy, scene, "")
+
+    def begin(self):
+        session = native(self.proxy, self.scene, reconnect=PATIENCE_S)
+        session.scene(self.scene).view(16, 16)
+        return session
+
+    def looked(self, session):
+        self.resumed = session.info.reconnects
+
+    def go_on(self):
+        raise AssertionError("libhelio did not go on with the session")
+
+
+def native(port, scene, **options):
+    return helio.connect("ws://%s:%d" % (PROXY, port), token=TOKEN, timeout=PATIENCE_S, answer_timeout=PATIENCE_S, scene=scene, **options)
 
 
 def admin(path, command):
@@ -336,23 +365,26 @@ def check(folder):
         assert http(numbers, "/d3/metrics")[0] == http(numbers, "/readyz")[0] == 404
         names, i = {}, 0
         while len(names) < 2:  # two names that hash to different daemons
-            name, i = "scene-%d" % i, i + 1
-            tunnel = Tunnel(bind, "/hgp?scene=" + name)
-            session = helio.connect("tcp:proxy:1", token=TOKEN, fd=tunnel.fd, timeout=PATIENCE_S)
+            name, i = "hall %d, größte & ~" % i, i + 1
+            assert i < 64, "all scenes come to one daemon: their names are not seen"
+            session = native(bind, name)
             at = [int(d.metric("heliod_sessions")) for d in daemons].index(1)
             names.setdefault(at, name)
             if not i > 1:
                 limits_are_named(session, name)
             session.close()
-            tunnel.close()
             until(lambda: sum(d.metric("heliod_sessions") for d in daemons) == 0, "a session that has ended")
         only_listed_addresses_are_believed(daemons[0])
         viewers = [Viewer(bind, names[i % 2], VIEWERS[i // 2]) for i in range(4)]
         for viewer in viewers:
             viewer.start()
         until(lambda: all(v.frames > 3 or v.failure for v in viewers), "first frames")
+        viewers += [Native(bind, names[i]) for i in range(2)]
+        for viewer in viewers[4:]:
+            viewer.start()
+        until(lambda: all(v.frames > 3 or v.failure for v in viewers), "frames of libhelio")
         assert not any(v.failure for v in viewers), [v.failure for v in viewers]
-        assert [d.metric("heliod_sessions") for d in daemons] == [2, 2], "viewers of a scene are together"
+        assert [d.metric("heliod_sessions") for d in daemons] == [3, 3], "viewers of a scene are together"
         assert [d.metric("heliod_scenes") for d in daemons] == [1, 1]
         restarted = sum(restart(d, name, viewers, panel) for d, name in zip(daemons, ("d1", "d2")))
         failures = [v.failure for v in viewers if v.failure]
@@ -360,13 +392,13 @@ def check(folder):
             viewer.stop = True
         for viewer in viewers:
             viewer.join(PATIENCE_S)
-        print("4 viewers, 2 daemons restarted, %d sessions went on, %d failed, %d frames"
+        print("6 viewers, 2 daemons restarted, %d sessions went on, %d failed, %d frames"
               % (restarted, len(failures), sum(v.frames for v in viewers)))
         assert not failures, failures
         for d in daemons:
             peers = " ".join(d.logins())
             assert all(address in peers for address in VIEWERS), peers
-        assert restarted == 4 and all(v.resumed == 1 for v in viewers)
+        assert restarted == 6 and all(v.resumed == 1 for v in viewers)
     finally:
         proxy.terminate()
         proxy.wait(PATIENCE_S)

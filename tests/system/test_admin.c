@@ -378,11 +378,14 @@ static void limits_have_names(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer p, more;
+    struct peer p, more, own;
+    const struct hgp_frame_request request = {.view = 1};
     daemon_init_tokens(&d);
     daemon_option(&d, "max-views", "1");
     daemon_option(&d, "max-pixels", "1000");
     daemon_option(&d, "max-sessions-per-token", "1");
+    daemon_write(
+        &d, "tokens", "edit-token-1 edit bert\nedit-token-2 edit carl sessions=1 pixels=64\n");
     daemon_start(&d);
     peer_enter(&p, &d, "edit-token-1");
     peer_scene(&p, "hall");
@@ -396,6 +399,17 @@ static void limits_have_names(void **state)
     is_refused(&more, &d, "edit-token-1", HG_E_LIMIT);
     assert_string_equal(more.limit, "max-sessions-per-token");
     assert_true(more.retry_after_ms > 0);
+    // Those of a token's line.
+    peer_enter(&own, &d, "edit-token-2");
+    is_refused(&more, &d, "edit-token-2", HG_E_LIMIT);
+    assert_string_equal(more.limit, "sessions");
+    assert_true(more.retry_after_ms > 0);
+    peer_scene(&own, "");
+    peer_view(&own, 1, 16, 16);
+    peer_call(&own, HGP_T_frame_request, &request, HGP_T_frame);
+    peer_refused(&own, HGP_T_frame_request, &request, HG_E_LIMIT);
+    assert_string_equal(own.limit, "pixels");
+    peer_close(&own);
     peer_close(&p);
     daemon_finish(&d);
 }

@@ -326,10 +326,12 @@ static void tickets_are_limited(void **state)
 {
     (void)state;
     struct daemon d;
-    struct peer issuer, viewer;
+    struct peer issuer, viewer, other;
     struct ticket ticket;
     daemon_init_tokens(&d);
-    daemon_write(&d, "tokens", "edit-token-1 edit bert\nview-token-2 view vera tickets=2\n");
+    daemon_write(&d, "tokens",
+        "edit-token-1 edit bert\nview-token-2 view vera tickets=2\n"
+        "edit-token-3 edit wim tenant=vera\n");
     daemon_option(&d, "max-tickets", "20");
     daemon_start(&d);
     peer_enter(&issuer, &d, "edit-token-1");
@@ -342,9 +344,17 @@ static void tickets_are_limited(void **state)
     // A token that may only look, with an allowance of its own; with the role VIEW only.
     peer_enter(&viewer, &d, "view-token-2");
     const struct hgp_join_make look = {.has_scene = true, .scene = hgp_str_make("den")};
+    peer_enter(&other, &d, "edit-token-3");
+    make(&other,
+        &(struct hgp_join_make){
+            .has_scene = true, .scene = hgp_str_make("den"), .has_valid_s = true, .valid_s = 100},
+        &ticket);
+    peer_close(&other);
     make(&viewer, &look, &ticket);
     make(&viewer, &look, &ticket);
     peer_refused(&viewer, HGP_T_join_make, &look, HG_E_LIMIT);
+    assert_string_equal(viewer.limit, "tickets"); // of its line; its own end in an hour
+    assert_in_range(viewer.retry_after_ms, 3500000, 3600000);
     struct hgp_join_make edit = look;
     edit.has_role = true;
     edit.role = HGP_role_EDIT;

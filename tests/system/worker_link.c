@@ -552,6 +552,8 @@ static void test_huge_comparisons_are_refused(void **state)
         link_ask(rig, 1, HGP_T_compare,
             &(struct hgp_compare){.metric = HGP_metric_FLIP, .a = bytes, .b = bytes}),
         HG_E_LIMIT, NULL);
+    assert_string_equal(rig->limit, "memory-limit");
+    assert_int_equal(rig->limited.retry_after_ms, 0);
     static const char small[] = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\1\1\1\1";
     const struct hgp_bytes one = {(const uint8_t *)small, sizeof small - 1};
     link_expect_error(rig,
@@ -561,6 +563,36 @@ static void test_huge_comparisons_are_refused(void **state)
         HG_E_INVAL, "mask");
 }
 #endif
+
+static void reason_is(const struct rig *rig, const char *text)
+{
+    const struct hgp_str *reason = &rig->message.error.reason;
+    if (reason->size != strlen(text) || memcmp(reason->data, text, reason->size) != 0)
+        fail_msg("%.*s", (int)reason->size, reason->data);
+}
+
+// No option sets those of the protocol: the error says how much it may be.
+static void test_limits_of_the_protocol_have_values(void **state)
+{
+    struct rig *rig = *state;
+    static const uint8_t film[] = {1, 0, 0, 0, 4, 0, 0, 0}; // 16 GiB and a byte
+    const struct hgp_view_set view = {
+        .view = 1, .has_width = true, .width = 16, .has_height = true, .height = 16};
+    rig->limit[0] = 0;
+    link_attach(rig, 1, "a");
+    link_expect(rig, link_ask(rig, 1, HGP_T_view_set, &view), HGP_T_ok);
+    link_expect_error(rig,
+        link_ask(rig, 1, HGP_T_checkpoint_set,
+            &(struct hgp_checkpoint_set){.view = 1, .data = {film, sizeof film}}),
+        HG_E_LIMIT, "data");
+    reason_is(rig, "17179869185 bytes of film, of at most 17179869184");
+    link_expect_error(rig,
+        link_ask(rig, 1, HGP_T_surface_query,
+            &(struct hgp_surface_query){.view = 1, .width = 4096, .height = 1025, .what = 1}),
+        HG_E_LIMIT, "width");
+    reason_is(rig, "4198400 pixels, of at most 4194304 at once");
+    assert_string_equal(rig->limit, "");
+}
 
 // What the store has under a hash must have it; the error does not tell where that lies.
 static void test_damaged_uploads_are_refused(void **state)
@@ -603,6 +635,7 @@ int main(void)
         SHARED(test_messages_behind_a_load_keep_their_order),
         SHARED(test_an_assets_transform_moves_it_and_goes_with_it),
         SHARED(test_comparison_of_bytes_that_are_no_image),
+        SHARED(test_limits_of_the_protocol_have_values),
         SHARED(test_lights_need_the_size_of_their_kind),
         SHARED(test_lights_with_profile_and_texture),
         SHARED(test_refused_edits_make_no_objects),

@@ -214,6 +214,32 @@ static void test_pictures(void **state)
     }
 }
 
+// Columns of one pixel in colours of the same luma keep them, where chroma is not subsampled.
+static void test_full_chroma(void **state)
+{
+    (void)state;
+    static const uint8_t colours[2][4] = {{220, 90, 90, 255}, {40, 143, 143, 255}};
+    for (const struct codec *codec = codecs; codec->name; codec++) {
+        struct rig r;
+        double worst = 0;
+        begin(&r, codec, 64, 64);
+        r.request.quality = 100;
+        for (uint32_t i = 0; i < 64 * 64; i++)
+            memcpy(r.request.pixels->data + 4 * (size_t)i, colours[i & 1], 4);
+        encode(&r);
+        decode(&r);
+        for (uint32_t i = 0; i < 64 * 64; i++) {
+            double rgb[3];
+            rgb_at(r.frame, i % 64, i / 64, rgb);
+            for (int c = 0; c < 3; c++)
+                worst = fmax(worst, fabs(rgb[c] - colours[i & 1][c]));
+        }
+        if (codec->encoding == HGP_encoding_H264_444 ? worst > 12 : worst < 60)
+            fail_msg("%s: columns are off by up to %.1f", codec->name, worst);
+        end(&r);
+    }
+}
+
 // A decoder that begins with a key frame needs none before it.
 static void test_key_frames_on_request(void **state)
 {
@@ -357,6 +383,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_matrix),
         cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_full_chroma),
         cmocka_unit_test(test_key_frames_on_request),
         cmocka_unit_test(test_quality),
         cmocka_unit_test(test_sizes),

@@ -162,11 +162,21 @@ static uint32_t count_frames(const struct hg_cli_script *script)
     return count;
 }
 
+// The scene that is opened by the connection of this step; NULL: a private one.
+static const char *scene_behind(const struct hg_cli_run *r, const struct hg_cli_step *s)
+{
+    const struct hg_cli_step *end = r->script->steps + r->script->count;
+    for (s++; s < end && s->kind != HG_CLI_STEP_CONNECT; s++)
+        if (s->kind == HG_CLI_STEP_SCENE)
+            return s->name;
+    return NULL;
+}
+
 static enum hg_status do_step(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err)
 {
     if (s->kind == HG_CLI_STEP_CONNECT)
-        return hg_cli_run_connect(r, s->path, err);
+        return hg_cli_run_connect(r, s->path, scene_behind(r, s), err);
     if (s->kind == HG_CLI_STEP_SCENE)
         return hg_cli_run_join(r, s->name, err);
     enum hg_status status = hg_cli_run_need_scene(r, err);

@@ -51,8 +51,9 @@ enum hg_status hg_cli_run_switch(
     struct hg_cli_run *r, const struct hg_cli_step *s, struct hg_error *err) HG_MUST_CHECK;
 
 // run_session.c: the connection and scene that the next step needs; they may be open already.
+// `scene`: the name of the one that it is for, NULL = a private one.
 enum hg_status hg_cli_run_connect(
-    struct hg_cli_run *r, const char *url, struct hg_error *err) HG_MUST_CHECK;
+    struct hg_cli_run *r, const char *url, const char *scene, struct hg_error *err) HG_MUST_CHECK;
 enum hg_status hg_cli_run_need_scene(struct hg_cli_run *r, struct hg_error *err) HG_MUST_CHECK;
 // Leaves the scene and joins (or makes) the one of that name. HG_E_NOTFOUND: there is none, and the
 // session may not make it.

@@ -173,7 +173,9 @@ static enum hg_status open_scene(
     memset(r->subscribed, 0, sizeof r->subscribed);
     memset(r->names, 0, sizeof r->names);
     r->doing = HG_CLI_DOING_CONNECT;
+    r->cli.scene_name = name;
     enum hg_status status = hg_cli_connect(&r->cli, r->o->connect, &r->files, false, err);
+    r->cli.scene_name = NULL;
     if (!status)
         status = helio_scene_open(r->cli.h, name, &r->cli.scene, err);
     if (status || r->cli.scene.first_id == record->scene.first_id)

@@ -46,12 +46,14 @@ enum hg_status hg_cli_run_switch(
     return helio_call_for(r->cli.h, HGP_T_view_close, &leave, HGP_T_ok, NULL, err);
 }
 
-enum hg_status hg_cli_run_connect(struct hg_cli_run *r, const char *url, struct hg_error *err)
+enum hg_status hg_cli_run_connect(
+    struct hg_cli_run *r, const char *url, const char *scene, struct hg_error *err)
 {
     hg_cli_run_forget(r);
     r->doing = HG_CLI_DOING_CONNECT;
     hg_cli_progress_warnings(&r->cli.progress);
     hg_cli_disconnect(&r->cli);
+    r->cli.scene_name = scene;
     return hg_cli_connect(&r->cli, url, &r->files, false, err);
 }
 
@@ -68,7 +70,7 @@ static enum hg_status open_scene(struct hg_cli_run *r, const char *name, struct 
 
 enum hg_status hg_cli_run_need_scene(struct hg_cli_run *r, struct hg_error *err)
 {
-    enum hg_status status = r->cli.h ? HG_OK : hg_cli_run_connect(r, r->o->connect, err);
+    enum hg_status status = r->cli.h ? HG_OK : hg_cli_run_connect(r, r->o->connect, NULL, err);
     if (status || r->scene.is_open)
         return status;
     r->doing = HG_CLI_DOING_CONNECT;
@@ -79,7 +81,7 @@ enum hg_status hg_cli_run_join(struct hg_cli_run *r, const char *name, struct hg
 {
     struct helio_info info;
     const struct hgp_scene_close leave = {0};
-    enum hg_status status = r->cli.h ? HG_OK : hg_cli_run_connect(r, r->o->connect, err);
+    enum hg_status status = r->cli.h ? HG_OK : hg_cli_run_connect(r, r->o->connect, name, err);
     if (status)
         return status;
     r->doing = HG_CLI_DOING_ARGUMENTS;

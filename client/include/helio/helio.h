@@ -49,8 +49,9 @@ struct helio; // one connection
 
 // Zero is the default of every member.
 struct helio_options {
-    const char *url;                // unix:PATH, tcp:HOST:PORT, tls:HOST:PORT, ws://HOST[:PORT] or
-                                    // wss://HOST[:PORT]; NULL = start a private worker
+    const char *url;                // unix:PATH, tcp:HOST:PORT, tls:HOST:PORT,
+                                    // ws://HOST[:PORT][/PATH][?QUERY] or wss://..., at most 255
+                                    // bytes; NULL = start a private worker
     const char *token;              // NULL = none; needed when the daemon requires one
     const char *client;             // name for the daemon's logs; default "libhelio/VERSION"
     uint64_t timeout_ns;            // until the session is open; default 30 s
@@ -66,6 +67,9 @@ struct helio_options {
                                     // is trusted, whoever has signed it
     const char *tls_cert, *tls_key; // the client's own (PEM); key NULL = in the same file
     bool tls_insecure;              // takes any certificate: whoever is in between reads along
+    const char *scene;              // ws, wss: the scene that is going to be opened, at most 128
+                                    // bytes; a load balancer sees it in the request (/hgp?scene=),
+                                    // unless `url` has one. NULL = none. It opens nothing
 };
 
 // Going on with a session (reconnect_ns): the connection is made again and the daemon gives back
@@ -99,9 +103,10 @@ struct helio_info {
 // "0.1.0".
 HELIO_API const char *helio_version(void);
 
-// Starts to connect and returns at once (name lookup alone may block). The rest happens in
-// helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (no listener), HG_E_NOMEM,
-// HG_E_IO, HG_E_WORKER (the worker's program cannot be started).
+// Starts to connect and returns at once; names of hosts are looked up in a thread of the library.
+// The rest happens in helio_process. HG_E_INVAL (url), HG_E_NOTFOUND, HG_E_CLOSED (no listener),
+// HG_E_LIMIT (no thread or descriptors), HG_E_NOMEM, HG_E_IO, HG_E_WORKER (the worker's program
+// cannot be started).
 HELIO_API enum hg_status helio_start(
     const struct helio_options *options, struct helio **out, struct hg_error *err) HG_MUST_CHECK;
 

@@ -195,7 +195,8 @@ class Options(ctypes.Structure):
     _fields_ = [("url", c_char_p), ("token", c_char_p), ("client", c_char_p),
                 ("timeout_ns", c_uint64), ("max_receive_bytes", c_uint32), ("worker", c_char_p),
                 ("worker_args", POINTER(c_char_p)), ("reconnect_ns", c_uint64), ("tls_ca", c_char_p),
-                ("tls_pin", c_char_p), ("tls_cert", c_char_p), ("tls_key", c_char_p), ("tls_insecure", c_bool)]
+                ("tls_pin", c_char_p), ("tls_cert", c_char_p), ("tls_key", c_char_p), ("tls_insecure", c_bool),
+                ("scene", c_char_p)]
 
 
 class Info(ctypes.Structure):

@@ -14,6 +14,7 @@ from . import _lib
 from ._lib import HelioError, lib
 from ._enums import Role, Status
 
+_Path = Union[str, "os.PathLike[str]"]
 STATES = ("connecting", "greeting", "open", "closed")
 
 
@@ -75,21 +76,43 @@ def _arguments(roots: Sequence[str], cache: Optional[str], more: Sequence[str]) 
     return out + list(more)
 
 
+def _file(path: Optional[_Path]) -> Optional[bytes]:
+    return None if path is None else os.fsencode(path)
+
+
 def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: Optional[float] = 30,
             answer_timeout: Optional[float] = None, reconnect: float = 0,
             asset_roots: Sequence[str] = (), cache_dir: Optional[str] = None,
             worker: Optional[str] = None, worker_args: Sequence[str] = (), wait: bool = True,
-            fd: Optional[int] = None, max_receive_bytes: int = 640 << 20) -> "Session":
+            fd: Optional[int] = None, max_receive_bytes: int = 640 << 20, tls_ca: Optional[_Path] = None,
+            tls_pin: Optional[str] = None, tls_cert: Optional[_Path] = None, tls_key: Optional[_Path] = None,
+            tls_insecure: bool = False, scene: Optional[str] = None) -> "Session":
     """Opens a session.
 
-    url          unix:PATH or tcp:HOST:PORT; None starts a private worker, which may read the folders
-                 `asset_roots` and keeps its caches in `cache_dir`
+    url          unix:PATH, tcp:HOST:PORT, tls:HOST:PORT, ws://HOST[:PORT][/PATH][?QUERY] or wss://...
+                 (ports 80 and 443, path /hgp unless given), at most 255 bytes; None starts a private worker,
+                 which may read the folders `asset_roots` and keeps its caches in `cache_dir`
     token        for daemons that want one; default HELIO_TOKEN of the environment
     timeout      seconds until the session is open; None: 30
     answer_timeout  seconds that each call waits for its answer (Session.timeout); None: for ever
     reconnect    seconds to go on with the session for when the connection is lost
     wait         False: return at once; the caller polls Session.fd and calls process()
     fd           a connected socket in place of url, which only names it then
+    scene        ws, wss: name of the scene that is going to be opened, at most 128 bytes, for load balancers,
+                 which see it in the request (/hgp?scene=) unless `url` has one; Session.scene opens it
+    max_receive_bytes  greatest payload of a message that is taken, in bytes
+
+    For tls and wss; files are PEM:
+    tls_ca       file of the authorities that may have signed the daemon's certificate, or of a certificate
+                 that signs itself; None: those of the system
+    tls_pin      SHA-256 of the daemon's certificate (of its DER form), 64 digits 0-9 a-f: that certificate is
+                 trusted, whatever has signed it
+    tls_cert, tls_key  the client's own certificate, and its key when it is not in the same file
+    tls_insecure  True: any certificate is accepted; whoever is between can read and change everything
+
+    HelioError: E_INVAL: the URL, the scene's name, a file or the pin cannot be used; E_CLOSED: the daemon cannot be reached, or
+    does not speak TLS there; E_AUTH: the token or the client's certificate is refused, or the daemon's
+    certificate is not trusted; E_TIMEOUT; E_VERSION. With wait=False those of the connection come from process().
     """
     keep: List[Any] = []
     options = _lib.Options()
@@ -102,6 +125,10 @@ def connect(url: Optional[str] = None, *, token: Optional[str] = None, timeout: 
     options.timeout_ns = 0 if timeout is None else _ns(timeout)
     options.reconnect_ns = _ns(reconnect)
     options.max_receive_bytes = max_receive_bytes
+    options.tls_ca, options.tls_cert, options.tls_key = map(_file, (tls_ca, tls_cert, tls_key))
+    options.tls_pin = None if tls_pin is None else tls_pin.encode()
+    options.tls_insecure = tls_insecure
+    options.scene = None if scene is None else scene.encode()
     program = worker or _worker()
     if program:
         options.worker = program.encode()

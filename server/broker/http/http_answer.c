@@ -243,9 +243,24 @@ static void answer_metrics(
 
 // ---- the way to a WebSocket ---------------------------------------------------------------------
 
+// The authority of "SCHEME://AUTHORITY"; empty where the scheme is not one of the daemon's own
+// pages. A stream of TLS has https alone: pages of http may be anyone's who is on the way. In the
+// clear https passes as well: a proxy in front may have ended TLS, which nothing here says.
+static struct hg_http_text own_authority(const struct hg_peer *peer, struct hg_http_text origin)
+{
+    static const char *const schemes[] = {"https://", "http://"};
+    for (size_t i = 0; i < (peer->is_encrypted ? 1 : 2); i++) {
+        const size_t size = strlen(schemes[i]);
+        if (origin.size > size && memcmp(origin.data, schemes[i], size) == 0)
+            return (struct hg_http_text){origin.data + size, origin.size - size};
+    }
+    return (struct hg_http_text){0};
+}
+
 // Pages of other origins may connect where an option says so. Programs that are no browsers name
 // no origin. What a page may do once it is connected depends on the token that it knows.
-static bool is_origin_allowed(const struct hg_web *web, const struct hg_http_head *request)
+static bool is_origin_allowed(
+    const struct hg_web *web, const struct hg_peer *peer, const struct hg_http_head *request)
 {
     struct hg_http_text origin, host;
     const size_t origins = hg_http_find(request, "Origin", &origin);
@@ -255,12 +270,9 @@ static bool is_origin_allowed(const struct hg_web *web, const struct hg_http_hea
     for (size_t i = 0; i < web->options->allowed_origins.count; i++)
         if (hg_http_is_caseless(origin, web->options->allowed_origins.items[i]))
             return origins == 1;
-    const char *authority = memmem(origin.data, origin.size, "://", 3);
-    if (origins != 1 || !authority || !host.size)
-        return false;
-    authority += 3;
-    const size_t size = origin.size - (size_t)(authority - origin.data);
-    return size == host.size && memcmp(authority, host.data, size) == 0;
+    const struct hg_http_text authority = own_authority(peer, origin);
+    return origins == 1 && authority.size && authority.size == host.size &&
+           memcmp(authority.data, host.data, host.size) == 0;
 }
 
 // What is wrong with a request for a WebSocket; NULL: nothing.
@@ -276,8 +288,8 @@ static const char *check_upgrade(const struct hg_http_head *request, struct hg_h
     return NULL;
 }
 
-static void answer_upgrade(
-    const struct hg_web *web, const struct hg_http_head *request, struct hg_http_answer *a)
+static void answer_upgrade(const struct hg_web *web, const struct hg_peer *peer,
+    const struct hg_http_head *request, struct hg_http_answer *a)
 {
     struct hg_http_text version, key;
     char accept[HG_WS_ACCEPT_CHARS + 1];
@@ -290,7 +302,7 @@ static void answer_upgrade(
         put_text(a, "this is the place of a WebSocket of version 13\n");
         return;
     }
-    if (!is_origin_allowed(web, request)) {
+    if (!is_origin_allowed(web, peer, request)) {
         hg_count(HG_COUNT_REFUSED_ORIGIN);
         refuse(a, 403, "pages of this origin may not connect (allowed-origins)\n");
         return;
@@ -324,7 +336,7 @@ static void answer_path(const struct hg_web *web, const struct hg_peer *peer,
         hg_count(HG_COUNT_REFUSED_PATH);
         refuse(a, 400, "the path is malformed\n");
     } else if (is_path(request, "/hgp")) {
-        answer_upgrade(web, request, a);
+        answer_upgrade(web, peer, request, a);
     } else if (is_path(request, "/healthz")) {
         answer_text(a, 200, "ok\n");
     } else if (is_path(request, "/readyz")) {

@@ -54,7 +54,7 @@ uint64_t hg_pixel_wait_ns(struct hg_pixel_accounts *accounts, struct hg_pixel_ac
 {
     uint64_t own = account ? wait_ns(&account->bucket, limits->own, now_ns) : 0;
     uint64_t all = wait_ns(&accounts->all, limits->all, now_ns);
-    *limit = own >= all ? "max-pixel-rate" : "pixel-rate-total";
+    *limit = own >= all ? limits->own_name : "pixel-rate-total";
     return own > all ? own : all;
 }
 

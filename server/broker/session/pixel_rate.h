@@ -30,7 +30,8 @@ struct hg_pixel_accounts {
 };
 
 struct hg_pixel_limits {
-    uint32_t own, all; // pixels per second; 0 = no limit
+    uint32_t own, all;    // pixels per second; 0 = no limit
+    const char *own_name; // what sets `own`
 };
 
 // Found by its key (NULL: the daemon's own user), or made. NULL: no memory.

@@ -60,7 +60,8 @@ enum hg_status hg_session_look_check(struct hg_session *s, const struct hg_packe
     if (look.clear || bytes_of(view) + packet->header.length <= HG_SESSION_LOOK_BYTES)
         return HG_OK;
     return hg_error_set(err, HG_E_LIMIT, name, "overrides",
-        "overrides of view %u came in more than %u bytes: send those that count anew, with clear",
+        "overrides of view %u came in more than %u bytes: send all that count once more, with "
+        "clear",
         look.view, HG_SESSION_LOOK_BYTES);
 }
 

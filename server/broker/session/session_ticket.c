@@ -36,13 +36,20 @@ static bool may_see(const struct hg_session *s, const struct hg_join_ticket *tic
 
 // ---- make ---------------------------------------------------------------------------------------
 
-// How long until one of the tenant's ends by itself, at most an hour.
-static uint32_t retry_ms(const struct hg_session *s, uint64_t now_s)
+static bool is_own(const struct hg_session *s, const struct hg_join_ticket *ticket)
+{
+    return ticket->has_issuer_key == s->resume.has_token &&
+           memcmp(ticket->issuer_key, s->resume.token, sizeof ticket->issuer_key) == 0;
+}
+
+// How long until one of the tenant's, or of the session's own token, ends by itself, at most an
+// hour.
+static uint32_t retry_ms(const struct hg_session *s, bool own, uint64_t now_s)
 {
     uint64_t least_s = VALID_S;
     for (uint32_t i = 0; i < s->table->tickets->count; i++) {
         const struct hg_join_ticket *it = &s->table->tickets->items[i];
-        if (strcmp(it->tenant, s->tenant) == 0 && it->until_s > now_s &&
+        if ((own ? is_own(s, it) : strcmp(it->tenant, s->tenant) == 0) && it->until_s > now_s &&
             it->until_s - now_s < least_s)
             least_s = it->until_s - now_s;
     }
@@ -52,27 +59,26 @@ static uint32_t retry_ms(const struct hg_session *s, uint64_t now_s)
 static uint32_t count_own(const struct hg_session *s)
 {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < s->table->tickets->count; i++) {
-        const struct hg_join_ticket *it = &s->table->tickets->items[i];
-        count += it->has_issuer_key == s->resume.has_token &&
-                 memcmp(it->issuer_key, s->resume.token, sizeof it->issuer_key) == 0;
-    }
+    for (uint32_t i = 0; i < s->table->tickets->count; i++)
+        count += is_own(s, &s->table->tickets->items[i]);
     return count;
 }
 
 static enum hg_status check_count(const struct hg_session *s, struct hg_error *err)
 {
     const uint32_t most = s->table->options->max_tickets;
-    if (hg_join_tickets_of(s->table->tickets, s->tenant) >= most)
+    const bool own = hg_join_tickets_of(s->table->tickets, s->tenant) < most;
+    if (!own)
         hg_error_set(err, HG_E_LIMIT, "join_make", NULL,
             "this tenant has %u join tickets, as many as it may (max-tickets); revoke some", most);
     else if (s->scope.max_tickets && count_own(s) >= s->scope.max_tickets)
         hg_error_set(err, HG_E_LIMIT, "join_make", NULL,
-            "this token has %u join tickets, as many as its line allows (tickets=)",
+            "this token has %u join tickets, as many as its line allows (tickets=); revoke some",
             s->scope.max_tickets);
     else
         return HG_OK;
-    return hg_error_limit(err, "max-tickets", retry_ms(s, (uint64_t)time(NULL)));
+    return hg_error_limit(
+        err, own ? "tickets" : "max-tickets", retry_ms(s, own, (uint64_t)time(NULL)));
 }
 
 static enum hg_status check_make(const struct hg_session *s, const struct hg_join_ticket *like,

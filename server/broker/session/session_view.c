@@ -183,7 +183,8 @@ uint64_t hg_session_view_wait_ns(struct hg_session *s, const char **limit)
     const struct hg_options *o = table->options;
     const struct hg_pixel_limits limits = {
         .own = s->scope.max_pixels ? s->scope.max_pixels : o->max_pixel_rate,
-        .all = o->pixel_rate_total};
+        .all = o->pixel_rate_total,
+        .own_name = s->scope.max_pixels ? "pixels" : "max-pixel-rate"};
     if (!s->pace.account) // without memory for one only the total counts
         s->pace.account = hg_pixel_account_ref(
             &table->pixels, s->resume.has_token ? s->resume.token : NULL, table->loop->now_ns);

@@ -242,6 +242,7 @@ static enum hg_status shake_hands(struct hg_transport *t, struct tls *tls)
     if (SSL_session_reused(tls->ssl))
         hg_count(HG_COUNT_TLS_RESUMED);
     take_subject(t, tls);
+    t->peer->is_encrypted = true;
     return HG_OK;
 }
 

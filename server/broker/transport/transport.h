@@ -25,6 +25,7 @@ struct hg_peer {
     char network[64];  // of its neighbours: the /24 of IPv4, the /48 of IPv6; "" on this machine
     char subject[129]; // of its certificate, verified; "" = it has shown none
     bool unproven;     // its certificate was refused, or it has none and needs one
+    bool is_encrypted; // TLS of this process
     bool is_local;     // on this machine: it cannot vanish without a trace
     bool same_user;    // it runs as the user of this process
 };

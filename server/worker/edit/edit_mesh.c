@@ -67,7 +67,8 @@ static enum hg_status expand_indices(const uint32_t *in, uint32_t count,
                 in[i], part->vertex_count);
     uint64_t total = hg_mode_list_count(mode, count);
     if (total > UINT32_MAX)
-        return hg_error_set(err, HG_E_LIMIT, "mesh_set", "indices", "too many");
+        return hg_error_set(err, HG_E_LIMIT, "mesh_set", "indices",
+            "%llu indices as a list, of at most %u", (unsigned long long)total, UINT32_MAX);
     part->indices = hg_spill_calloc((size_t)total, sizeof *part->indices);
     if (!part->indices)
         return hg_error_set(err, HG_E_NOMEM, "mesh_set", "indices", "no memory");
