@@ -297,7 +297,7 @@ static void say_open(struct hg_view_session *s)
     hg_cli_clean(status->title, sizeof status->title, name, strlen(name));
     const char *where = o->connect ? o->connect : "private worker";
     hg_cli_clean(status->server, sizeof status->server, where, strlen(where));
-    status->may_edit = info.role >= HGP_role_EDIT;
+    status->may_edit = s->work.may_edit = info.role >= HGP_role_EDIT;
     pthread_mutex_unlock(&s->lock);
 }
 

@@ -2,6 +2,7 @@
 // back.
 #include <string.h>
 
+#include "client/view/session_look.h"
 #include "client/view/session_state.h"
 
 // ---- the newest of each ------------------------------------------------------------------------
@@ -155,27 +156,35 @@ static enum hg_status find_point(
 static enum hg_status set_visible(
     struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
 {
+    struct hg_view_answer answer = {.ask = q->ask, .node = q->node, .visible = q->visible};
+    if (!s->work.may_edit) {
+        enum hg_status status = hg_view_look_hide(s, q->node, !q->visible, err);
+        if (!status)
+            answer_window(s, &answer);
+        return status;
+    }
     const struct hgp_node_set edit = {.node = q->node, .has_visible = true, .visible = q->visible};
     struct helio_message *m;
     enum hg_status status =
         helio_call_for(s->work.render.cli.h, HGP_T_node_set, &edit, HGP_T_ok, &m, err);
     if (status)
         return status;
-    answer_window(s, &(struct hg_view_answer){.ask = q->ask,
-                         .node = q->node,
-                         .visible = q->visible,
-                         .revision = m->body->ok.revision});
+    answer.revision = m->body->ok.revision;
+    answer_window(s, &answer);
     helio_message_free(m);
     return HG_OK;
 }
 
-static enum hg_status select_node(struct hg_view_session *s, uint64_t node, struct hg_error *err)
+// Of the scene, or of this view alone.
+static enum hg_status choose_variant(
+    struct hg_view_session *s, const char *name, struct hg_error *err)
 {
-    enum { SELECTED = 4 };
-    struct hgp_node_override look = {.node = node, .set = SELECTED, .selected = true, .alpha = 1};
-    const struct hgp_view_overrides all = {
-        .view = HG_CLI_VIEW, .overrides = {&look, node != 0}, .has_clear = true, .clear = true};
-    return hg_view_send(s, HGP_T_view_overrides, &all, err);
+    const uint32_t asset = s->work.asset_count ? s->work.assets[0] : 0;
+    const struct hgp_variant_set variant = {.asset = asset, .variant = hgp_str_make(name)};
+    if (!asset)
+        return HG_OK;
+    return s->work.may_edit ? hg_view_send(s, HGP_T_variant_set, &variant, err)
+                            : hg_view_look_variant(s, asset, name, err);
 }
 
 // ---- the list of nodes -------------------------------------------------------------------------
@@ -213,6 +222,8 @@ static enum hg_status list_nodes(struct hg_view_session *s, struct hg_error *err
     enum hg_status status = read_nodes(s, &tree, err);
     if (!status)
         status = hg_tree_link(&tree, err);
+    if (!status)
+        hg_view_look_mark(&s->work.look, &tree);
     if (status) {
         hg_tree_finish(&tree);
         return status;
@@ -277,7 +288,6 @@ static enum hg_status do_query(
 static enum hg_status do_request(
     struct hg_view_session *s, struct hg_view_request *q, struct hg_error *err)
 {
-    struct hgp_variant_set variant = {.variant = hgp_str_make(q->text)};
     switch (q->ask) {
     case HG_VIEW_ASK_SET:
         q->view.view = HG_CLI_VIEW;
@@ -285,10 +295,9 @@ static enum hg_status do_request(
     case HG_VIEW_ASK_ENVIRONMENT:
         return hg_view_send(s, HGP_T_environment_set, &q->environment, err);
     case HG_VIEW_ASK_VARIANT:
-        variant.asset = s->work.asset_count ? s->work.assets[0] : 0;
-        return variant.asset ? hg_view_send(s, HGP_T_variant_set, &variant, err) : HG_OK;
+        return choose_variant(s, q->text, err);
     case HG_VIEW_ASK_SELECT:
-        return select_node(s, q->node, err);
+        return hg_view_look_select(s, q->node, err);
     case HG_VIEW_ASK_VISIBLE:
         return set_visible(s, q, err);
     default:

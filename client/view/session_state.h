@@ -12,6 +12,7 @@ enum {
     HG_VIEW_REQUESTS_MAX = 64,
     HG_VIEW_ASSETS_MAX = 64,
     HG_VIEW_PATH_BYTES = 4096,
+    HG_VIEW_HIDDEN_MAX = 256, // nodes, in one view alone
     HG_VIEW_CREDIT = 32, // frames under way at most; the daemon keeps as many as the network takes
 };
 
@@ -45,6 +46,13 @@ struct hg_view_stream {
     uint32_t failures; // key frames in a row
 };
 
+// How this view alone shows the scene.
+struct hg_view_look {
+    uint64_t selected; // node, 0 = none
+    uint64_t hidden[HG_VIEW_HIDDEN_MAX];
+    size_t hidden_count;
+};
+
 // Of the session's thread alone.
 struct hg_view_work {
     struct hg_cli_options options;
@@ -55,6 +63,8 @@ struct hg_view_work {
     struct hg_view_picture picture; // being decoded
     struct hg_warp_depth depth;     // of the newest frame's state
     uint32_t assets[HG_VIEW_ASSETS_MAX], asset_count;
+    bool may_edit; // the session's role
+    struct hg_view_look look;
     struct hg_cli_recorder *recorder; // NULL: nothing is recorded
     uint64_t ping_ns;                 // when the newest one was sent
 };

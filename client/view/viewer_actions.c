@@ -164,8 +164,6 @@ static void choose_variant(struct hg_viewer *v, bool back)
         hg_viewer_say(v, "the scene has no variants");
         return;
     }
-    if (!hg_viewer_may_edit(v))
-        return;
     v->choice.variant = (v->choice.variant + (back ? count - 1 : 1)) % count;
     const char *name = v->choice.variant ? v->scene->variants[v->choice.variant - 1].text : "";
     snprintf(request.text, sizeof request.text, "%s", name);

@@ -95,9 +95,8 @@ void hg_viewer_note_visible(struct hg_viewer *v, const struct hg_view_answer *an
 static void toggle(struct hg_viewer *v, uint32_t node)
 {
     const struct hg_tree_node *n = &v->panels.tree.nodes[node];
-    if (hg_viewer_may_edit(v))
-        hg_viewer_ask(v, &(struct hg_view_request){
-                             .ask = HG_VIEW_ASK_VISIBLE, .node = n->id, .visible = !n->visible});
+    hg_viewer_ask(v, &(struct hg_view_request){
+                         .ask = HG_VIEW_ASK_VISIBLE, .node = n->id, .visible = !n->visible});
 }
 
 // To the right: unfolds, or goes to the first child; to the left: folds, or goes to the parent.

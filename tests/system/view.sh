@@ -120,6 +120,8 @@ frame $temp/cut.png
 set clip none
 set override shaft selected yes
 frame $temp/guest.png
+set override shaft hidden yes
+frame $temp/hides.png
 END
 "$helio" run "$temp/wanted.txt" >"$temp/run.log" 2>&1 || fail "helio run: $?"
 printf 'host-token edit host\nguest-token view guest\n' >"$temp/tokens"
@@ -192,7 +194,7 @@ same cut
 key Up
 key space
 wait_for "no plane" says_not " - cut z - "
-# Another session sees what was hidden, selects for itself, and may not show it again.
+# Another session that may look sees what was hidden, and may not show it again; it selects and hides for itself.
 join guest-token >"$temp/guest.log" 2>&1 &
 guest=$!
 both() { [ "$(xdotool search --onlyvisible --name "settled - orbit" | wc -l)" = 2 ]; }
@@ -207,6 +209,8 @@ key space
 key Down
 key space
 wait_for "the shaft is selected again" says " - shaft - "
+same hides
+key space
 same guest
 key ctrl+q
 code=0; wait "$guest" || code=$?
