@@ -102,7 +102,8 @@ enum hg_view_ask {
     HG_VIEW_ASK_NODE,        // node: a camera; likewise, where that camera of the scene stands
     HG_VIEW_ASK_FIT,         // text = a named side, or empty; node = what is to be shown, 0 = all;
                              // the camera that shows it: hg_view_session_fitted has the answer
-    HG_VIEW_ASK_PICK,        // at: what is seen there becomes the selection; an answer
+    HG_VIEW_ASK_PICK,        // at: what is seen there in that frame, or in the newest, becomes the
+                             // selection; an answer
     HG_VIEW_ASK_CENTRE,      // at: likewise, for the camera's target; an answer
     HG_VIEW_ASK_POINT,       // at: place and normal there in that frame, for measuring; an answer
     HG_VIEW_ASK_SELECT,      // node: the view outlines it; 0 = nothing

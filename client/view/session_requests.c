@@ -152,6 +152,14 @@ static enum hg_status find_point(
     return status;
 }
 
+// Of that frame too, if the view still shows its state: the camera may have moved since.
+static enum hg_status find_node(
+    struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
+{
+    const enum hg_status status = find_point(s, q, err);
+    return status == HG_E_STATE ? pick(s, q, err) : status;
+}
+
 // Waited for: what is refused must not be shown as done.
 static enum hg_status set_visible(
     struct hg_view_session *s, const struct hg_view_request *q, struct hg_error *err)
@@ -273,7 +281,7 @@ static enum hg_status do_query(
         return find_fit(s, q, err);
     case HG_VIEW_ASK_PICK:
     case HG_VIEW_ASK_CENTRE:
-        return pick(s, q, err);
+        return find_node(s, q, err);
     case HG_VIEW_ASK_POINT:
         return find_point(s, q, err);
     case HG_VIEW_ASK_LIST:
