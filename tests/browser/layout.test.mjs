@@ -327,7 +327,10 @@ test("nodes are not listed again for an animation, and are for what is shown of 
     const before = await evaluate(() => { window.helio.timeline.toggle(); return { at: performance.now(), ...window.asked }; });
     await waitFor(page, (from) => performance.now() > from + 3500 && window.asked.animation_set > 3, before.at);
     await evaluate(async () => {
+        const { asked } = window;
         window.helio.timeline.pause();
+        for (let before = -1; asked.animation_set !== before; await new Promise((r) => setTimeout(r, 300)))
+            before = asked.animation_set;
         await window.helio.view.pick(0, 0); // behind the last pose: its edit has been told
     });
     assert.equal(await evaluate(() => window.asked.nodes_query), before.nodes_query, "lists while it plays");

@@ -270,7 +270,8 @@ static enum hg_status warm_up(struct many *m, struct hg_error *err)
     return status;
 }
 
-// Frames that were begun when a part of it ends count in the next part.
+// Until each has a frame, too. Frames that were begun when a part of it ends count in the next
+// part.
 static enum hg_status run_window(struct many *m, struct hg_error *err)
 {
     const double part_s = m->seconds < PART_S ? m->seconds : PART_S;
@@ -287,7 +288,8 @@ static enum hg_status run_window(struct many *m, struct hg_error *err)
         say(m, (uint64_t)frames, (uint64_t)m->frames, "%u viewers: frames of each", m->seat_count);
         if (!status && s < m->seconds)
             status = check_time(m, err);
-    } while (!status && (s < m->seconds || frames < m->frames) && s < m->window_s && !is_over(m));
+    } while (!status && (s < m->seconds || frames < m->frames || least == 0) && s < m->window_s &&
+             !is_over(m));
     return status;
 }
 
