@@ -226,11 +226,12 @@ static enum hg_status add_layer(struct hg_client_transport *t, const char *url,
     const struct hg_client_tls_options *tls, const char *scene, struct hg_error *err)
 {
     struct address to;
-    enum hg_status status = parse_url(url, &to) ? HG_OK : HG_E_INVAL;
-    if (t->secure) {
+    enum hg_status status;
+    const bool has_layers = parse_url(url, &to); // unix sockets have none
+    if (has_layers && t->secure) {
         t->secure = false;
         status = hg_client_tls_begin(t, tls, to.host, url, err);
-    } else if (t->websocket) {
+    } else if (has_layers && t->websocket) {
         t->websocket = false;
         status = begin_websocket(t, &to, url, scene, err);
     } else {
