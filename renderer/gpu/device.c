@@ -16,12 +16,21 @@ static const char validation_layer[] = "VK_LAYER_KHRONOS_validation";
 
 // --- validation ----------------------------------------------------------------------------------
 
+// A pass that keeps fewer outputs than its shader writes: what is left over is dropped, as is
+// meant.
+static bool is_harmless(const VkDebugUtilsMessengerCallbackDataEXT *data)
+{
+    return data->pMessageIdName && strstr(data->pMessageIdName, "ShaderOutputNotConsumed");
+}
+
 static VKAPI_ATTR VkBool32 VKAPI_CALL on_message(VkDebugUtilsMessageSeverityFlagBitsEXT severity,
     VkDebugUtilsMessageTypeFlagsEXT types, const VkDebugUtilsMessengerCallbackDataEXT *data,
     void *user)
 {
     struct hg_gpu *gpu = user;
     (void)types;
+    if (is_harmless(data))
+        return VK_FALSE;
     __atomic_add_fetch(&gpu->debug.messages, 1, __ATOMIC_RELAXED);
     if ((severity & VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT) != 0)
         hg_fault(GPU, HG_E_INTERNAL, "validation: %s", data->pMessage);
