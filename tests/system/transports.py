@@ -285,7 +285,8 @@ def make_certificates(folder):
         subprocess.run(["openssl", *args], check=True, cwd=folder, capture_output=True)
 
     key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes")
-    run("req", "-x509", *key, "-keyout", "ca.key", "-out", "ca.pem", "-subj", "/CN=test authority", "-days", "30")
+    run("req", "-x509", *key, "-keyout", "ca.key", "-out", "ca.pem", "-subj", "/CN=test authority", "-days", "30",
+        "-addext", "keyUsage=critical,keyCertSign,cRLSign")  # Python 3.13 wants it
     with open(os.path.join(folder, "names"), "w", encoding="ascii") as f:
         f.write("subjectAltName=DNS:localhost,IP:127.0.0.1\n")
     for name in ("localhost", "second", "carla"):
