@@ -516,7 +516,8 @@ def idle_sessions_are_small(d, pki, tls, count):
     each, total = idle_cost(d, count, trusting(pki, "hgp/1") if tls else None)
     print(f"  {count} idle sessions over {'tls' if tls else 'tcp'}: {each / 1024:.1f} KiB each, "
           f"daemon {total / 2**20:.1f} MiB", flush=True)
-    assert each <= 24 * 1024
+    # OpenSSL 3.5 (Debian 13) keeps 31 KiB.
+    assert each <= (24 if ssl.OPENSSL_VERSION_INFO < (3, 5) else 32) * 1024
     assert total <= 64 * 2**20
 
 
